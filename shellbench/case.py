@@ -1,0 +1,320 @@
+"""Cases: the questions that the suite asks, read from TOML and checked.
+
+A case is data. Nothing in it is evaluated as Python, and whatever is wrong with it is said in one sentence
+that names the file and the field.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, Self, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from shellbench.conditions import (
+    EdgeLoad,
+    Formula,
+    Load,
+    Name,
+    PointLoad,
+    Rotation,
+    Support,
+    Translation,
+    Value,
+    VectorFormula,
+)
+from shellbench.errors import InputError
+from shellbench.expression import Expression
+from shellbench.material import Material
+from shellbench.model import Finite, Model, one_sentence, read_toml
+from shellbench.places import Edge, Place, Point, places_of
+from shellbench.quantities import DisplacementQuantity, QuantityModel, ReactionQuantity, TorqueQuantity
+from shellbench.rigid import RigidMotion, check_held
+from shellbench.surface import SurfaceModel
+
+Array = NDArray[np.float64]
+Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
+NOT_PHYSICS = {"title", "description", "suites", "units", "picture"}
+NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
+
+
+class Picture(Model):
+    """How the report draws the deformed shell."""
+
+    scale: Finite = Field(1.0, description="factor of the displacement")
+    direction: tuple[Finite, Finite, Finite] | None = Field(None, description="colour by this component")
+    view: tuple[Finite, Finite] = Field((25.0, -60.0), description="elevation and azimuth of the camera, degrees")
+    up: Literal["x", "y", "z"] = "z"
+
+
+class Case(Model):
+    """One declared problem.
+
+    Attributes
+    ----------
+    name
+        Stem of the file; records and known values refer to it.
+    theory
+        Which theory the answer is asked for: known values of another theory do not judge it.
+    units
+        Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
+    points
+        Named points (xi1, xi2); degrees for angles.
+    remove_rigid_motions
+        Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
+    """
+
+    name: Name
+    kind: Literal["shell"] = "shell"
+    title: str = Field(max_length=200)
+    description: str = ""
+    units: str = "SI"
+    suites: tuple[Name, ...] = ()
+    theory: Theory
+    surface: SurfaceModel
+    material: Material
+    points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
+    supports: tuple[Support, ...] = ()
+    remove_rigid_motions: tuple[RigidMotion, ...] = ()
+    loads: tuple[Load, ...] = ()
+    quantities: tuple[QuantityModel, ...] = Field(min_length=1)
+    picture: Picture = Field(default_factory=lambda: Picture())
+
+    @property
+    def linear(self) -> bool:
+        """Whether strains are linearised."""
+        return self.theory == "kirchhoff-love-linear"
+
+    @cached_property
+    def places(self) -> dict[str, Place]:
+        """Edges, corners and points by name."""
+        return places_of(self.surface.domain, self.points)
+
+    @property
+    def primary(self) -> QuantityModel:
+        """The headline quantity."""
+        return next(q for q in self.quantities if q.primary)
+
+    def quantity(self, name: str) -> QuantityModel:
+        """Return the quantity of this name; KeyError if there is none."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise KeyError(name)
+
+    def supported_places(self) -> Iterator[tuple[Support, Place]]:
+        """Yield each support with each of its places."""
+        for support in self.supports:
+            for name in support.on:
+                yield support, self.places[name]
+
+    def evaluate(
+        self, vector: VectorFormula, points: ArrayLike, t: float = 1.0, order: int = 0
+    ) -> dict[tuple[int, int], Array]:
+        """Evaluate a vector of numbers or formulas.
+
+        Parameters
+        ----------
+        vector
+            Three numbers or formulas in xi1, xi2 and t.
+        points
+            (..., 2) curvilinear coordinates, angles in radians.
+        t
+            Time, s, or load factor.
+        order
+            Highest order of the derivatives with respect to (xi1, xi2).
+
+        Returns
+        -------
+        dict
+            (i, j) -> (..., 3), in the units of the formulas.
+        """
+        components = [self.formula(text).derivatives(points, order, t) for text in vector]
+        return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
+
+    def formula(self, text: Formula) -> Expression:
+        """Read a number or formula of a support or load; the surface's constants are known to it."""
+        return Expression(text, MOTION_VARIABLES, self.surface.named_constants)
+
+    def scalar(self, text: Formula, t: float) -> float:
+        """Evaluate a number or a formula in t alone."""
+        return float(self.formula(text).derivatives(np.zeros(2), 0, t)[0, 0])
+
+    def motion(
+        self, support: Support, place: Place, points: ArrayLike, t: float = 1.0, order: int = 0
+    ) -> dict[tuple[int, int], Array]:
+        """Evaluate the motion that a support prescribes at one of its places, extended to all points.
+
+        A rotation or translation moves every point of the shell as it moves the support. A prescribed value
+        belongs to the edge: it is constant along the other coordinate, so that it tilts no normal.
+
+        Parameters
+        ----------
+        support, place
+            One of the case's supports and one of its places.
+        points
+            (..., 2) curvilinear coordinates, angles in radians.
+        t
+            Time, s, or load factor.
+        order
+            Highest order of the derivatives with respect to (xi1, xi2).
+
+        Returns
+        -------
+        dict
+            (i, j) -> (..., 3) displacement in metres, and its derivatives.
+        """
+        xi = np.asarray(points, dtype=float)
+        keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
+        result = {key: np.zeros((*xi.shape[:-1], 3)) for key in keys}
+        match support.motion:
+            case Translation(vector=vector):
+                result[0, 0][...] = [self.scalar(text, t) for text in vector]
+            case Value() as value if isinstance(place, Edge):
+                on_edge = self.evaluate(value.vector, place.project(self.surface.domain, xi), t, order)
+                result |= {key: d for key, d in on_edge.items() if key[place.axis] == 0}
+            case Value() as value if isinstance(place, Point):
+                result[0, 0][...] = self.evaluate(value.vector, np.asarray(place.xi), t)[0, 0]
+            case Rotation() as rotation:
+                turn = rotation_matrix(rotation, self.scalar(rotation.angle, t), self.linear) - np.eye(3)
+                for key, x in self.surface.derivatives(xi, order).items():
+                    result[key] = (x - np.asarray(rotation.centre) if key == (0, 0) else x) @ turn.T
+        return result
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on: no tolerances, suites or prose."""
+        data = self.model_dump(mode="json", exclude=NOT_PHYSICS)
+        for quantity in data["quantities"]:
+            for field in NOT_PHYSICS_OF_A_QUANTITY:
+                quantity.pop(field, None)
+        return data
+
+    def digest(self) -> str:
+        """Return the hexadecimal SHA-256 of the physics."""
+        text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    @model_validator(mode="after")
+    def _names_are_known_and_used_once(self) -> Self:
+        places = self.places
+        for what, names in (
+            ("support", [s.name for s in self.supports]),
+            ("quantity", [q.name for q in self.quantities]),
+        ):
+            for name in names:
+                if names.count(name) > 1:
+                    raise ValueError(f"two of them are called '{name}': {what} names must differ")
+        for where, name in self._named_places():
+            if name not in places:
+                raise ValueError(f"{where} is on '{name}', which is not a place; places are {', '.join(places)}")
+        if sum(q.primary for q in self.quantities) != 1:
+            raise ValueError("exactly one quantity must be primary")
+        return self
+
+    def _named_places(self) -> Iterator[tuple[str, str]]:
+        for support in self.supports:
+            yield from ((f"support '{support.name}'", name) for name in support.on)
+        for load in self.loads:
+            if isinstance(load, EdgeLoad | PointLoad):
+                yield from ((f"a load of kind '{load.kind}'", name) for name in load.on)
+        for quantity in self.quantities:
+            if isinstance(quantity, DisplacementQuantity):
+                yield from ((f"quantity '{quantity.name}'", name) for name in quantity.points)
+
+    @model_validator(mode="after")
+    def _conditions_fit_their_places(self) -> Self:
+        held: set[tuple[str, str]] = set()
+        for support, place in self.supported_places():
+            if support.holds_slope and not isinstance(place, Edge):
+                raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
+            for component in support.held:
+                if (place.name, component) in held:
+                    raise ValueError(f"component {component} on '{place.name}' is held by two supports")
+                held.add((place.name, component))
+        for load in self.loads:
+            for name in load.on if isinstance(load, EdgeLoad | PointLoad) else ():
+                if isinstance(self.places[name], Edge) != isinstance(load, EdgeLoad):
+                    raise ValueError(f"a load of kind '{load.kind}' can't act on '{name}'")
+        for quantity in self.quantities:
+            if isinstance(quantity, DisplacementQuantity):
+                for name in quantity.points:
+                    if isinstance(self.places[name], Edge):
+                        raise ValueError(f"quantity '{quantity.name}' needs points, but '{name}' is an edge")
+            names = [s.name for s in self.supports]
+            if isinstance(quantity, ReactionQuantity | TorqueQuantity) and quantity.support not in names:
+                raise ValueError(f"quantity '{quantity.name}' names support '{quantity.support}'; known are {names}")
+        return self
+
+    @model_validator(mode="after")
+    def _formulas_are_finite(self) -> Self:
+        sample = self.surface.domain.grid(9, 9)
+        for support, place in self.supported_places():
+            if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
+                raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")
+        for load in self.loads:
+            formulas = [f for value in load for f in _formulas_of(value)]
+            try:
+                values = [self.formula(f).derivatives(sample, 0)[0, 0] for f in formulas]
+            except InputError as error:
+                raise ValueError(f"a load of kind '{load.kind}': {error}") from None
+            if not np.all(np.isfinite(values)):
+                raise ValueError(f"a load of kind '{load.kind}' is not finite on the shell")
+        return self
+
+    def _checked_motion(self, support: Support, place: Place, sample: Array) -> dict[tuple[int, int], Array]:
+        try:
+            return self.motion(support, place, sample, order=2)
+        except InputError as error:
+            raise ValueError(f"support '{support.name}': {error}") from None
+
+    @model_validator(mode="after")
+    def _is_held(self) -> Self:
+        check_held(self)
+        return self
+
+
+def _formulas_of(field: tuple[str, Any]) -> tuple[Formula, ...]:
+    name, value = field
+    if name in {"vector", "force", "acceleration"}:
+        return cast(tuple[Formula, ...], value)
+    return (value,) if name == "value" else ()
+
+
+def rotation_matrix(rotation: Rotation, degrees: float, linear: bool) -> Array:
+    """Return the matrix (3, 3) of a rotation by an angle in degrees; linearised if asked for."""
+    axis = np.asarray(rotation.axis) / np.linalg.norm(rotation.axis)
+    angle = math.radians(degrees)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    if linear:
+        return np.eye(3) + angle * cross
+    turn: Array = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turn
+
+
+def read_case(path: Path) -> Case:
+    """Read and check a case file.
+
+    Raises
+    ------
+    InputError
+        In one sentence with the file, the field, what was found and what is allowed.
+    """
+    return build_case(read_toml(path), name=path.stem, where=str(path))
+
+
+def build_case(data: Mapping[str, Any], name: str, where: str) -> Case:
+    """Make a case of parsed data; `where` stands at the start of error messages."""
+    if "name" in data:
+        raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+    try:
+        return Case.model_validate({**data, "name": name})
+    except ValidationError as error:
+        raise InputError(f"{where}: {one_sentence(error)}") from None

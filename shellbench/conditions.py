@@ -1,0 +1,134 @@
+"""Supports and loads: what a case file can say about them, as data. Solvers give them their meaning."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from shellbench.model import Finite, Model, Vector
+
+Component = Literal["x", "y", "z"]
+COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
+Formula = Finite | str
+VectorFormula = tuple[Formula, Formula, Formula]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=60)]
+Places = Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class Value(Model):
+    """Prescribed displacement, metres: numbers or formulas in xi1, xi2 and t, taken on the edge itself."""
+
+    kind: Literal["value"]
+    x: Formula = 0.0
+    y: Formula = 0.0
+    z: Formula = 0.0
+
+    @property
+    def vector(self) -> VectorFormula:
+        """The three components."""
+        return (self.x, self.y, self.z)
+
+
+class Translation(Model):
+    """A translation of the support, metres; each component a number or a formula in t."""
+
+    kind: Literal["translation"]
+    vector: VectorFormula
+
+
+class Rotation(Model):
+    """A rotation of the support about an axis: u = R(angle) (x - centre) - (x - centre).
+
+    In linear theory the rotation is linearised, u = angle axis x (x - centre), as every displacement is.
+    """
+
+    kind: Literal["rotation"]
+    axis: Vector
+    centre: Vector = (0.0, 0.0, 0.0)
+    angle: Formula = Field(description="degrees; a number or a formula in t")
+
+    @model_validator(mode="after")
+    def _has_an_axis(self) -> Self:
+        if not any(self.axis):
+            raise ValueError("the axis of a rotation can't be zero")
+        return self
+
+
+Motion = Annotated[Value | Translation | Rotation, Field(discriminator="kind")]
+
+
+class Support(Model):
+    """What holds the shell at some places.
+
+    `components` are held at zero, or moved as `motion` says; the others are free. `clamped` holds the slope
+    too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
+    that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
+    """
+
+    name: Name
+    on: Places
+    components: tuple[Component, ...] = COMPONENTS
+    clamped: bool = False
+    symmetry: Component | None = None
+    motion: Motion | None = None
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if len(set(self.components)) != len(self.components):
+            raise ValueError(f"components {list(self.components)} repeat")
+        if not self.components and not self.clamped:
+            raise ValueError("a support holds at least one component or is clamped")
+        if self.symmetry and {"components", "clamped", "motion"} & self.model_fields_set:
+            raise ValueError("a plane of symmetry takes no components, clamp or motion: it implies them")
+        return self
+
+    @property
+    def held(self) -> tuple[Component, ...]:
+        """Components whose displacement is prescribed."""
+        return (self.symmetry,) if self.symmetry else self.components
+
+    @property
+    def holds_slope(self) -> bool:
+        """Whether the rotation about the edge is held."""
+        return self.clamped or self.symmetry is not None
+
+
+class AreaLoad(Model):
+    """A dead load per reference area, N/m^2: numbers or formulas in xi1, xi2 and t."""
+
+    kind: Literal["area"]
+    vector: VectorFormula
+
+
+class PressureLoad(Model):
+    """A dead load along the reference normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3."""
+
+    kind: Literal["pressure"]
+    value: Formula
+
+
+class GravityLoad(Model):
+    """Gravity: areal density times acceleration, m/s^2."""
+
+    kind: Literal["gravity"]
+    acceleration: VectorFormula
+
+
+class EdgeLoad(Model):
+    """A dead load per reference length of edges, N/m: numbers or formulas in xi1, xi2 and t."""
+
+    kind: Literal["edge"]
+    on: Places
+    vector: VectorFormula
+
+
+class PointLoad(Model):
+    """A dead force at points, N (at each of them)."""
+
+    kind: Literal["point"]
+    on: Places
+    force: VectorFormula
+
+
+Load = Annotated[AreaLoad | PressureLoad | GravityLoad | EdgeLoad | PointLoad, Field(discriminator="kind")]

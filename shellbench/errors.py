@@ -1,0 +1,36 @@
+"""What can go wrong, each with the exit code that the command line returns for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from shellbench.solution import Solution
+
+
+class ShellbenchError(Exception):
+    """An error that is reported as one sentence, never as a traceback."""
+
+    exit_code = 1
+
+
+class InputError(ShellbenchError, ValueError):
+    """Bad input or usage: a malformed case, an unknown solver, a setting out of range."""
+
+    exit_code = 2
+
+
+class SolveFailure(ShellbenchError):
+    """A solve that ended without a trustworthy answer.
+
+    Parameters
+    ----------
+    reason
+        One sentence for the user.
+    partial
+        What had converged before the failure, if anything.
+    """
+
+    def __init__(self, reason: str, partial: Solution | None = None) -> None:
+        super().__init__(reason)
+        self.partial = partial

@@ -1,0 +1,96 @@
+"""Quantities of interest: what a case asks of every solution, and how closely each solver must answer."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from shellbench.conditions import Name, Places
+from shellbench.model import Finite, Model, Positive, Vector
+
+
+class Quantity(Model):
+    """What all quantities have in common.
+
+    Attributes
+    ----------
+    tolerance
+        By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
+    open_finding
+        By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
+    at
+        Time, s, or load factor.
+    """
+
+    name: Name
+    description: str = ""
+    unit: str = "m"
+    primary: bool = False
+    at: Finite = 1.0
+    tolerance: dict[str, Positive] = Field(default_factory=dict)
+    absolute: bool = False
+    open_finding: dict[str, str] = Field(default_factory=dict)
+
+
+class DisplacementQuantity(Quantity):
+    """The displacement along a direction at a point, or its mean over points."""
+
+    kind: Literal["displacement"]
+    points: Places
+    direction: Vector | Annotated[tuple[Vector, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _has_a_direction_for_each_point(self) -> Self:
+        given = self.direction
+        several = isinstance(given[0], tuple)
+        if several and len(given) != len(self.points):
+            raise ValueError(f"{len(given)} directions for {len(self.points)} points; give one, or one for each point")
+        if not all(any(d) for d in self.directions):
+            raise ValueError("a direction can't be zero")
+        return self
+
+    @property
+    def directions(self) -> tuple[Vector, ...]:
+        """One direction for each point, as given (not normalised)."""
+        if isinstance(self.direction[0], tuple):
+            return self.direction
+        return (self.direction,) * len(self.points)
+
+
+class LargestDisplacement(Quantity):
+    """The largest magnitude of the displacement anywhere on the shell."""
+
+    kind: Literal["largest_displacement"]
+
+
+class EnergyQuantity(Quantity):
+    """Strain energy of the whole shell, or its membrane or bending part, J."""
+
+    kind: Literal["strain_energy", "membrane_energy", "bending_energy"]
+    unit: str = "J"
+
+
+class ReactionQuantity(Quantity):
+    """The force that a support exerts on the shell, along a direction, N."""
+
+    kind: Literal["reaction"]
+    support: Name
+    direction: Vector
+    unit: str = "N"
+
+
+class TorqueQuantity(Quantity):
+    """The moment that a support exerts on the shell, about an axis through a centre, N m."""
+
+    kind: Literal["torque"]
+    support: Name
+    axis: Vector
+    centre: Vector = (0.0, 0.0, 0.0)
+    unit: str = "N m"
+
+
+QuantityModel = Annotated[
+    DisplacementQuantity | LargestDisplacement | EnergyQuantity | ReactionQuantity | TorqueQuantity,
+    Field(discriminator="kind"),
+]
