@@ -42,7 +42,7 @@ from shellbench.surface import SurfaceModel
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
-NOT_PHYSICS = {"title", "description", "suites", "units", "picture"}
+NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
 NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
 
 

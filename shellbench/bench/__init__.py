@@ -1,0 +1,1 @@
+"""Running, recording, comparing and gating. This package knows no solver by name."""

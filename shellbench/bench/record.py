@@ -1,0 +1,137 @@
+"""Records: one immutable JSON file for one run, with its fields beside it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from shellbench.model import Model
+
+SCHEMA = 1
+Status = Literal["ok", "failed", "timeout"]
+
+
+class Identity(Model):
+    """What makes two runs the same: if all of it agrees, an old record answers for a new run.
+
+    Attributes
+    ----------
+    case
+        SHA-256 of the case's physics.
+    source
+        SHA-256 of the solver's source, of all that it imports from its own package, and of what measures it;
+        of a plug-in also its package version.
+    settings
+        All settings, defaults included, but for seed and device.
+    seed
+        None for a deterministic solver.
+    """
+
+    case: str
+    solver: str
+    source: str
+    settings: dict[str, Any]
+    seed: int | None
+    device: str
+    dtype: str
+
+
+class Measured(Model):
+    """One quantity as measured: SI units, or the case's own."""
+
+    value: float
+    uncertainty: float | None = None
+    extrapolated: float | None = None
+
+
+class HistoryStep(Model):
+    """One entry of the solve's history (see `shellbench.solution.Step`)."""
+
+    iteration: int
+    seconds: float
+    energy: float
+    unknowns: int
+    at: float = 1.0
+    gap: float | None = None
+    quantities: dict[str, float] = Field(default_factory=dict)
+
+
+class ResolutionStep(Model):
+    """The same solution seen through a grid of `points` x `points` samples.
+
+    Attributes
+    ----------
+    probe_difference
+        Largest difference at fixed material points between a query as part of this grid and one by itself, m.
+    interpolation_difference
+        Largest difference at the points of the finest grid between this grid's bilinear interpolant and the
+        field itself, m: what a mesh of this resolution would add.
+    largest_displacement
+        Largest magnitude on the grid's points, m.
+    """
+
+    points: int
+    probe_difference: float
+    interpolation_difference: float
+    largest_displacement: float
+
+
+class Environment(Model):
+    """Where a run was made."""
+
+    python: str
+    versions: dict[str, str]
+    platform: str
+    processor: str
+    cores: int
+    threads: int
+    gpu: str | None = None
+    git_sha: str | None = None
+    git_dirty: bool | None = None
+
+
+class Record(Model):
+    """What is known of one run.
+
+    Attributes
+    ----------
+    run_id
+        Name of the record's files in the store.
+    case
+        The whole case as it was read, prose and tolerances included, so that a report needs nothing else.
+    solver_label
+        One line that says what the solver is.
+    seconds
+        Wall time of the solve, start of the process and measuring excluded.
+    peak_memory_bytes
+        Largest resident memory of the solving process; `idle_memory_bytes` is what it held before the solve.
+    values
+        By name of quantity; empty for a failed run that left nothing.
+    fields_file
+        npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres.
+    solution_file
+        The solution as its solver keeps it, beside the record.
+    """
+
+    schema_version: Literal[1] = 1
+    run_id: str
+    created: str
+    identity: Identity
+    case_name: str
+    case: dict[str, Any]
+    solver_label: str
+    status: Status
+    reason: str | None = None
+    seconds: float
+    peak_memory_bytes: int | None = None
+    idle_memory_bytes: int | None = None
+    parameters: int | None = None
+    storage_bytes: int | None = None
+    values: dict[str, Measured] = Field(default_factory=dict)
+    diagnostics: dict[str, Any] = Field(default_factory=dict)
+    history: tuple[HistoryStep, ...] = ()
+    resolution: tuple[ResolutionStep, ...] = ()
+    environment: Environment
+    fields_file: str | None = None
+    solution_file: str | None = None
