@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError
 
 MAX_LENGTH = 500  # characters: the longest formula that is read
+MAX_DEPTH = 100  # deepest nesting of a formula that is read
 MAX_EXPONENT = 16  # largest whole power that is expanded by multiplication
 
 Array = NDArray[np.float64]
@@ -237,9 +238,11 @@ class Expression:
             self._tree = ast.parse(self.text.strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
             raise InputError(f"'{self.text}' is not a formula") from None
-        self._check(self._tree)
+        self._check(self._tree, depth=0)
 
-    def _check(self, node: ast.AST) -> None:
+    def _check(self, node: ast.AST, depth: int) -> None:
+        if depth > MAX_DEPTH:
+            raise InputError(f"'{self.text[:40]}...' is nested more than {MAX_DEPTH} levels deep")
         match node:
             case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
                 if abs(number) > sys.float_info.max:
@@ -249,14 +252,14 @@ class Expression:
                     known = ", ".join([*self._variables, *sorted(self._constants)])
                     raise InputError(f"'{self.text}' uses the unknown name '{name}'; known are {known}")
             case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
-                self._check(operand)
+                self._check(operand, depth + 1)
             case ast.BinOp(op=ast.BitXor()):
                 raise InputError(f"'{self.text}': write ** for a power, not ^")
             case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-                self._check(left)
-                self._check(right)
+                self._check(left, depth + 1)
+                self._check(right, depth + 1)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
-                self._check(argument)
+                self._check(argument, depth + 1)
             case ast.Call(func=ast.Name(id=name)):
                 raise InputError(
                     f"'{self.text}' calls '{name}' in a way that is not allowed;"

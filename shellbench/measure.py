@@ -85,4 +85,5 @@ def largest_displacement(solution: Solution, at: float | None = None) -> float:
 def unit(vector: tuple[float, float, float]) -> Array:
     """Return the vector divided by its length."""
     array = np.asarray(vector, dtype=float)
-    return array / np.linalg.norm(array)
+    normalised: Array = array / np.linalg.norm(array)
+    return normalised

@@ -1,0 +1,80 @@
+"""Sessions: the main job, the tests and what keeps the code in order. `python -m nox -l` lists them."""
+
+import nox
+
+nox.options.sessions = ["obstacle_course"]
+nox.options.reuse_existing_virtualenvs = True
+
+CONSTRAINTS = ("-c", "constraints.txt")
+QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
+REPORT = "reports/latest"
+
+
+def install(session: nox.Session, *extras: str) -> None:
+    target = f".[{','.join(extras)}]" if extras else "."
+    session.install("-q", "-e", target, *CONSTRAINTS)
+
+
+@nox.session
+def obstacle_course(session: nox.Session) -> None:
+    """Solve the four classical shells, print the table, write the report, judge. `-- --quick` for a first look."""
+    install(session)
+    arguments = list(session.posargs)
+    narrowed: tuple[str, ...] = ()
+    if "--quick" in arguments:
+        arguments.remove("--quick")
+        narrowed = QUICK_SOLVERS
+    run_and_judge(session, "obstacle_course", narrowed, arguments)
+
+
+@nox.session
+def prescribed_motion(session: nox.Session) -> None:
+    """Turn a sleeve by a small angle and judge the torque."""
+    install(session)
+    run_and_judge(session, "prescribed_motion", (), list(session.posargs))
+
+
+def run_and_judge(session: nox.Session, suite: str, narrowed: tuple[str, ...], arguments: list[str]) -> None:
+    # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
+    session.run("shellbench", "run", "--suite", suite, *narrowed, *arguments, success_codes=[0, 1])
+    session.run("shellbench", "table")
+    session.run("shellbench", "report", "--out", REPORT)
+    session.run("shellbench", "gate", "--suite", suite, *narrowed)
+
+
+@nox.session
+def ablations(session: nox.Session) -> None:
+    """Run the ablations of the paper's Table 3 and print them; nothing is gated."""
+    install(session)
+    session.run("shellbench", "run", "--suite", "ablations", *session.posargs, success_codes=[0, 1])
+    session.run("shellbench", "table")
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """Run the quick tests, in parallel."""
+    install(session, "test")
+    session.run("pytest", "-n", "auto", "-m", "not long", *session.posargs)
+
+
+@nox.session
+def long(session: nox.Session) -> None:
+    """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
+    install(session, "test")
+    session.run("pytest", "-n", "2", "-m", "long", *session.posargs)
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Measure costs side by side in one run: ratios are what counts."""
+    install(session, "test")
+    session.run("pytest", "tests/benchmarks", "--benchmark-enable", "--benchmark-only", *session.posargs)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Check style and types."""
+    install(session, "lint")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("mypy")
