@@ -50,6 +50,15 @@ class Cylinder:
         """B = E h^3 / (12 (1 - nu^2)), N m."""
         return self.membrane_stiffness * self.thickness**2 / 12.0
 
+    @property
+    def rounding(self) -> float:
+        """Relative rounding error to expect of a solved harmonic: epsilon D R^2 / B.
+
+        Where a shell bends without stretching, stiffnesses of order D R^-2 cancel down to B R^-4.
+        """
+        ratio = self.membrane_stiffness * self.radius**2 / self.bending_stiffness
+        return float(np.finfo(float).eps * ratio)
+
     def elasticity(self) -> tuple[np.ndarray, np.ndarray]:
         """Membrane and bending parts, each (6, 6), of the matrix C in W = strain . C strain / 2."""
         nu = self.poisson

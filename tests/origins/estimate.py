@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import zeta
 
-ROUNDING = 1e-12
-"""Relative floor of every uncertainty: what double precision leaves of a closed form."""
+ROUNDING = 1e-14
+"""Relative uncertainty of a closed form in double precision."""
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,13 @@ class Estimate:
     unit: str
 
     @classmethod
-    def between(cls, fine: float, coarse: float, unit: str) -> Estimate:
-        """Take the fine value; its distance from a clearly coarser one is the uncertainty.
+    def between(cls, fine: float, coarse: float, unit: str, rounding: float) -> Estimate:
+        """Take the fine value; its distance from a clearly coarser one, plus rounding, is the error.
 
-        For a convergent method this overstates the error of the fine value, on purpose.
+        For a convergent method the distance overstates the error of the fine value, on purpose.
+        The rounding error is absolute, in the same unit: two levels may agree by chance.
         """
-        return cls(float(fine), float(abs(fine - coarse) + ROUNDING * abs(fine)), unit)
+        return cls(float(fine), float(abs(fine - coarse) + rounding), unit)
 
     @classmethod
     def exact(cls, value: float, unit: str) -> Estimate:
@@ -33,9 +34,7 @@ class Estimate:
         return cls(float(value), float(ROUNDING * abs(value)), unit)
 
 
-def algebraic_series_sum(
-    index: np.ndarray, terms: np.ndarray, power: int, corrections: int = 3
-) -> float:
+def algebraic_series_sum(index: np.ndarray, terms: np.ndarray, power: int, corrections: int = 3) -> float:
     """Sum a_n over the given indices and, with a fitted tail, over all that follow.
 
     The tail is a_n = n^-power (c0 + c1 n^-2 + c2 n^-4 + ...), fitted by least squares to the last

@@ -5,9 +5,9 @@ supported Kirchhoff plate, B laplace^2 w = q, because bending and stretching do 
 linear theory of a flat midsurface. The strain energy is all bending, W = 1/2 int q w.
 
 - Navier: w = 16 q / (pi^6 B) sum_{m, n odd} sin(m pi x / L) sin(n pi y / L)
-  / (m n (m^2/L^2 + n^2/L^2)^2) (Timoshenko & Woinowsky-Krieger 1959, eq. (131)).
+  / (m n (m^2/L^2 + n^2/L^2)^2) (Timoshenko & Woinowsky-Krieger 1959, art. 28).
 - Levy: w(L/2, L/2) = 4 q L^4 / (pi^5 B) sum_{m odd} (-1)^((m-1)/2) / m^5
-  [1 - (alpha tanh alpha + 2) / (2 cosh alpha)], alpha = m pi / 2 (ibid., eq. (139)). Its integral
+  [1 - (alpha tanh alpha + 2) / (2 cosh alpha)], alpha = m pi / 2 (ibid., art. 30). Its integral
   over the plate is 8 q L^6 / (pi^6 B) sum 1 / m^6 [1 + sech^2(alpha) / 2 - 3 tanh(alpha) /
   (2 alpha)], found by integrating the series term by term.
 
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .estimate import Estimate
+from .estimate import ROUNDING, Estimate
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,9 @@ def levy(plate: SquarePlate, terms: int) -> tuple[float, float]:
 
 def square_plate(terms: int = 500) -> dict[str, Estimate]:
     """Known values of the plate; the uncertainty is the change from half as many terms."""
-    (centre, energy), (coarse_centre, coarse_energy) = (
-        navier(SquarePlate(), count) for count in (terms, terms // 2)
-    )
-    deflection = Estimate.between(centre, coarse_centre, "m")
-    bending = Estimate.between(energy, coarse_energy, "J")
+    (centre, energy), (coarse_centre, coarse_energy) = (navier(SquarePlate(), count) for count in (terms, terms // 2))
+    deflection = Estimate.between(centre, coarse_centre, "m", ROUNDING * centre)
+    bending = Estimate.between(energy, coarse_energy, "J", ROUNDING * energy)
     return {
         "centre_deflection": deflection,
         # By symmetry and the maximum principle for w and its Laplacian, at the centre.

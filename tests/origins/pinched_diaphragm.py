@@ -108,16 +108,29 @@ def pinched_cylinder_diaphragm(cutoff: float = 800.0) -> dict[str, Estimate]:
     sums = np.array([flexibility_sums(cylinder, k) for k in cutoffs])
     factor = 2.0 * LOAD / (np.pi * cylinder.radius * cylinder.length)
     fine, coarse = (
-        [factor * extrapolate(cutoffs[part], column[part]) for column in sums.T]
-        for part in (slice(2, 5), slice(0, 3))
+        [factor * extrapolate(cutoffs[part], column[part]) for column in sums.T] for part in (slice(2, 5), slice(0, 3))
     )
-    deflection = Estimate.between(fine[0], coarse[0], "m")
+    return pinched_estimates(cylinder, (fine[0], LOAD * fine[1]), (coarse[0], LOAD * coarse[1]))
+
+
+def pinched_estimates(
+    cylinder: Cylinder, fine: tuple[float, float], coarse: tuple[float, float]
+) -> dict[str, Estimate]:
+    """Known values from the displacement under a load (m) and the membrane energy (J) at two levels.
+
+    The strain energy is P w by Clapeyron: half the work of two loads.
+    """
+
+    def estimate(fine_value: float, coarse_value: float, unit: str) -> Estimate:
+        scale = LOAD * fine[0] if unit == "J" else fine[0]
+        return Estimate.between(fine_value, coarse_value, unit, cylinder.rounding * scale)
+
+    deflection = estimate(fine[0], coarse[0], "m")
+    energy, coarse_energy = LOAD * fine[0], LOAD * coarse[0]
     return {
         "load_displacement": deflection,
         "largest_displacement": deflection,
-        "strain_energy": Estimate.between(LOAD * fine[0], LOAD * coarse[0], "J"),
-        "membrane_energy": Estimate.between(LOAD * fine[1], LOAD * coarse[1], "J"),
-        "bending_energy": Estimate.between(
-            LOAD * (fine[0] - fine[1]), LOAD * (coarse[0] - coarse[1]), "J"
-        ),
+        "strain_energy": estimate(energy, coarse_energy, "J"),
+        "membrane_energy": estimate(fine[1], coarse[1], "J"),
+        "bending_energy": estimate(energy - fine[1], coarse_energy - coarse[1], "J"),
     }

@@ -11,7 +11,9 @@ formula. The solution is analytic inside the interval: convergence is exponentia
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -88,36 +90,36 @@ class Strip:
         out[:, :, 2, 2 * size :] = _h2_basis(t, self.degree, half)
         return out / (half ** np.arange(3))[:, None, None, None]
 
-    def quadrature(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gauss points s and weights, exact for the product of two trial functions."""
+    @cached_property
+    def quadrature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Gauss points s, weights and `basis(s)`: exact for the product of two trial functions."""
         t, weights = np.polynomial.legendre.leggauss(self.degree + 1)
-        return (self.left + self.right) / 2 + self.half_length * t, self.half_length * weights
+        s = (self.left + self.right) / 2 + self.half_length * t
+        return s, self.half_length * weights, self.basis(s)
 
     def end_coefficient(self, name: str) -> int:
         """Position of an end value such as "W(left)" among the coefficients."""
         component, position = END_COEFFICIENTS[name]
         return "UVW".index(component) * (self.degree + 1) + position
 
-    def stiffness(self, strains: np.ndarray, elasticity: np.ndarray) -> np.ndarray:
-        """int (S phi_i) . C (S phi_j) ds for S (3, 6, 3) and C (6, 6)."""
-        s, weights = self.quadrature()
-        strain = np.einsum("kec,kpcj->pej", strains, self.basis(s), optimize=True)
-        stress = np.einsum("p,ef,pfj->pej", weights, elasticity, strain, optimize=True)
+    def stiffnesses(self, strains: np.ndarray, elasticities: tuple[np.ndarray, ...]) -> list[np.ndarray]:
+        """int (S phi_i) . C (S phi_j) ds for S (3, 6, 3) and each C (6, 6)."""
+        _, weights, basis = self.quadrature
+        strain = np.tensordot(strains, basis, axes=([0, 2], [0, 2]))
         size = strain.shape[-1]
-        return strain.reshape(-1, size).T @ stress.reshape(-1, size)
+        return [
+            strain.reshape(-1, size).T @ (weights[:, None] * np.tensordot(c, strain, axes=1)).reshape(-1, size)
+            for c in elasticities
+        ]
 
-    def distributed_load(self, density) -> np.ndarray:
-        """int density(s) . phi_i ds for a function that maps (N,) to (N, 3)."""
-        s, weights = self.quadrature()
-        return np.einsum("p,pc,pcj->j", weights, density(s), self.basis(s)[0], optimize=True)
+    def distributed_load(self, density: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """int density(s) . phi_i ds for a density that maps (N,) to (N, 3)."""
+        s, weights, basis = self.quadrature
+        return np.einsum("p,pc,pcj->j", weights, density(s), basis[0], optimize=True)
 
-    def minimise(
-        self, stiffness: np.ndarray, load: np.ndarray, held: tuple[str, ...]
-    ) -> np.ndarray:
+    def minimise(self, stiffness: np.ndarray, load: np.ndarray, held: tuple[str, ...]) -> np.ndarray:
         """Coefficients of the minimiser, the named end values held at zero."""
-        free = np.setdiff1d(
-            np.arange(len(load)), [self.end_coefficient(name) for name in held]
-        )
+        free = np.setdiff1d(np.arange(len(load)), [self.end_coefficient(name) for name in held])
         # Symmetric scaling to a unit diagonal: the three components differ by (R/h)^2 in stiffness.
         scale = 1.0 / np.sqrt(np.diag(stiffness)[free])
         matrix = scale[:, None] * stiffness[np.ix_(free, free)] * scale

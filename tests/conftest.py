@@ -1,0 +1,7 @@
+"""One thread a test process: the processes of pytest-xdist share the cores, and BLAS threads would fight over them."""
+
+import os
+
+for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(variable, "1")
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")

@@ -1,0 +1,82 @@
+"""Known values: every gated one is recomputed from two independent origins, and every source is in the bibliography."""
+
+import math
+import re
+from functools import cache
+
+import pytest
+
+from shellbench import catalog
+from tests.origins.levy_roof import scordelis_lo
+from tests.origins.navier_plate import square_plate
+from tests.origins.pinched_diaphragm import pinched_cylinder_diaphragm
+from tests.origins.pinched_free import pinched_cylinder_free
+from tests.origins.torsion import sleeve_torque
+
+TWIST = math.radians(0.2)  # the relative twist that cases/sleeve_torque.toml prescribes
+
+
+def torsion():
+    values = sleeve_torque(TWIST)
+    return {**values, "torque": values["torque_per_radian"], "factor": {"torque": TWIST}}
+
+
+ORIGINS = {
+    "square_plate": square_plate,
+    "scordelis_lo": scordelis_lo,
+    "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
+    "pinched_cylinder_free": pinched_cylinder_free,
+    "sleeve_torque": torsion,
+}
+
+
+@cache
+def computed_values(name):
+    return ORIGINS[name]()
+
+
+OTHER_NAMES = {"load_deflection": "load_displacement"}
+GATED = [(name, q.name) for name in catalog.case_names() for q in catalog.named_case(name).quantities if q.tolerance]
+JUDGED = [(name, v.quantity) for name in catalog.case_names() for v in catalog.known_values(name).values if v.role == "judge"]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "quantity"), JUDGED)
+def test_a_judge_is_what_its_origin_computes(name, quantity):
+    computed = computed_values(name)
+    estimate = computed[OTHER_NAMES.get(quantity, quantity)]
+    factor = computed.get("factor", {}).get(quantity, 1.0)
+    known = catalog.known_values(name).judge(quantity, catalog.named_case(name).theory)
+    assert abs(known.value - estimate.value * factor) <= known.uncertainty + estimate.uncertainty * factor
+
+
+@pytest.mark.parametrize(("name", "quantity"), GATED)
+def test_a_gated_value_has_two_origins_that_agree(name, quantity):
+    known = catalog.known_values(name)
+    judge = known.judge(quantity, catalog.named_case(name).theory)
+    assert judge is not None
+    seconds = [v for v in known.of(quantity, "origin") if v.theory == judge.theory and v.uncertainty is not None]
+    assert seconds, "a gated value needs a second origin"
+    assert all(v.origin != judge.origin for v in seconds)
+    for second in seconds:
+        assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty
+
+
+@pytest.mark.parametrize(("name", "quantity"), GATED)
+def test_tolerances_are_wider_than_what_is_known(name, quantity):
+    case = catalog.named_case(name)
+    judge = catalog.known_values(name).judge(quantity, case.theory)
+    for tolerance in case.quantity(quantity).tolerance.values():
+        assert judge.uncertainty < 0.1 * tolerance * abs(judge.value)
+
+
+def test_every_source_is_in_the_bibliography():
+    text = (catalog.data_folder("references") / "bibliography.bib").read_text()
+    keys = set(re.findall(r"@\w+\{(\w+),", text))
+    used = {v.source for name in catalog.case_names() for v in catalog.known_values(name).values}
+    assert used <= keys
+
+
+def test_files_of_known_values_name_quantities_of_their_cases():
+    for path in catalog.data_folder("references").glob("*.toml"):
+        names = {q.name for q in catalog.named_case(path.stem).quantities}
+        assert {v.quantity for v in catalog.known_values(path.stem).values} <= names
