@@ -60,8 +60,10 @@ def find_suite(name: str) -> Suite:
 
 
 def cases_of(suite: str) -> list[Case]:
-    """Return the suite's own cases that belong to a suite."""
-    return [case for case in map(named_case, case_names()) if suite in case.suites]
+    """Return the suite's own cases that belong to a suite, in the order of its file."""
+    order = find_suite(suite).order
+    members = [case for case in map(named_case, case_names()) if suite in case.suites]
+    return sorted(members, key=lambda case: order.index(case.name) if case.name in order else len(order))
 
 
 @cache

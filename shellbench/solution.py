@@ -105,33 +105,42 @@ ProgressCallback = Callable[[Progress], None]
 
 
 class Solution(Protocol):
-    """A continuous displacement field and how it came about.
+    """A continuous displacement field and how it came about."""
 
-    Attributes
-    ----------
-    case
-        The case it answers.
-    history
-        How it came about, in order.
-    parameters
-        Number of free parameters (degrees of freedom, weights) that were solved for or trained.
-    storage_bytes
-        Bytes needed to keep what `displacement` needs, beside the case.
-    diagnostics
-        Figures about the solve by name, such as ``residual`` or ``energy_gap``; JSON values only.
-    uncertainty
-        The solver's own estimate of its error by quantity, in the quantity's unit; may be empty.
-    extrapolated
-        Values extrapolated from the history by quantity; they stand beside the answer and never replace it.
-    """
+    @property
+    def case(self) -> Case:
+        """The case it answers."""
+        ...
 
-    case: Case
-    history: tuple[Step, ...]
-    parameters: int
-    storage_bytes: int
-    diagnostics: Mapping[str, Any]
-    uncertainty: Mapping[str, float]
-    extrapolated: Mapping[str, float]
+    @property
+    def history(self) -> tuple[Step, ...]:
+        """How it came about, in order."""
+        ...
+
+    @property
+    def parameters(self) -> int:
+        """Number of free parameters (degrees of freedom, weights) that were solved for or trained."""
+        ...
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes needed to keep what `displacement` needs, beside the case."""
+        ...
+
+    @property
+    def diagnostics(self) -> Mapping[str, Any]:
+        """Figures about the solve by name, such as ``residual`` or ``energy_gap``; JSON values only."""
+        ...
+
+    @property
+    def uncertainty(self) -> Mapping[str, float]:
+        """The solver's own estimate of its error by quantity, in the quantity's unit; may be empty."""
+        ...
+
+    @property
+    def extrapolated(self) -> Mapping[str, float]:
+        """Values extrapolated from the history by quantity; they stand beside the answer and never replace it."""
+        ...
 
     def displacement(
         self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None

@@ -33,10 +33,17 @@ class SuiteRun(Model):
 
 
 class Suite(Model):
-    """A named set of runs; the cases say themselves to which suites they belong."""
+    """A named set of runs; the cases say themselves to which suites they belong.
+
+    Attributes
+    ----------
+    order
+        Names of cases in the order of tables and figures; the others follow by name.
+    """
 
     name: Name
     title: str
+    order: tuple[Name, ...] = ()
     runs: Annotated[tuple[SuiteRun, ...], Field(min_length=1)]
 
 

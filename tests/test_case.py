@@ -46,6 +46,7 @@ def test_every_suite_has_cases_and_names_only_its_own(name):
     suite = catalog.find_suite(name)
     names = {case.name for case in catalog.cases_of(name)}
     assert names
+    assert set(suite.order) <= names
     for run in suite.runs:
         assert set(run.cases) <= names
 

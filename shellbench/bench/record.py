@@ -100,6 +100,10 @@ class Record(Model):
         Name of the record's files in the store.
     case
         The whole case as it was read, prose and tolerances included, so that a report needs nothing else.
+    own_case
+        Whether the case is a user's own file, not one of the suite's.
+    defaults
+        The solver's default settings, without seed and device: valid as long as its source is the same.
     solver_label
         One line that says what the solver is.
     seconds
@@ -120,6 +124,8 @@ class Record(Model):
     identity: Identity
     case_name: str
     case: dict[str, Any]
+    own_case: bool = False
+    defaults: dict[str, Any] = Field(default_factory=dict)
     solver_label: str
     status: Status
     reason: str | None = None

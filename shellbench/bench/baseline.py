@@ -1,0 +1,204 @@
+"""The baseline: what the suite answered when it was last moved, deliberately and by a commit.
+
+A deterministic solver must repeat its value to `REPEATS`. A seeded one must stay within `DEVIATIONS` standard
+deviations (over the baseline's seeds) of their mean, or within `REPEATS` of it where the seeds agree better
+than that. Costs are compared only between runs on the same processor with as many threads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import fmean, stdev
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from shellbench.bench.finding import Finding
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.bench.store import said_plainly
+from shellbench.conditions import Name
+from shellbench.errors import InputError
+from shellbench.model import Finite, Model, one_sentence
+
+REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
+DEVIATIONS = 5.0  # with three seeds the deviation itself is known to a factor of about two
+SLOWER = 1.5  # seconds of a run on the same processor vary by some ten per cent
+LARGER = 1.2  # likewise memory
+LARGEST_FILE = 20_000_000  # bytes
+
+
+class BaselineValue(Model):
+    """The values of one quantity of one solver with default settings, by seed ("none" for a deterministic one)."""
+
+    case: Name
+    solver: str
+    quantity: Name
+    at: Finite
+    values: Annotated[dict[str, Finite], Field(min_length=1)]
+
+    @property
+    def mean(self) -> float:
+        """Mean over the seeds."""
+        return fmean(self.values.values())
+
+    @property
+    def band(self) -> float:
+        """Half width of what is admissible around the mean."""
+        spread = stdev(self.values.values()) if len(self.values) > 1 else 0.0
+        return max(DEVIATIONS * spread, REPEATS * abs(self.mean))
+
+
+class BaselineCost(Model):
+    """What the runs of one solver on one case took: the least over the seeds."""
+
+    case: Name
+    solver: str
+    seconds: Annotated[Finite, Field(ge=0)]
+    peak_memory_bytes: int | None
+    parameters: int | None
+    processor: str
+    threads: int
+    device: str
+    gpu: str | None = None
+
+
+class Baseline(Model):
+    """All that the regression and cost gates remember."""
+
+    schema_version: Literal[1] = 1
+    values: tuple[BaselineValue, ...]
+    costs: tuple[BaselineCost, ...]
+
+    def value(self, row: Row) -> BaselineValue | None:
+        """Return what is remembered of a row."""
+        wanted = (row.case, row.solver, row.quantity, row.at)
+        return next((v for v in self.values if (v.case, v.solver, v.quantity, v.at) == wanted), None)
+
+
+def read_baseline(path: Path) -> Baseline | None:
+    """Read a baseline; None if there is no such file; InputError in one sentence if it is malformed."""
+    try:
+        if not path.exists():
+            return None
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(f"{path}: is too large for a baseline")
+        return Baseline.model_validate_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror})") from None
+    except ValidationError as error:
+        raise InputError(f"{path}: {one_sentence(error)}") from None
+
+
+def write_baseline(baseline: Baseline, path: Path) -> None:
+    """Write a baseline, whole or not at all."""
+    temporary = path.with_name(f".{path.name}.partial")
+    with said_plainly(path.parent, "folder"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            temporary.write_text(baseline.model_dump_json(indent=1) + "\n", encoding="utf-8")
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline | None = None) -> Baseline:
+    """Make a baseline of gated rows and their records; what `old` knows of other runs stays.
+
+    Parameters
+    ----------
+    rows
+        Gated rows, all with a value.
+    records
+        The records behind them.
+    """
+    values: dict[tuple[str, str, str, float], dict[str, float]] = {}
+    for row in rows:
+        if row.value is not None:
+            seed = "none" if row.seed is None else str(row.seed)
+            values.setdefault((row.case, row.solver, row.quantity, row.at), {})[seed] = row.value
+    new = [BaselineValue(case=c, solver=s, quantity=q, at=at, values=v) for (c, s, q, at), v in values.items()]
+    costs = {(r.case_name, r.identity.solver): _cost(r, records) for r in records}
+    moved = {(v.case, v.solver) for v in new}
+    kept_values = [v for v in (old.values if old else ()) if (v.case, v.solver) not in moved]
+    kept_costs = [c for c in (old.costs if old else ()) if (c.case, c.solver) not in moved]
+    return Baseline(
+        values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity, v.at))),
+        costs=tuple(sorted((*kept_costs, *costs.values()), key=lambda c: (c.case, c.solver))),
+    )
+
+
+def _cost(record: Record, records: Sequence[Record]) -> BaselineCost:
+    like = [r for r in records if (r.case_name, r.identity.solver) == (record.case_name, record.identity.solver)]
+    quickest = min(like, key=lambda r: r.seconds)
+    return BaselineCost(
+        case=record.case_name,
+        solver=record.identity.solver,
+        seconds=quickest.seconds,
+        peak_memory_bytes=quickest.peak_memory_bytes,
+        parameters=quickest.parameters,
+        processor=quickest.environment.processor,
+        threads=quickest.environment.threads,
+        device=quickest.identity.device,
+        gpu=quickest.environment.gpu,
+    )
+
+
+def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
+    """Say whether a row still has the baseline's value; None if its run left no value (accuracy says so)."""
+    if row.value is None:
+        return None
+    known = baseline.value(row)
+    if known is None:
+        return Finding(row, "not compared", "the baseline does not know it")
+    change = row.value - known.mean
+    said = f"{change / abs(known.mean):+.2e}" if known.mean else f"{change:+.2e} {row.unit}"
+    allowed = f"{known.band / abs(known.mean):.2g}" if known.mean else f"{known.band:.2g} {row.unit}"
+    good = math.isfinite(row.value) and abs(change) <= known.band
+    return Finding(row, "green" if good else "red", f"changed by {said}, {allowed} allowed")
+
+
+def cost_finding(baseline: Baseline, record: Record) -> Finding | None:
+    """Say whether a run takes much more than it did; None if it left nothing to compare."""
+    known = next((c for c in baseline.costs if (c.case, c.solver) == (record.case_name, record.identity.solver)), None)
+    if known is None or record.status != "ok":
+        return None
+    row = cost_row(record)
+    here = record.environment
+    now = (here.processor, here.threads, record.identity.device, here.gpu)
+    if now != (known.processor, known.threads, known.device, known.gpu):
+        return Finding(row, "not compared", "it was made on other hardware")
+    figures = [
+        (record.seconds, known.seconds, SLOWER, "seconds"),
+        (record.peak_memory_bytes, known.peak_memory_bytes, LARGER, "bytes at the peak"),
+        (record.parameters, known.parameters, 1.0, "parameters"),
+    ]
+    worse = [
+        f"{now_:.3g} {unit} instead of {then:.3g}"
+        for now_, then, factor, unit in figures
+        if now_ is not None and then is not None and now_ > factor * then
+    ]
+    return Finding(row, "red" if worse else "green", ", ".join(worse) or f"{record.seconds:.2f} s")
+
+
+def cost_row(record: Record) -> Row:
+    """Return a row that names a run and what it took."""
+    return Row(
+        case=record.case_name,
+        suite=None,
+        solver=record.identity.solver,
+        settings=record.identity.settings,
+        seed=record.identity.seed,
+        quantity="cost",
+        primary=False,
+        at=1.0,
+        value=None,
+        status=record.status,
+        seconds=record.seconds,
+        peak_memory_bytes=record.peak_memory_bytes,
+        parameters=record.parameters,
+        storage_bytes=record.storage_bytes,
+        run_id=record.run_id,
+    )

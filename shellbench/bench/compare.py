@@ -1,0 +1,216 @@
+"""Comparing: each quantity of each run that counts, held against the known value that judges it.
+
+A solver is judged by the known value of the case's own theory. Only runs with default settings are gated, each
+quantity at the tolerance that the case has frozen for the solver. Where no value is known, as for a user's own
+case, solvers are held against each other.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from statistics import median
+from typing import Any
+
+from shellbench import catalog
+from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
+from shellbench.bench.identity import GATED_DTYPE
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.case import Case
+from shellbench.quantities import QuantityModel
+from shellbench.reference import KnownValue, KnownValues
+
+__all__ = ["Row", "as_json", "near_zero", "rows", "rows_of", "verdict"]
+
+
+def rows(store: Store, suites: Sequence[str] = ()) -> list[Row]:
+    """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
+
+    Parameters
+    ----------
+    store
+        Where the records are.
+    suites
+        Names of suites to look at; all, and what belongs to none, if empty.
+
+    Raises
+    ------
+    InputError
+        If a suite is unknown.
+    """
+    return rows_and_damaged(store, suites)[0]
+
+
+def rows_and_damaged(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row], tuple[str, ...]]:
+    """Return the rows of `rows`, and a sentence for each file of the store that is no whole record."""
+    for name in suites:
+        catalog.find_suite(name)
+    current = current_runs(store.read())
+    found = [row for row in rows_of(current) if not suites or set(suites) & set(row.suites)]
+    return found, current.damaged
+
+
+def rows_of(current: CurrentRuns) -> list[Row]:
+    """Return the rows of runs that count."""
+    found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
+    order = {quantity.name: i for run in current.runs for i, quantity in enumerate(run.case.quantities)}
+    return sorted(held_against_each_other(found), key=lambda row: _position(row, order[row.quantity]))
+
+
+def _position(row: Row, quantity: int) -> tuple[object, ...]:
+    suites = catalog.suite_names()
+    suite = suites.index(row.suite) if row.suite in suites else len(suites)
+    primary = not row.primary
+    return (suite, row.case, primary, quantity, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed or 0)
+
+
+def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:
+    """Return one row of a run."""
+    record = run.record
+    identity = record.identity
+    own = record.own_case
+    belongs = tuple(run.declared_by) or (() if own else run.case.suites)
+    measured = record.values.get(quantity.name)
+    gap = record.diagnostics.get("energy_gap")
+    row = Row(
+        case=record.case_name,
+        suite=belongs[0] if belongs else None,
+        solver=identity.solver,
+        settings=identity.settings,
+        seed=identity.seed,
+        quantity=quantity.name,
+        primary=quantity.primary,
+        at=quantity.at,
+        value=measured.value if measured else None,
+        status=record.status,
+        seconds=record.seconds,
+        peak_memory_bytes=record.peak_memory_bytes,
+        parameters=record.parameters,
+        storage_bytes=record.storage_bytes,
+        run_id=record.run_id,
+        case_title=run.case.title,
+        own_case=own,
+        suites=belongs,
+        declared=bool(run.declared_by),
+        solver_label=record.solver_label,
+        label=next(filter(None, run.declared_by.values()), ""),
+        overrides=dict(run.overrides),
+        default_settings=not run.overrides,
+        device=identity.device,
+        dtype=identity.dtype,
+        unit=quantity.unit,
+        description=quantity.description,
+        uncertainty=measured.uncertainty if measured else None,
+        extrapolated=measured.extrapolated if measured else None,
+        energy_gap=float(gap) if isinstance(gap, int | float) else None,
+        idle_memory_bytes=record.idle_memory_bytes,
+        reason=record.reason,
+    )
+    known = KnownValues() if own else catalog.known_values(record.case_name)
+    return judged(with_known_values(row, known, run.case, quantity), quantity)
+
+
+def with_known_values(row: Row, known: KnownValues, case: Case, quantity: QuantityModel) -> Row:
+    """Return the row with the value that judges it, its errors, and the figures of the literature."""
+    found: dict[str, Any] = {}
+    if judge := known.judge(quantity.name, case.theory):
+        found |= {
+            "reference": judge.value,
+            "reference_uncertainty": judge.uncertainty,
+            "reference_theory": judge.theory,
+            "reference_source": judge.source,
+        }
+        if row.value is not None:
+            found["absolute_error"] = row.value - judge.value
+            if not near_zero(judge, quantity):
+                found["relative_error"] = (row.value - judge.value) / abs(judge.value)
+    if literature := known.of(quantity.name, "literature"):
+        first = literature[0]
+        found |= {
+            "literature": first.value,
+            "literature_theory": first.theory,
+            "literature_source": first.source,
+        }
+    for published in known.of(quantity.name, "published"):
+        if published.label == row.label:
+            found |= {"published": published.value, "published_source": published.source}
+    absolute = quantity.absolute or (judge is not None and near_zero(judge, quantity))
+    return row.model_copy(update=found | {"tolerance_is_absolute": absolute})
+
+
+def near_zero(judge: KnownValue, quantity: QuantityModel) -> bool:
+    """Tell whether an error relative to the known value would say nothing."""
+    return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
+
+
+def judged(row: Row, quantity: QuantityModel) -> Row:
+    """Return the row with its tolerance and verdict, if it is gated."""
+    tolerance = quantity.tolerance.get(row.solver)
+    finding = quantity.open_finding.get(row.solver)
+    if not row.default_settings or row.own_case or (tolerance is None and finding is None):
+        return row
+    holds, reason = verdict(row, tolerance)
+    passed: bool | None = holds
+    if finding is not None:
+        passed, reason = (False, "it passes, but is an open finding") if holds else (None, reason)
+    found = {"tolerance": tolerance, "open_finding": finding, "passed": passed, "reason": row.reason or reason}
+    return row.model_copy(update=found)
+
+
+def verdict(row: Row, tolerance: float | None) -> tuple[bool, str | None]:
+    """Return whether a row holds its tolerance, and if not, why not, as a clause."""
+    error = row.absolute_error if row.tolerance_is_absolute else row.relative_error
+    if row.status != "ok":
+        return False, row.reason or "the run failed"
+    if row.dtype != GATED_DTYPE:
+        return False, f"it was computed in {row.dtype}, and only {GATED_DTYPE} is gated"
+    if row.value is None or not math.isfinite(row.value):
+        return False, "the run left no finite value"
+    if row.reference is None:
+        return False, "no known value of its theory judges it"
+    if tolerance is None:
+        return False, "it has no tolerance"
+    if error is None or not abs(error) <= tolerance:
+        return False, f"its error is {error if error is None else format(error, '.2g')}, and {tolerance:g} is allowed"
+    return True, None
+
+
+def held_against_each_other(found: Iterable[Row]) -> list[Row]:
+    """Return the rows, those without a known value with their difference to another solver.
+
+    A deterministic solver is what the others are held against; if there is none, or several, the median of all.
+    """
+    listed = list(found)
+    result: list[Row] = []
+    for row in listed:
+        peers = [
+            other
+            for other in listed
+            if (other.case, other.own_case, other.quantity, other.at) == (row.case, row.own_case, row.quantity, row.at)
+            and other.default_settings
+            and other.status == "ok"
+            and other.value is not None
+        ]
+        if row.reference is None and row.value is not None and len({other.solver for other in peers}) > 1:
+            value, name = _yardstick(peers)
+            if row.solver != name and value:
+                row = row.model_copy(
+                    update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name}
+                )
+        result.append(row)
+    return result
+
+
+def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
+    values = [row.value for row in peers if row.value is not None]
+    certain = [row for row in peers if row.seed is None and row.value is not None]
+    if len(certain) == 1 and certain[0].value is not None:
+        return certain[0].value, certain[0].solver
+    return median(values), "median"
+
+
+def as_json(found: Iterable[Row]) -> str:
+    """Return rows as a JSON list of objects, figures that are not finite as null."""
+    return json.dumps([row.model_dump(mode="json") for row in found], indent=1, allow_nan=False)

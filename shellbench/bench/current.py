@@ -1,0 +1,150 @@
+"""Which records count: those that today's case, solver and settings would make again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic import ValidationError
+
+from shellbench import catalog
+from shellbench.bench.identity import current_source, difference, with_overrides
+from shellbench.bench.plan import declared_runs
+from shellbench.bench.record import Record
+from shellbench.bench.registry import solver_entries
+from shellbench.bench.store import Contents, newest
+from shellbench.case import Case
+from shellbench.errors import InputError
+from shellbench.suite import SuiteRun
+
+
+@dataclass(frozen=True)
+class CurrentRun:
+    """A record that counts.
+
+    Attributes
+    ----------
+    record
+        The newest whole record of its identity.
+    case
+        Today's case, with today's tolerances.
+    overrides
+        Settings that differ from the defaults.
+    declared_by
+        Each suite that declares this very run, with what it calls it.
+    """
+
+    record: Record
+    case: Case
+    overrides: Mapping[str, Any]
+    declared_by: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CurrentRuns:
+    """Records that count, and why the others do not.
+
+    Attributes
+    ----------
+    runs
+        Oldest first; one for each case, solver, settings and seed: of several devices the CPU's counts.
+    stale
+        Why a record does not count, by its name.
+    damaged
+        One sentence for each file of the store that is no whole record.
+    """
+
+    runs: tuple[CurrentRun, ...]
+    stale: Mapping[str, tuple[Record, str]]
+    damaged: tuple[str, ...] = ()
+
+    def find(self, case: str, solver: str, settings: Mapping[str, Any], seed: int) -> CurrentRun | None:
+        """Return the run of one of the suite's cases with these settings beside the defaults; seed or no seed."""
+        for run in self.runs:
+            identity = run.record.identity
+            if (
+                (run.case.name, identity.solver) == (case, solver)
+                and not run.record.own_case
+                and identity.seed in {seed, None}
+                and identity.settings == with_overrides(run.record.defaults, settings)
+            ):
+                return run
+        return None
+
+    def why_not(self, case: str, solver: str, seed: int) -> str | None:
+        """Return why the newest record of a case and solver does not count, if there is one."""
+        reasons = [
+            reason
+            for record, reason in self.stale.values()
+            if (record.case_name, record.identity.solver) == (case, solver)
+            and record.identity.seed in {seed, None}
+            and not record.own_case
+        ]
+        return reasons[-1] if reasons else None
+
+
+def current_runs(contents: Contents) -> CurrentRuns:
+    """Sort out which records count."""
+    sources = _current_sources({record.identity.solver for record in contents.records})
+    own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
+    stale: dict[str, tuple[Record, str]] = {}
+    runs: dict[tuple[object, ...], CurrentRun] = {}
+    for record in newest(contents):
+        identity = record.identity
+        try:
+            case = _todays_case(record)
+        except ValidationError:
+            stale[record.run_id] = (record, "its case can't be read any more")
+            continue
+        wanted = own_physics[record.case_name] if record.own_case else case.digest()
+        if identity.case != wanted or case.digest() != identity.case:
+            stale[record.run_id] = (record, "the case has changed since")
+        elif sources.get(identity.solver) != identity.source:
+            stale[record.run_id] = (record, "the solver has changed since")
+        else:
+            overrides = difference(record.defaults, identity.settings)
+            key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
+            if key not in runs or identity.device == "cpu":
+                runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case))
+    return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
+
+
+def _todays_case(record: Record) -> Case:
+    if not record.own_case and record.case_name in catalog.case_names():
+        return catalog.named_case(record.case_name)
+    return Case.model_validate(record.case)
+
+
+def _current_sources(solvers: Iterable[str]) -> dict[str, str]:
+    entries = solver_entries()
+    sources: dict[str, str] = {}
+    for name in solvers:
+        try:
+            sources[name] = current_source(entries[name])
+        except (KeyError, InputError):  # uninstalled since
+            continue
+    return sources
+
+
+def _declared_by(record: Record, case: Case) -> dict[str, str]:
+    if record.own_case:
+        return {}
+    found: dict[str, str] = {}
+    for name in case.suites:
+        if name not in catalog.suite_names():
+            continue
+        for run in declared_runs(catalog.find_suite(name).runs, case):
+            if is_answer(record, run):
+                found[name] = run.label
+    return found
+
+
+def is_answer(record: Record, run: SuiteRun) -> bool:
+    """Tell whether a record of the right case is one of those that a line of a suite declares."""
+    identity = record.identity
+    return (
+        identity.solver == run.solver
+        and (identity.seed is None or identity.seed in run.seeds)
+        and identity.settings == with_overrides(record.defaults, run.settings)
+    )

@@ -1,0 +1,93 @@
+"""Showing runs as they go by: bars on a terminal, nothing elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+
+from shellbench import solution
+from shellbench.bench.execute import Observer, Outcome
+from shellbench.bench.task import Task
+from shellbench.case import Case
+
+COLOURS = {"ok": "green", "failed": "red", "timeout": "red"}
+
+
+class Silent:
+    """Shows nothing."""
+
+    def started(self, task: Task) -> None:
+        """Show nothing."""
+
+    def progressed(self, task: Task, progress: solution.Progress) -> None:
+        """Show nothing."""
+
+    def ended(self, outcome: Outcome) -> None:
+        """Show nothing."""
+
+
+class Bars:
+    """One bar for all runs and one for each that goes on; a line for each that has ended."""
+
+    def __init__(self, bars: Progress, total: int) -> None:
+        self.bars = bars
+        self.overall = bars.add_task("all runs", total=total)
+        self.lines: dict[str, TaskID] = {}
+
+    def started(self, task: Task) -> None:
+        """Add a bar."""
+        self.lines[task.run_id] = self.bars.add_task(escape(run_name(task)), total=None)
+
+    def progressed(self, task: Task, progress: solution.Progress) -> None:
+        """Move the bar."""
+        line = self.lines[task.run_id]
+        said = f"{run_name(task)}  {progress.message}" if progress.message else run_name(task)
+        self.bars.update(line, completed=progress.step, total=progress.total, description=escape(said))
+
+    def ended(self, outcome: Outcome) -> None:
+        """Turn the bar into a line."""
+        line = self.lines.pop(outcome.task.run_id, None)
+        if line is not None:
+            self.bars.remove_task(line)
+        self.bars.console.print(_line(outcome), highlight=False)
+        self.bars.advance(self.overall)
+
+
+@contextlib.contextmanager
+def display(console: Console, total: int) -> Iterator[Observer]:
+    """Show so many runs on a terminal; nothing if the console is none."""
+    if not console.is_terminal or not total:
+        yield Silent()
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as bars:
+        yield Bars(bars, total)
+
+
+def run_name(task: Task) -> str:
+    """Return what to call a run: case, solver, seed."""
+    seed = task.identity.seed
+    return f"{task.case_name} {task.identity.solver}" + ("" if seed is None else f" seed {seed}")
+
+
+def _line(outcome: Outcome) -> str:
+    record = outcome.record
+    name = escape(run_name(outcome.task))
+    if record is None:
+        return f"[red]refused[/] {name}: {escape(outcome.refused or '')}"
+    colour = COLOURS[record.status]
+    primary = Case.model_validate(record.case).primary
+    measured = record.values.get(primary.name)
+    answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
+    reason = f": {escape(record.reason)}" if record.reason else ""
+    return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{reason}"

@@ -1,0 +1,93 @@
+"""Where a run is made: versions, processor, threads and commit."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from shellbench import __file__ as package_file
+from shellbench.bench.record import Environment
+
+PACKAGES = ("shellbench", "numpy", "scipy", "scikit-fem", "torch", "pypardiso")
+THREADS = 2  # a run: what the suite's figures in seconds are stated for
+PATIENCE = 10.0  # seconds for git or the GPU's driver to answer
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def threads() -> int:
+    """Return the number of threads that each run gets."""
+    return min(THREADS, cores())
+
+
+def environment(device: str = "cpu", distribution: str = "") -> Environment:
+    """Describe this machine and tree; `distribution` is the package of the solver."""
+    sha, dirty = _commit()
+    return Environment(
+        python=platform.python_version(),
+        versions=_versions(distribution),
+        platform=f"{platform.system()} {platform.release()} {platform.machine()}",
+        processor=_processor(),
+        cores=cores(),
+        threads=threads(),
+        gpu=_gpu() if device == "cuda" else None,
+        git_sha=sha,
+        git_dirty=dirty,
+    )
+
+
+def _versions(distribution: str) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for package in dict.fromkeys((*PACKAGES, distribution)):
+        try:
+            found[package] = version(package)
+        except (PackageNotFoundError, ValueError):
+            continue
+    return found
+
+
+@cache
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+@cache
+def _gpu() -> str | None:
+    answer = _ask("nvidia-smi", "--query-gpu=name", "--format=csv,noheader")
+    return answer.splitlines()[0].strip() if answer else None
+
+
+@cache
+def _commit() -> tuple[str | None, bool | None]:
+    """Return the commit of the tree that the package lies in, and whether tracked files differ from it."""
+    package = Path(package_file).resolve().parent
+    if not (package.parent / ".git").exists():  # an installed package may lie inside a tree of something else
+        return None, None
+    sha = _ask("git", "-C", str(package), "rev-parse", "HEAD")
+    if not sha:
+        return None, None
+    changes = _ask("git", "-C", str(package), "status", "--porcelain", "--untracked-files=no")
+    return sha.strip(), None if changes is None else bool(changes.strip())
+
+
+def _ask(*command: str) -> str | None:
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout if done.returncode == 0 else None

@@ -1,0 +1,208 @@
+"""Three gates, kept apart: accuracy, regression and cost.
+
+Accuracy holds every run that a suite declares with default settings against the known values; a gated row
+without a record that counts is red, and says why. Regression holds the same rows against the baseline, cost
+compares what they took with what they took then; see `shellbench.bench.baseline`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from shellbench import catalog
+from shellbench.bench.baseline import Baseline, cost_finding, make_baseline, regression_finding
+from shellbench.bench.compare import row_of
+from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
+from shellbench.bench.finding import Finding
+from shellbench.bench.plan import declared_runs, declines
+from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.case import Case
+from shellbench.errors import InputError, ShellbenchError
+from shellbench.quantities import QuantityModel
+
+Lack = tuple[Literal["missing", "declined"], str]
+NOTHING_LACKS: Lack = ("missing", "")
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What a gate looks at; all that is declared where empty."""
+
+    suites: tuple[str, ...] = ()
+    solvers: tuple[str, ...] = ()
+    seeds: tuple[int, ...] = ()
+
+    @property
+    def narrowed(self) -> str:
+        """What is left out, in words; empty if nothing is."""
+        parts = [
+            f"{what} {', '.join(map(str, names))} only"
+            for what, names in (("suites", self.suites), ("solvers", self.solvers), ("seeds", self.seeds))
+            if names
+        ]
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the gates found.
+
+    Attributes
+    ----------
+    accuracy, regression, cost
+        One finding for each gated row (regression and cost only where there is a baseline).
+    scope
+        What was looked at.
+    baseline
+        Whether there was one.
+    warnings
+        What else to know, one sentence each.
+    """
+
+    accuracy: tuple[Finding, ...]
+    regression: tuple[Finding, ...]
+    cost: tuple[Finding, ...]
+    scope: Scope
+    baseline: bool
+    warnings: tuple[str, ...] = ()
+
+    def good(self, cost: bool = False) -> bool:
+        """Tell whether nothing is red; in the cost gate only if it is asked for."""
+        judged = (*self.accuracy, *self.regression, *(self.cost if cost else ()))
+        return not any(finding.colour == "red" for finding in judged)
+
+
+def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
+    """Judge the records of a store.
+
+    Raises
+    ------
+    InputError
+        If a suite or solver of the scope is unknown.
+    """
+    for solver in scope.solvers:
+        find_solver(solver)
+    current = current_runs(store.read())
+    runs = list(_expected(scope, current))
+    rows = [row for expected in runs for row in expected.rows()]
+    regression = [f for row in rows if baseline and (f := regression_finding(baseline, row))]
+    cost = [f for e in runs if baseline and e.run and (f := cost_finding(baseline, e.run.record))]
+    return Verdict(
+        accuracy=tuple(map(accuracy_finding, rows)),
+        regression=tuple(regression),
+        cost=tuple(cost),
+        scope=scope,
+        baseline=baseline is not None,
+        warnings=current.damaged,
+    )
+
+
+def accuracy_finding(row: Row) -> Finding:
+    """Say what the accuracy gate makes of a gated row."""
+    colour: Literal["green", "red", "expected failure"] = "green" if row.passed else "red"
+    sentence = row.reason or ""
+    if row.passed is None:
+        colour, sentence = "expected failure", f"open finding: {row.open_finding}"
+    elif row.passed and row.relative_error is not None and not row.tolerance_is_absolute:
+        sentence = f"error {row.relative_error:+.2e}, {row.tolerance:g} allowed"
+    elif row.passed and row.absolute_error is not None:
+        sentence = f"error {row.absolute_error:+.2e} {row.unit}, {row.tolerance:g} allowed"
+    return Finding(row=row, colour=colour, sentence=sentence)
+
+
+def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:
+    """Return a baseline of the runs of a scope; what the old one knows of others stays.
+
+    Raises
+    ------
+    ShellbenchError
+        If a gated row is red in accuracy: a baseline remembers good answers only.
+    """
+    runs = list(_expected(scope, current_runs(store.read())))
+    rows = [row for expected in runs for row in expected.rows()]
+    red = [finding for finding in map(accuracy_finding, rows) if finding.colour == "red"]
+    if red:
+        first = red[0].row
+        raise ShellbenchError(
+            f"the baseline is not moved, for {len(red)} of {len(rows)} gated rows are red: "
+            f"first {first.case}, {first.solver}, {first.quantity} ({red[0].sentence})"
+        )
+    gated = {row.run_id for row in rows}
+    records = [e.run.record for e in runs if e.run and e.run.record.run_id in gated]
+    return make_baseline([row for row in rows if row.status == "ok"], [r for r in records if r.status == "ok"], old)
+
+
+@dataclass(frozen=True)
+class _Expected:
+    """A declared run with default settings, and its record if there is one that counts."""
+
+    suite: str
+    case: Case
+    solver: str
+    seed: int
+    run: CurrentRun | None
+    lack: Lack = NOTHING_LACKS
+
+    def rows(self) -> Iterator[Row]:
+        for quantity in self.case.quantities:
+            if self.solver in quantity.tolerance or self.solver in quantity.open_finding:
+                yield row_of(self.run, quantity) if self.run else self._empty(quantity)
+
+    def _empty(self, quantity: QuantityModel) -> Row:
+        status, reason = self.lack
+        finding = quantity.open_finding.get(self.solver)
+        return Row(
+            case=self.case.name,
+            suite=self.suite,
+            solver=self.solver,
+            settings={},
+            seed=self.seed,
+            quantity=quantity.name,
+            primary=quantity.primary,
+            at=quantity.at,
+            value=None,
+            status=status,
+            tolerance=quantity.tolerance.get(self.solver),
+            passed=False,
+            case_title=self.case.title,
+            suites=(self.suite,),
+            declared=True,
+            unit=quantity.unit,
+            description=quantity.description,
+            open_finding=finding,
+            reason=reason,
+        )
+
+
+def _expected(scope: Scope, current: CurrentRuns) -> Iterator[_Expected]:
+    seen: set[tuple[str, str, int | None]] = set()
+    for suite in scope.suites or catalog.suite_names():
+        runs = [run for run in catalog.find_suite(suite).runs if not run.settings]
+        for case in catalog.cases_of(suite):
+            for run in declared_runs(runs, case):
+                if scope.solvers and run.solver not in scope.solvers:
+                    continue
+                for seed in scope.seeds or run.seeds:
+                    found = current.find(case.name, run.solver, {}, seed)
+                    known_seed = found.record.identity.seed if found else seed
+                    if (case.name, run.solver, known_seed) in seen:
+                        continue
+                    seen.add((case.name, run.solver, known_seed))
+                    lack = NOTHING_LACKS if found else _lack(current, case, run.solver, seed)
+                    yield _Expected(suite, case, run.solver, seed, found, lack)
+
+
+def _lack(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
+    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
+    try:
+        reason = declines(load_solver(find_solver(solver)), case)
+    except InputError as error:
+        return "missing", f"no record: {error}"
+    if reason is not None:
+        return "declined", f"the solver declines the case: {reason}"
+    stale = current.why_not(case.name, solver, seed)
+    return "missing", f"no record that counts: {stale}" if stale else "no record"

@@ -1,0 +1,121 @@
+"""Identity: what makes two runs the same, and which settings a run has.
+
+The identity of a planned run needs the solver's class (for its settings), so it is made where the solver is
+imported anyway. Whether a *stored* record is current needs only the digest of the source: a record keeps the
+solver's default settings, and as long as the source is the same they are the defaults. So tables and gates
+import no solver.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from shellbench.bench.record import Identity
+from shellbench.bench.registry import SolverEntry
+from shellbench.bench.source import source_digest
+from shellbench.case import Case
+from shellbench.errors import InputError
+from shellbench.model import one_sentence
+from shellbench.solution import SeededSettings, Settings, Solver
+
+MEASURING = "shellbench.bench.worker"  # what measures a solution counts as its source
+APART = {"seed", "device"}  # settings that an identity keeps in fields of their own
+GATED_DTYPE = "float64"
+
+
+def current_source(entry: SolverEntry) -> str:
+    """Return the digest of the solver's source and of what measures it; of a plug-in also of its version."""
+    own = entry.module.partition(".")[0] == "shellbench"
+    version = () if own else (f"{entry.distribution} {entry.version}",)
+    return source_digest([entry.module, MEASURING], *version)
+
+
+def make_identity(case: Case, entry: SolverEntry, settings: Settings) -> Identity:
+    """Return the identity of a run."""
+    dtype = str(getattr(settings, "dtype", GATED_DTYPE)).removeprefix("torch.")
+    seed, device = (settings.seed, settings.device) if isinstance(settings, SeededSettings) else (None, "cpu")
+    return Identity(
+        case=case.digest(),
+        solver=entry.name,
+        source=current_source(entry),
+        settings=dump_settings(settings),
+        seed=seed,
+        device=device,
+        dtype=dtype,
+    )
+
+
+def identity_key(identity: Identity) -> str:
+    """Return the identity as text: equal for equal identities."""
+    return json.dumps(identity.model_dump(mode="json"), sort_keys=True)
+
+
+def dump_settings(settings: Settings) -> dict[str, Any]:
+    """Return all settings but for seed and device, as JSON data."""
+    return plain(settings.model_dump(mode="json", exclude=APART))
+
+
+def plain(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the data as JSON would bring it back."""
+    result: dict[str, Any] = json.loads(json.dumps(dict(data)))
+    return result
+
+
+def make_settings(solver: Solver, overrides: Mapping[str, Any], seed: int, device: str) -> Settings:
+    """Return a solver's settings with overrides; seed and device where it has them.
+
+    Raises
+    ------
+    InputError
+        In one sentence with the setting, what was found and what is allowed.
+    """
+    for key, option in (("seed", "--seed"), ("device", "--device")):
+        if key in overrides:
+            raise InputError(f"setting '{solver.name}.{key}' is given by the option {option}")
+    apart = {"seed": seed, "device": device} if issubclass(solver.settings_type, SeededSettings) else {}
+    try:
+        return solver.settings_type.model_validate({**overrides, **apart})
+    except ValidationError as error:
+        known = sorted(set(solver.settings_type.model_fields) - APART)
+        hint = f"; its settings are {', '.join(known)}" if "is not known here" in one_sentence(error) else ""
+        raise InputError(f"settings of solver '{solver.name}': {one_sentence(error)}{hint}") from None
+
+
+def with_overrides(defaults: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Return default settings with overrides, tables within settings merged as well."""
+    result = dict(defaults)
+    for key, value in overrides.items():
+        old = result.get(key)
+        nested = isinstance(old, Mapping) and isinstance(value, Mapping)
+        result[key] = with_overrides(old, value) if nested else value  # type: ignore[arg-type]
+    return plain(result)
+
+
+def difference(defaults: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that differ from the defaults."""
+    return {key: value for key, value in settings.items() if key not in defaults or defaults[key] != value}
+
+
+def parse_setting(text: str) -> tuple[str, str, Any]:
+    """Read ``SOLVER.KEY=VALUE``; the value is TOML (a number, true, a list, a quoted text) or else a text.
+
+    Raises
+    ------
+    InputError
+        If it is not of this form.
+    """
+    path, equals, raw = text.partition("=")
+    solver, dot, key = path.strip().partition(".")
+    if not (equals and dot and solver and key):
+        raise InputError(f"--set: found {text!r}, but expected SOLVER.KEY=VALUE, such as fem.tolerance=1e-6")
+    try:
+        document = tomllib.loads(f"value = {raw}")
+        value = document["value"] if set(document) == {"value"} else raw
+    except (tomllib.TOMLDecodeError, RecursionError):
+        value = raw
+    return solver, key, value

@@ -1,0 +1,131 @@
+"""What there is: cases, suites and solvers, with what each needs."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from shellbench import catalog
+from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
+from shellbench.errors import InputError
+from shellbench.solution import SeededSettings, Settings
+
+WIDTH = 110  # characters
+
+
+def contents() -> dict[str, Any]:
+    """Return cases, suites and solvers as JSON data.
+
+    A solver that can't be imported is listed with the reason; the others are not harmed.
+    """
+    return {
+        "cases": [_case(name) for name in catalog.case_names()],
+        "suites": [_suite(name) for name in catalog.suite_names()],
+        "solvers": [_solver(entry) for entry in solver_entries().values()],
+    }
+
+
+def _case(name: str) -> dict[str, Any]:
+    try:
+        case = catalog.named_case(name)
+    except InputError as error:
+        return {"name": name, "available": False, "reason": str(error)}
+    return {
+        "name": name,
+        "available": True,
+        "reason": None,
+        "title": case.title,
+        "description": case.description,
+        "suites": list(case.suites),
+        "theory": case.theory,
+        "units": case.units,
+        "primary": case.primary.name,
+        "quantities": [
+            {"name": q.name, "kind": q.kind, "unit": q.unit, "tolerance": dict(q.tolerance)} for q in case.quantities
+        ],
+    }
+
+
+def _suite(name: str) -> dict[str, Any]:
+    suite = catalog.find_suite(name)
+    return {
+        "name": name,
+        "title": suite.title,
+        "cases": [case.name for case in catalog.cases_of(name)],
+        "runs": [run.model_dump(mode="json") for run in suite.runs],
+    }
+
+
+def _solver(entry: SolverEntry) -> dict[str, Any]:
+    origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
+    try:
+        solver = load_solver(entry)
+    except InputError as error:
+        return origin | {"available": False, "reason": str(error)}
+    return origin | {
+        "available": True,
+        "reason": None,
+        "label": solver.capabilities.label,
+        "theories": list(solver.capabilities.theories),
+        "devices": list(solver.capabilities.devices),
+        "seeded": issubclass(solver.settings_type, SeededSettings),
+        "settings": _settings(solver.settings_type),
+    }
+
+
+def _settings(settings: type[Settings]) -> list[dict[str, Any]]:
+    properties: dict[str, Any] = settings.model_json_schema().get("properties", {})
+    return [
+        {"name": name, "default": schema.get("default"), "description": schema.get("description", "")}
+        for name, schema in properties.items()
+        if name not in {"seed", "device"}
+    ]
+
+
+def as_json() -> str:
+    """Return what there is as JSON."""
+    return json.dumps(contents(), indent=1)
+
+
+def as_text() -> str:
+    """Return what there is as text."""
+    found = contents()
+    console = Console(file=StringIO(), width=WIDTH)
+    cases = _table("Cases", "name", "title", "theory", "suites")
+    for case in found["cases"]:
+        shown = [case["title"], case["theory"], ", ".join(case["suites"])] if case["available"] else [case["reason"]]
+        cases.add_row(case["name"], *map(escape, shown))
+    suites = _table("Suites", "name", "title", "cases", "runs")
+    for suite in found["suites"]:
+        runs = ", ".join(_run(run) for run in suite["runs"])
+        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(suite["cases"]), runs)))
+    solvers = _table("Solvers", "name", "what it is", "devices", "theories", "seeds")
+    for solver in found["solvers"]:
+        if solver["available"]:
+            seeds = "yes" if solver["seeded"] else "no"
+            shown = [solver["label"], ", ".join(solver["devices"]), ", ".join(solver["theories"]), seeds]
+        else:
+            shown = [solver["reason"]]
+        solvers.add_row(solver["name"], *map(escape, shown))
+    for table in (cases, suites, solvers):
+        console.print(table)
+        console.print()
+    file = console.file
+    assert isinstance(file, StringIO)
+    return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for i, column in enumerate(columns):
+        table.add_column(column, no_wrap=i == 0, overflow="fold")
+    return table
+
+
+def _run(run: dict[str, Any]) -> str:
+    return f"{run['solver']} {run['label']}".strip()

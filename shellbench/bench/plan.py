@@ -1,0 +1,215 @@
+"""What to run: from what was asked for on the command line to tasks.
+
+- Suites run what they declare, on all their cases or on those that are named.
+- A solver that is named narrows a suite to its runs of that solver, or joins with its default settings if the
+  suite has none.
+- A case without a suite is run as the first of its suites declares, or as `DEFAULT_SUITE` does with one seed
+  if it belongs to none, as a user's own case.
+- Settings and seeds that are given replace those that are declared.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from shellbench import catalog
+from shellbench.bench.environment import environment
+from shellbench.bench.identity import dump_settings, identity_key, make_identity, make_settings
+from shellbench.bench.registry import SolverEntry, find_solver, load_solver
+from shellbench.bench.store import Contents, newest
+from shellbench.bench.task import Task, case_data, new_run_id
+from shellbench.case import Case
+from shellbench.errors import InputError
+from shellbench.solution import SeededSettings, Solver
+from shellbench.suite import SuiteRun
+
+DEFAULT_SUITE = "obstacle_course"
+FIRST_SEED = 0
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for: names as they were typed; empty for what was left open."""
+
+    cases: tuple[str, ...] = ()
+    suites: tuple[str, ...] = ()
+    solvers: tuple[str, ...] = ()
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    seeds: tuple[int, ...] = ()
+    device: str = "cpu"
+
+
+@dataclass(frozen=True)
+class Declined:
+    """A run that does not apply: the solver can't take the case."""
+
+    case: str
+    solver: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be done.
+
+    Attributes
+    ----------
+    tasks
+        Runs to make.
+    kept
+        Names of the runs whose records answer already.
+    declined
+        What does not apply.
+    notes
+        What else the user should know, one sentence each.
+    """
+
+    tasks: tuple[Task, ...]
+    kept: tuple[str, ...]
+    declined: tuple[Declined, ...]
+    notes: tuple[str, ...]
+
+
+def wanted_runs(request: Request) -> Iterator[tuple[Case, SuiteRun]]:
+    """Yield what to run on which case, before settings, seeds and device that were given.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or nothing is asked for.
+    """
+    if not request.cases and not request.suites:
+        raise InputError(f"nothing to run: name a case, a path to a .toml file, or --suite {DEFAULT_SUITE}")
+    cases = [catalog.find_case(text) for text in request.cases]
+    for name in dict.fromkeys(request.suites):
+        suite = catalog.find_suite(name)
+        members = catalog.cases_of(name)
+        strangers = [c.name for c in cases if c not in members and not is_own(c)]
+        if strangers:
+            raise InputError(f"case '{strangers[0]}' is not in suite '{name}': {_names(members)}")
+        for case in cases or members:
+            yield from ((case, run) for run in _narrowed(declared_runs(suite.runs, case), request.solvers))
+    if not request.suites:
+        for case in cases:
+            yield from ((case, run) for run in _runs_of(case, request.solvers))
+
+
+def declared_runs(runs: Sequence[SuiteRun], case: Case) -> tuple[SuiteRun, ...]:
+    """Return the lines of a suite that are for a case."""
+    return tuple(run for run in runs if not run.cases or case.name in run.cases)
+
+
+def is_own(case: Case) -> bool:
+    """Tell whether a case is a user's own: none of the suite's has its name and its physics."""
+    return case.name not in catalog.case_names() or catalog.named_case(case.name).digest() != case.digest()
+
+
+def _runs_of(case: Case, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
+    if solvers:
+        return tuple(SuiteRun(solver=solver, seeds=(FIRST_SEED,)) for solver in dict.fromkeys(solvers))
+    known = [name for name in case.suites if name in catalog.suite_names()]
+    if known and not is_own(case):
+        return declared_runs(catalog.find_suite(known[0]).runs, case)
+    runs = catalog.find_suite(DEFAULT_SUITE).runs
+    return tuple(run.model_copy(update={"seeds": (FIRST_SEED,)}) for run in runs if not run.settings)
+
+
+def _narrowed(runs: tuple[SuiteRun, ...], solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
+    if not solvers:
+        return runs
+    listed = [run for name in dict.fromkeys(solvers) for run in runs if run.solver == name]
+    others = [name for name in dict.fromkeys(solvers) if name not in {run.solver for run in runs}]
+    return (*listed, *(SuiteRun(solver=name, seeds=(FIRST_SEED,)) for name in others))
+
+
+def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan:
+    """Make tasks of what was asked for.
+
+    Parameters
+    ----------
+    request
+        What was asked for.
+    contents
+        What the store holds: good records of the same identity are kept, failed ones are tried again.
+    force
+        Whether to run also what is kept.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a setting does not fit, a solver can't be imported, or a device is not offered.
+    """
+    wanted = list(wanted_runs(request))
+    names = dict.fromkeys(run.solver for _, run in wanted)
+    entries = {name: find_solver(name) for name in names}
+    for name in request.settings:
+        find_solver(name)
+        if name not in names:
+            raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
+    solvers = {name: load_solver(entry) for name, entry in entries.items()}
+    notes = _check_device(request, solvers)
+    answered = {identity_key(r.identity): r.run_id for r in newest(contents) if r.status == "ok"} if not force else {}
+    tasks: dict[str, Task] = {}
+    kept: dict[str, str] = {}
+    declined: dict[tuple[str, str], Declined] = {}
+    for case, run in wanted:
+        solver = solvers[run.solver]
+        reason = declines(solver, case)
+        if reason is not None:
+            declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
+            continue
+        for seed in request.seeds or run.seeds:
+            task = _task(case, entries[run.solver], solver, run, request, seed)
+            key = identity_key(task.identity)
+            if key in answered:
+                kept[key] = answered[key]
+            else:
+                tasks.setdefault(key, task)
+    return Plan(tuple(tasks.values()), tuple(kept.values()), tuple(declined.values()), notes)
+
+
+def declines(solver: Solver, case: Case) -> str | None:
+    """Return why a solver can't take a case, or None if it can."""
+    if case.theory not in solver.capabilities.theories:
+        return f"it does not solve {case.theory}"
+    return solver.declines(case)
+
+
+def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str, ...]:
+    without = [name for name, solver in solvers.items() if request.device not in solver.capabilities.devices]
+    if without and (set(without) == set(solvers) or set(without) & set(request.solvers)):
+        offered = ", ".join(solvers[without[0]].capabilities.devices)
+        raise InputError(f"--device {request.device}: solver '{without[0]}' runs on {offered}")
+    return tuple(f"solver '{name}' runs on the cpu" for name in without)
+
+
+def _task(case: Case, entry: SolverEntry, solver: Solver, run: SuiteRun, request: Request, seed: int) -> Task:
+    device = request.device if request.device in solver.capabilities.devices else "cpu"
+    overrides = {**run.settings, **request.settings.get(run.solver, {})}
+    settings = make_settings(solver, overrides, seed, device)
+    defaults: dict[str, Any] = {}
+    with contextlib.suppress(InputError):  # a plug-in may have settings without a default
+        defaults = dump_settings(make_settings(solver, {}, seed, device))
+    identity = make_identity(case, entry, settings)
+    run_id, created = new_run_id(case.name, entry.name, identity.seed)
+    apart = {"seed": settings.seed, "device": settings.device} if isinstance(settings, SeededSettings) else {}
+    return Task(
+        run_id=run_id,
+        created=created,
+        identity=identity,
+        target=entry.target,
+        case_name=case.name,
+        case=case_data(case),
+        own_case=is_own(case),
+        settings=settings.model_dump(mode="json", exclude_unset=True) | apart,
+        defaults=defaults,
+        solver_label=solver.capabilities.label,
+        environment=environment(device, entry.distribution),
+    )
+
+
+def _names(cases: Sequence[Case]) -> str:
+    return "its cases are " + ", ".join(case.name for case in cases) if cases else "it has no cases yet"

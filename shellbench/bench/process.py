@@ -1,0 +1,110 @@
+"""The other end of a fork server (`shellbench.bench.server`): start it, give it tasks, hear what it says."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+READ = 65536  # bytes at once
+
+
+@dataclass
+class ServerProcess:
+    """A running fork server of one solver.
+
+    Attributes
+    ----------
+    solver
+        Name of the solver.
+    run_pid
+        Process of the run that goes on; None between runs.
+    """
+
+    solver: str
+    process: subprocess.Popen[bytes]
+    errors: IO[bytes]
+    run_pid: int | None = None
+    _unread: bytes = field(default=b"", repr=False)
+
+    @classmethod
+    def start(cls, solver: str, target: str, threads: int) -> ServerProcess:
+        """Start a server whose runs have so many threads; it needs a moment until it says ``ready``."""
+        limits = dict.fromkeys(THREAD_LIMITS, str(threads))
+        waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
+        path = os.pathsep.join(p or os.curdir for p in sys.path)
+        errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the server
+        process = subprocess.Popen(
+            [sys.executable, "-m", "shellbench.bench.server", target],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            env={**os.environ, **limits, **waiting, "PYTHONPATH": path},
+            start_new_session=True,  # an interrupt from the terminal is for us; we end the servers ourselves
+        )
+        assert process.stdout is not None
+        os.set_blocking(process.stdout.fileno(), False)
+        return cls(solver, process, errors)
+
+    def fileno(self) -> int:
+        """Return what to select on."""
+        assert self.process.stdout is not None
+        return self.process.stdout.fileno()
+
+    def give(self, folder: Path) -> bool:
+        """Have the task of a folder done; False if the server has died."""
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(json.dumps(str(folder.resolve())).encode() + b"\n")
+            self.process.stdin.flush()
+        except OSError:
+            return False
+        return True
+
+    def hear(self) -> list[dict[str, Any]]:
+        """Return the events that have come in; one ``{"event": "died"}`` if the server is no more."""
+        try:
+            chunk = os.read(self.fileno(), READ)
+        except BlockingIOError:
+            return []
+        *lines, self._unread = (self._unread + chunk).split(b"\n")
+        events: list[dict[str, Any]] = [json.loads(line) for line in lines]
+        for event in events:
+            if event["event"] == "started":
+                self.run_pid = event["pid"]
+            elif event["event"] == "ended":
+                self.run_pid = None
+        return events if chunk else [*events, {"event": "died"}]
+
+    def kill_run(self) -> None:
+        """Kill the run that goes on, and all that it started; the server says ``ended``."""
+        if self.run_pid is not None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.run_pid, signal.SIGKILL)
+
+    def end(self) -> None:
+        """Kill the run, if there is one, and the server."""
+        self.kill_run()
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout, self.errors):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+
+    def last_words(self) -> str:
+        """Return the last line that the server wrote to standard error."""
+        with contextlib.suppress(OSError, ValueError):
+            self.errors.seek(0)
+            lines = self.errors.read().decode(errors="replace").strip().splitlines()
+            return lines[-1].strip() if lines else ""
+        return ""

@@ -1,0 +1,105 @@
+"""Solvers by name, found through the entry-point group ``shellbench.solvers``.
+
+Nothing is imported until a solver is asked for: entry points are text in the metadata of installed packages.
+A plug-in registers like our own solvers do::
+
+    [project.entry-points."shellbench.solvers"]
+    mine = "my_package.solver:MySolver"
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+
+from shellbench.errors import InputError
+from shellbench.solution import Solver
+
+GROUP = "shellbench.solvers"
+PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
+
+
+@dataclass(frozen=True)
+class SolverEntry:
+    """A registered solver, not yet imported.
+
+    Attributes
+    ----------
+    name
+        Name on the command line and in records.
+    target
+        Where it is, ``module:attribute``.
+    distribution, version
+        The installed package that registers it.
+    """
+
+    name: str
+    target: str
+    distribution: str
+    version: str
+
+    @property
+    def module(self) -> str:
+        """Dotted name of the solver's module."""
+        return self.target.partition(":")[0].strip()
+
+
+def solver_entries() -> dict[str, SolverEntry]:
+    """Return all registered solvers by name.
+
+    Raises
+    ------
+    InputError
+        If two packages register different solvers under one name.
+    """
+    entries: dict[str, SolverEntry] = {}
+    for point in entry_points(group=GROUP):
+        entry = _entry(point)
+        known = entries.setdefault(entry.name, entry)
+        if known.target != entry.target:
+            raise InputError(
+                f"two installed packages call a solver '{entry.name}': {known.distribution} and {entry.distribution}"
+            )
+    return dict(sorted(entries.items()))
+
+
+def _entry(point: EntryPoint) -> SolverEntry:
+    distribution = point.dist
+    return SolverEntry(
+        name=point.name,
+        target=point.value,
+        distribution=distribution.name if distribution else "",
+        version=distribution.version if distribution else "",
+    )
+
+
+def find_solver(name: str) -> SolverEntry:
+    """Return the registered solver of this name; InputError, naming the known ones, if there is none."""
+    entries = solver_entries()
+    if name not in entries:
+        raise InputError(f"unknown solver '{name}': solvers are {', '.join(entries) or 'not installed'}")
+    return entries[name]
+
+
+def load_solver(entry: SolverEntry) -> Solver:
+    """Import a solver and make one.
+
+    Raises
+    ------
+    InputError
+        If its module can't be imported, whatever the reason, or what it names is not a solver.
+    """
+    module, _, attribute = entry.target.partition(":")
+    try:
+        found = import_module(module.strip())
+        for part in attribute.strip().split("."):
+            found = getattr(found, part)
+        solver: Solver = found() if isinstance(found, type) else found  # type: ignore[assignment]
+    except Exception as error:  # a plug-in's import can raise anything, and must cost that solver only
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"solver '{entry.name}' can't be used: {reason}") from error
+    missing = [part for part in PARTS if not hasattr(solver, part)]
+    if missing:
+        raise InputError(f"solver '{entry.name}' can't be used: {entry.target} has no {', '.join(missing)}")
+    return solver

@@ -1,0 +1,119 @@
+"""Rows: one comparable figure each, the common currency of tables, gates and reports."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from shellbench.model import Model
+
+RowStatus = Literal["ok", "failed", "timeout", "missing", "declined"]
+
+
+class Row(Model):
+    """One quantity of one run, held against what is known of it.
+
+    The fields up to `run_id` are the contract of ``shellbench table --format json``; the rest is for tables
+    and gates. A row is made for each (case, solver, settings, seed, quantity, at).
+
+    Attributes
+    ----------
+    case, suite
+        Names; the suite is the first that declares the run, or else the first that the case belongs to; None for
+        a user's own case.
+    settings
+        All settings of the run, defaults included; `overrides` are those that differ from the defaults.
+    seed
+        None for a deterministic solver.
+    quantity, primary, at
+        What was measured; whether it is the case's headline; time, s, or load factor.
+    value
+        In the quantity's `unit`; None if the run left none.
+    reference, reference_uncertainty, reference_theory, reference_source
+        The known value of the case's own theory that judges; None if there is none.
+    literature
+        The figure usually quoted, of whatever theory; `literature_theory` and `literature_source` say which.
+    published
+        What the paper reports for its own solver, or for this ablation if `label` is one of its own.
+    relative_error
+        Signed, value/reference - 1; None without a reference or where the reference is near zero.
+    absolute_error
+        Signed, value - reference.
+    tolerance
+        Largest admissible error for this solver, relative unless `tolerance_is_absolute`; None if not gated.
+    passed
+        None where nothing is gated, and for an expected failure (`open_finding` says which).
+    status
+        Of the run; ``missing`` and ``declined`` only where rows were asked for that have no record.
+    seconds, peak_memory_bytes, parameters, storage_bytes
+        Cost of the run: wall time of the solve, largest resident memory, free parameters or degrees of
+        freedom, bytes that keep the solution.
+    default_settings
+        Whether the run has the solver's default settings; only such runs are gated.
+    declared
+        Whether a suite declares this very run.
+    suites
+        All suites that declare the run, or that the case belongs to if none does.
+    label
+        What a suite calls the run beside the solver's name, such as "GELU".
+    uncertainty, extrapolated
+        The solver's own estimate of its error, and the value extrapolated from its history, in the unit.
+    disagreement, disagreement_with
+        With no known value: signed relative difference to another solver's value, and which.
+    energy_gap
+        Difference of the energy between the solve's quadrature and a finer one, relative, if it was measured.
+    reason
+        Why the run failed, or the row did not pass, in one sentence.
+    """
+
+    case: str
+    suite: str | None
+    solver: str
+    settings: dict[str, Any]
+    seed: int | None
+    quantity: str
+    primary: bool
+    at: float
+    value: float | None
+    reference: float | None = None
+    reference_uncertainty: float | None = None
+    reference_theory: str | None = None
+    reference_source: str | None = None
+    literature: float | None = None
+    relative_error: float | None = None
+    absolute_error: float | None = None
+    tolerance: float | None = None
+    passed: bool | None = None
+    status: RowStatus
+    seconds: float | None = None
+    peak_memory_bytes: int | None = None
+    parameters: int | None = None
+    storage_bytes: int | None = None
+    run_id: str | None = None
+
+    case_title: str = ""
+    own_case: bool = False
+    suites: tuple[str, ...] = ()
+    declared: bool = False
+    solver_label: str = ""
+    label: str = ""
+    overrides: dict[str, Any] = Field(default_factory=dict)
+    default_settings: bool = True
+    device: str = "cpu"
+    dtype: str = "float64"
+    unit: str = ""
+    description: str = ""
+    tolerance_is_absolute: bool = False
+    open_finding: str | None = None
+    literature_theory: str | None = None
+    literature_source: str | None = None
+    published: float | None = None
+    published_source: str | None = None
+    uncertainty: float | None = None
+    extrapolated: float | None = None
+    disagreement: float | None = None
+    disagreement_with: str | None = None
+    energy_gap: float | None = None
+    idle_memory_bytes: int | None = None
+    reason: str | None = None

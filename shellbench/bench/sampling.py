@@ -1,0 +1,71 @@
+"""Samples of a solution that a record keeps: the field on a grid, and a study of resolutions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.bench.record import ResolutionStep
+from shellbench.case import Case
+from shellbench.places import Point
+from shellbench.solution import Solution
+from shellbench.surface import Domain
+
+Array = NDArray[np.float64]
+
+PICTURE = 61  # points a side of the grid that pictures are drawn from
+RESOLUTIONS = (10, 25, 50, 100, 200)  # points a side
+PROBES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
+"""Where the same material point is asked for in every grid, in fractions of the sides; off all the grids but one."""
+
+
+def write_fields(solution: Solution, case: Case, path: Path) -> None:
+    """Write points, positions and displacements on a regular grid as npz; see `Record.fields_file`."""
+    xi = case.surface.domain.grid(PICTURE, PICTURE)
+    np.savez_compressed(path, xi=xi, position=case.surface.position(xi), displacement=solution.displacement(xi))
+
+
+def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ...]:
+    """Look at one solution through grids from coarse to fine."""
+    domain = case.surface.domain
+    probes = np.asarray(domain.lower) + np.asarray(PROBES) * np.asarray(domain.size)
+    named = [place.xi for place in case.places.values() if isinstance(place, Point)]
+    probes = np.concatenate([probes, np.array(named).reshape(-1, 2)])
+    alone = np.stack([solution.displacement(probe[None])[0] for probe in probes])
+    samples: dict[int, Array] = {}
+    asked: dict[int, float] = {}
+    for n in RESOLUTIONS:
+        points = np.concatenate([domain.grid(n, n).reshape(-1, 2), probes])
+        displacement = solution.displacement(points)
+        samples[n] = displacement[: n * n].reshape(n, n, 3)
+        asked[n] = _largest(displacement[n * n :] - alone)
+    finest = max(RESOLUTIONS)
+    return tuple(
+        ResolutionStep(
+            points=n,
+            probe_difference=asked[n],
+            interpolation_difference=_largest(
+                bilinear(samples[n], domain, domain.grid(finest, finest)) - samples[finest]
+            ),
+            largest_displacement=_largest(samples[n]),
+        )
+        for n in RESOLUTIONS
+    )
+
+
+def bilinear(samples: Array, domain: Domain, points: Array) -> Array:
+    """Interpolate samples (n, n, 3) on the regular grid of a domain at points (..., 2)."""
+    n = samples.shape[0]
+    scaled = (points - np.asarray(domain.lower)) / np.asarray(domain.size) * (n - 1)
+    cell = np.clip(np.floor(scaled).astype(int), 0, n - 2)
+    s, t = np.moveaxis(scaled - cell, -1, 0)[..., None]
+    i, j = np.moveaxis(cell, -1, 0)
+    below = (1 - s) * samples[i, j] + s * samples[i + 1, j]
+    above = (1 - s) * samples[i, j + 1] + s * samples[i + 1, j + 1]
+    return np.asarray((1 - t) * below + t * above)
+
+
+def _largest(vectors: Array) -> float:
+    return float(np.max(np.linalg.norm(vectors, axis=-1)))

@@ -1,0 +1,83 @@
+"""A task: one run to be made, as data that goes to another process."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from shellbench.bench.record import Environment, Identity, Record
+from shellbench.case import Case
+from shellbench.model import Model
+
+TASK = "task.json"
+
+
+class Task(Model):
+    """One run to be made.
+
+    Attributes
+    ----------
+    target
+        Where the solver is, ``module:attribute``.
+    case
+        The case as it was read; `shellbench.case.Case` makes it again.
+    settings
+        All that was set for the solver, seed and device included.
+    defaults
+        See `shellbench.bench.record.Record`.
+    """
+
+    run_id: str
+    created: str
+    identity: Identity
+    target: str
+    case_name: str
+    case: dict[str, Any]
+    own_case: bool
+    settings: dict[str, Any]
+    defaults: dict[str, Any] = Field(default_factory=dict)
+    solver_label: str
+    environment: Environment
+
+    def record(self, **result: Any) -> Record:
+        """Return the record of this task with its result."""
+        return Record(
+            run_id=self.run_id,
+            created=self.created,
+            identity=self.identity,
+            case_name=self.case_name,
+            case=self.case,
+            own_case=self.own_case,
+            defaults=self.defaults,
+            solver_label=self.solver_label,
+            environment=self.environment,
+            **result,
+        )
+
+    def write(self, folder: Path) -> None:
+        """Put the task into the folder in which it runs."""
+        (folder / TASK).write_text(self.model_dump_json(), encoding="utf-8")
+
+    @classmethod
+    def read(cls, folder: Path) -> Task:
+        """Read the task of a folder."""
+        return cls.model_validate_json((folder / TASK).read_bytes())
+
+
+def case_data(case: Case) -> dict[str, Any]:
+    """Return a case as JSON data from which `shellbench.case.Case` makes it again."""
+    return case.model_dump(mode="json", exclude_unset=True)
+
+
+def new_run_id(case: str, solver: str, seed: int | None) -> tuple[str, str]:
+    """Return a name for a new run that no other has, and the time that it carries."""
+    now = datetime.now(UTC)
+    safe = re.sub(r"[^A-Za-z0-9_-]+", "_", solver)
+    seeded = "" if seed is None else f"-s{seed}"
+    run_id = f"{case}-{safe}{seeded}-{now:%Y%m%dT%H%M%S}-{secrets.token_hex(4)}"
+    return run_id, now.isoformat(timespec="milliseconds")

@@ -1,0 +1,66 @@
+"""Saying what the gates found, and what moving the baseline changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+from shellbench.bench.baseline import Baseline
+from shellbench.bench.finding import Finding
+from shellbench.bench.gate import Verdict
+from shellbench.bench.row import Row
+
+MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
+
+
+def as_text(verdict: Verdict, baseline: str, cost: bool = False, verbose: bool = False) -> str:
+    """Return what the gates found as text: a line for each gate, and for each row that is not green."""
+    lines = [f"narrowed to {verdict.scope.narrowed}"] if verdict.scope.narrowed else []
+    lines += _gate("accuracy", verdict.accuracy, verbose)
+    if verdict.baseline:
+        lines += _gate("regression", verdict.regression, verbose)
+        lines += _gate("cost" if cost else "cost (reported only)", verdict.cost, verbose)
+    else:
+        lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    lines.append("every gate holds" if verdict.good(cost) else "a gate fell short")
+    return "\n".join(lines)
+
+
+def _gate(name: str, findings: Sequence[Finding], verbose: bool) -> Iterator[str]:
+    counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in MARKS.items()}
+    said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing is gated"
+    yield f"{name}: {said}"
+    for finding in sorted(findings, key=lambda f: list(MARKS).index(f.colour)):
+        if verbose or finding.colour in {"red", "expected failure"}:
+            row = finding.row
+            yield f"  {MARKS[finding.colour]:<4} {_name(row)}: {finding.sentence}"
+
+
+def _name(row: Row) -> str:
+    seed = "" if row.seed is None else f" seed {row.seed}"
+    return f"{row.case} {row.solver}{seed} {row.quantity}"
+
+
+def changes(old: Baseline | None, new: Baseline) -> str:
+    """Return how a new baseline differs from the old one, as text."""
+    known = {(v.case, v.solver, v.quantity, v.at): v for v in (old.values if old else ())}
+    lines: list[str] = []
+    for value in new.values:
+        before = known.get((value.case, value.solver, value.quantity, value.at))
+        name = f"{value.case} {value.solver} {value.quantity}"
+        if before is None:
+            lines.append(f"  new      {name}: {value.mean:.8g}")
+        elif before.values != value.values:
+            lines.append(
+                f"  changed  {name}: {before.mean:.8g} -> {value.mean:.8g}{_relative(before.mean, value.mean)}"
+            )
+    return "\n".join(_headed(lines, len(new.values)))
+
+
+def _relative(before: float, after: float) -> str:
+    return f" ({(after - before) / abs(before):+.2e})" if before else ""
+
+
+def _headed(lines: Iterable[str], total: int) -> Iterator[str]:
+    listed = list(lines)
+    yield f"{len(listed)} of {total} values change"
+    yield from listed

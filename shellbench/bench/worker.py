@@ -1,0 +1,203 @@
+"""One run in a process of its own: solve, measure, and leave a record in the run's folder.
+
+Whatever goes wrong ends as a record with one sentence; what had converged before a failure is measured too.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+
+from shellbench.bench.record import HistoryStep, Measured, Record
+from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.sampling import resolution_study, write_fields
+from shellbench.bench.task import Task
+from shellbench.case import Case
+from shellbench.errors import InputError, SolveFailure
+from shellbench.measure import measure
+from shellbench.solution import Progress, Solution
+
+RECORD = "record.json"
+REFUSED = "refused.txt"
+DISK_FULL = "disk_full"
+FIELDS = "fields.npz"
+SOLUTION = "solution"
+PAUSE = 0.1  # seconds between two words on progress
+
+Tell = Callable[[Progress], None]
+
+
+def work(folder: Path, tell: Tell) -> None:
+    """Do the task of a folder and leave its record there, or a word on why the input was refused.
+
+    A full disk leaves the empty file `DISK_FULL` (or nothing at all): it is no fault of the solver.
+    """
+    task = Task.read(folder)
+    try:
+        record = run(task, folder, sparing(tell))
+        (folder / RECORD).write_text(record.model_dump_json(), encoding="utf-8")
+    except InputError as error:
+        (folder / REFUSED).write_text(str(error), encoding="utf-8")
+    except OSError as error:
+        if error.errno not in {errno.ENOSPC, errno.EDQUOT}:
+            raise
+        (folder / RECORD).unlink(missing_ok=True)
+        (folder / DISK_FULL).touch()
+
+
+def run(task: Task, folder: Path, tell: Tell) -> Record:
+    """Solve and measure; see `work`."""
+    case = Case.model_validate(task.case)
+    idle = psutil.Process().memory_info().rss
+    start = time.perf_counter()
+    solution: Solution | None = None
+    reason: str | None = None
+    try:
+        solver = load_solver(SolverEntry(task.identity.solver, task.target, "", ""))
+        settings = solver.settings_type.model_validate(task.settings)
+        start = time.perf_counter()
+        solution = solver.solve(case, settings, progress=tell)
+    except SolveFailure as failure:
+        reason, solution = str(failure), failure.partial
+    except InputError:
+        raise
+    except MemoryError:
+        reason = "the solve ran out of memory"
+        traceback.print_exc()
+    except Exception as error:
+        _pass_on_full_disk(error)
+        reason = f"the solver stopped unexpectedly: {_said(error)}"
+        traceback.print_exc()
+    result: dict[str, Any] = {
+        "seconds": time.perf_counter() - start,
+        "idle_memory_bytes": idle,
+        "peak_memory_bytes": peak_memory(idle),
+    }
+    if solution is not None:
+        try:
+            result |= _measured(solution, case, folder)
+        except Exception as error:
+            _pass_on_full_disk(error)
+            reason = reason or f"the solution can't be measured: {_said(error)}"
+            traceback.print_exc()
+        lost = [q.name for q in case.quantities if q.name not in result.get("values", {})]
+        if lost and reason is None:
+            reason = f"the solution has no finite value for {', '.join(lost)}"
+    status = "ok" if reason is None else "failed"
+    return task.record(status=status, reason=reason, **result)
+
+
+def _measured(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what a record says of a solution, and put its fields and itself into the folder."""
+    values = {q.name: measure(solution, q) for q in case.quantities}
+    result: dict[str, Any] = {
+        "values": {
+            name: Measured(
+                value=value,
+                uncertainty=_finite(solution.uncertainty.get(name)),
+                extrapolated=_finite(solution.extrapolated.get(name)),
+            )
+            for name, value in values.items()
+            if math.isfinite(value)
+        },
+        "parameters": int(solution.parameters),
+        "storage_bytes": int(solution.storage_bytes),
+        "diagnostics": json_only(dict(solution.diagnostics)),
+        "history": history_of(solution),
+    }
+    if len(result["values"]) < len(values):
+        return result
+    write_fields(solution, case, folder / FIELDS)
+    saved = solution.save(folder / SOLUTION)
+    return result | {
+        "resolution": resolution_study(solution, case),
+        "fields_file": FIELDS,
+        "solution_file": saved.name,
+    }
+
+
+def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
+    """Return the history as a record keeps it; a step whose energy is not finite ends it."""
+    kept: list[HistoryStep] = []
+    for step in solution.history:
+        if not math.isfinite(step.energy):
+            break
+        kept.append(
+            HistoryStep(
+                iteration=int(step.iteration),
+                seconds=float(step.seconds),
+                energy=float(step.energy),
+                unknowns=int(step.unknowns),
+                at=float(step.at),
+                gap=_finite(step.gap),
+                quantities={k: float(v) for k, v in step.quantities.items() if math.isfinite(v)},
+            )
+        )
+    return tuple(kept)
+
+
+def json_only(data: Any) -> Any:
+    """Return diagnostics as JSON data: arrays as lists, figures that are not finite as None."""
+    match data:
+        case Mapping():
+            return {str(key): json_only(value) for key, value in data.items()}
+        case list() | tuple() | set():
+            return [json_only(value) for value in data]
+        case np.ndarray() | np.generic():
+            return json_only(data.tolist())
+        case float():
+            return _finite(data)
+        case None | bool() | int() | str():
+            return data
+        case _:
+            return str(data)
+
+
+def peak_memory(idle: int) -> int | None:
+    """Return the largest resident memory of this process so far, bytes; None where that is not known.
+
+    The kernel counts the peak now and then only, so it may lag behind what was measured when idle.
+    """
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return max(idle, int(peak if sys.platform == "darwin" else peak * 1024))
+
+
+def sparing(tell: Tell) -> Tell:
+    """Return a callback that passes on a word on progress now and then only."""
+    last = -math.inf
+
+    def told(progress: Progress) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        if now - last >= PAUSE:
+            last = now
+            tell(progress)
+
+    return told
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _said(error: Exception) -> str:
+    said = " ".join(str(error).split())
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def _pass_on_full_disk(error: Exception) -> None:
+    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        raise error

@@ -1,0 +1,337 @@
+"""The command line: ``shellbench list | run | table | gate | baseline | report | export``.
+
+Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
+Every error is one sentence on standard error. Solvers are imported where they are needed only: by `run`,
+`export` and `list`, and by `gate` where a record is missing.
+"""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from shellbench import __version__
+from shellbench.bench import baseline as baselines
+from shellbench.bench import compare, environment, listing, verdicts
+from shellbench.bench.display import display, run_name
+from shellbench.bench.execute import Outcome, execute
+from shellbench.bench.gate import Scope, gate, move_baseline
+from shellbench.bench.identity import parse_setting
+from shellbench.bench.plan import Plan, Request, make_plan
+from shellbench.bench.store import Store
+from shellbench.errors import ShellbenchError
+
+INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
+LARGEST_SEED = 2**31 - 1
+DEFAULT_STORE = Path("reports/runs")
+DEFAULT_REPORT = Path("reports/latest")
+DEFAULT_BASELINE = Path("reports/baseline.json")
+
+
+class Device(StrEnum):
+    """Where to run."""
+
+    cpu = "cpu"
+    cuda = "cuda"
+
+
+class Format(StrEnum):
+    """How to print a table."""
+
+    text = "text"
+    markdown = "markdown"
+    latex = "latex"
+    csv = "csv"
+    json = "json"
+
+
+StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the records.")]
+SuiteOption = Annotated[
+    list[str] | None, typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.")
+]
+SolverOption = Annotated[
+    list[str] | None, typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.")
+]
+SeedOption = Annotated[
+    list[int] | None,
+    typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
+]
+BaselineOption = Annotated[
+    Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
+]
+
+app = typer.Typer(
+    name="shellbench",
+    help="How right is this thin-shell solver, and what does it cost?\n\n"
+    "Cases are declared once, solved by every solver that is asked for, and the answers held against known values.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"shellbench {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def shellbench(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Take what is common to all commands."""
+
+
+@app.command("list")
+def list_command(
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """List the cases, the suites and the solvers, with what each needs."""
+    typer.echo(listing.as_json() if json else listing.as_text())
+
+
+@app.command()
+def run(
+    cases: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own."),
+    ] = None,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="SOLVER.KEY=VALUE",
+            help="A setting of a solver, its value in TOML (2, 1e-6, true, [1, 2], text); may be repeated.",
+        ),
+    ] = None,
+    seed: SeedOption = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            metavar="N",
+            min=1,
+            max=1024,
+            help="Runs at a time; each has two threads. Default: as many as fit on the cores.",
+        ),
+    ] = None,
+    device: Annotated[Device, typer.Option("--device", help="Where to run solvers that offer it.")] = Device.cpu,
+    store: StoreOption = DEFAULT_STORE,
+    force: Annotated[bool, typer.Option("--force", help="Run again what has a record already.")] = False,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", metavar="S", help="Stop a run, that run only, after so many seconds.")
+    ] = None,
+) -> None:
+    """Solve cases and keep the answers as records.
+
+    Name cases, suites or both. A suite runs the solvers, settings and seeds that it declares; --solver narrows it
+    to those, --seed and --set replace what it declares. A case without a suite runs as its first suite declares,
+    a case of your own with every solver of the obstacle course.
+
+    What has a record already is kept, so a run that was interrupted goes on where it stopped; failed runs are
+    tried again. `run` does not judge the answers: `gate` does.
+
+    Examples
+    --------
+        shellbench run --suite obstacle_course
+
+        shellbench run scordelis_lo --solver fem --solver ndf-ritz --seed 0 --seed 1
+
+        shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
+    """
+    if timeout is not None and not 0 < timeout < float("inf"):
+        raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
+    given: dict[str, dict[str, Any]] = {}
+    for text in settings or ():
+        name, key, value = parse_setting(text)
+        given.setdefault(name, {})[key] = value
+    request = Request(
+        cases=tuple(cases or ()),
+        suites=tuple(suite or ()),
+        solvers=tuple(solver or ()),
+        settings=given,
+        seeds=tuple(dict.fromkeys(seed or ())),
+        device=device.value,
+    )
+    where = Store(store)
+    contents = where.read()
+    _warn(contents.damaged)
+    plan = make_plan(request, contents, force)
+    _warn(plan.notes)
+    for declined in plan.declined:
+        _say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
+    threads = environment.threads()
+    outcomes: list[Outcome] = []
+    try:
+        with display(Console(), len(plan.tasks)) as observer:
+            outcomes = execute(
+                plan.tasks,
+                where,
+                observer,
+                jobs=jobs or max(1, environment.cores() // threads),
+                threads=threads,
+                timeout=timeout,
+            )
+    except KeyboardInterrupt:
+        _say("interrupted: what had ended is kept, and the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(_summary(plan, outcomes))
+
+
+def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
+    """Print how the runs ended, and return the exit code."""
+    refused = [outcome for outcome in outcomes if outcome.record is None]
+    bad = [outcome for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
+    for outcome in (*refused, *bad):
+        record = outcome.record
+        how = f"{record.status}: {record.reason}" if record else f"refused: {outcome.refused}"
+        _say(f"{run_name(outcome.task)}: {how}")
+    counts = [
+        (len(outcomes) - len(bad) - len(refused), "solved"),
+        (len(bad), "failed"),
+        (len(refused), "refused"),
+        (len(plan.kept), "kept from before"),
+        (len(plan.declined), "not applicable"),
+    ]
+    typer.echo(", ".join(f"{count} {what}" for count, what in counts if count) or "nothing to run")
+    return 2 if refused else 1 if bad else 0
+
+
+@app.command()
+def table(
+    store: StoreOption = DEFAULT_STORE,
+    format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
+    suite: SuiteOption = None,
+) -> None:
+    """Print the displacements, the known values beside them, the errors and what each answer cost.
+
+    JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
+    headline quantity of each case.
+    """
+    rows, damaged = compare.rows_and_damaged(Store(store), tuple(suite or ()))
+    _warn(damaged)
+    if format is Format.json:
+        typer.echo(compare.as_json(rows))
+        return
+    from shellbench.report import tables
+
+    if not rows:
+        _say(f"store {store} has no records that count: make some by `shellbench run`")
+    typer.echo(tables.render(rows, format.value), nl=False)
+
+
+@app.command("gate")
+def gate_command(
+    store: StoreOption = DEFAULT_STORE,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    seed: SeedOption = None,
+    cost: Annotated[bool, typer.Option("--cost", help="Let the cost gate count as well.")] = False,
+    baseline: BaselineOption = DEFAULT_BASELINE,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the green rows too.")] = False,
+) -> None:
+    """Judge the records: exit 0 only if every gate holds.
+
+    Accuracy holds each quantity against its known value at the tolerance frozen in the case; a gated row without a
+    record is red. Regression holds it against the baseline. Cost compares seconds, memory and parameters with the
+    baseline's, between runs on like hardware. --suite, --solver and --seed narrow what is judged, and it says so.
+    """
+    scope = Scope(tuple(suite or ()), tuple(solver or ()), tuple(dict.fromkeys(seed or ())))
+    verdict = gate(Store(store), baselines.read_baseline(baseline), scope)
+    _warn(verdict.warnings)
+    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose))
+    raise typer.Exit(0 if verdict.good(cost) else 1)
+
+
+@app.command("baseline")
+def baseline_command(
+    store: StoreOption = DEFAULT_STORE,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Move the baseline; without it, only show the changes.")
+    ] = False,
+    baseline: BaselineOption = DEFAULT_BASELINE,
+) -> None:
+    """Show how the records differ from the baseline, and with --write make them the new one.
+
+    Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
+    """
+    scope = Scope(tuple(suite or ()), tuple(solver or ()))
+    where, old = Store(store), baselines.read_baseline(baseline)
+    new = move_baseline(where, old, scope)
+    typer.echo(verdicts.changes(old, new))
+    if write:
+        baselines.write_baseline(new, baseline)
+        typer.echo(f"written to {baseline}: commit it with the reason")
+
+
+@app.command()
+def report(
+    store: StoreOption = DEFAULT_STORE,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
+    suite: SuiteOption = None,
+) -> None:
+    """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them."""
+    from shellbench.report import page
+
+    rows, damaged = compare.rows_and_damaged(Store(store), tuple(suite or ()))
+    _warn(damaged)
+    typer.echo(f"written to {page.write_report(Store(store), rows, out)}")
+
+
+@app.command()
+def export(
+    case: Annotated[str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.")],
+    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File to write: .npz (arrays), .obj (deformed shape) or .vtu.")
+    ],
+    resolution: Annotated[
+        int, typer.Option("--resolution", metavar="N", min=2, max=5000, help="Points a side of the grid.")
+    ] = 101,
+    scale: Annotated[float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj.")] = 1.0,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Which seed's solution.")
+    ] = None,
+    store: StoreOption = DEFAULT_STORE,
+) -> None:
+    """Write a stored solution, sampled as finely as you like, for another program."""
+    from shellbench.bench import export as exports
+
+    exports.writer_of(out)
+    where = Store(store)
+    sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution)
+    exports.export(sampled, out, scale)
+    typer.echo(f"written to {out}")
+
+
+def _say(sentence: str) -> None:
+    """Write one line to standard error."""
+    typer.echo(f"shellbench: {sentence}", err=True)
+
+
+def _warn(sentences: tuple[str, ...]) -> None:
+    for sentence in sentences:
+        _say(f"note: {sentence}")
+
+
+def main() -> None:
+    """Run the program; errors become one sentence and their exit code."""
+    try:
+        app()
+    except ShellbenchError as error:
+        _say(" ".join(str(error).split()))
+        sys.exit(error.exit_code)

@@ -1,0 +1,80 @@
+"""How far a sequence of meshes has come: extrapolation with the observed rate, and an honest uncertainty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scipy.optimize import brentq
+
+SLOWEST, FASTEST = 1.0, 6.0  # rates in the mesh size that are believed; under-resolved meshes show others
+SAFETY = 1.5  # of the error that extrapolation estimates
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a sequence of values on ever finer meshes says of its limit.
+
+    Attributes
+    ----------
+    extrapolated
+        Richardson's extrapolation of the last values.
+    uncertainty
+        Estimated error of the last value, with a margin; infinite for a single value.
+    rate
+        Observed order of convergence in the mesh size; None where it can't be observed or is not believed.
+    """
+
+    extrapolated: float
+    uncertainty: float
+    rate: float | None
+
+
+def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
+    """Extrapolate values v_k = v + C n_k^-p to their limit v.
+
+    Parameters
+    ----------
+    values
+        On one mesh after the other.
+    resolutions
+        Cells a side n_k of the meshes, increasing.
+
+    Returns
+    -------
+    Estimate
+        From the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster rate is
+        taken for `FASTEST`. Otherwise nothing is extrapolated, and the uncertainty is the largest change among them,
+        or the last one if they close in on the limit from both sides or are only two.
+    """
+    last = values[-1]
+    if len(values) < 2:
+        return Estimate(last, math.inf, None)
+    change = last - values[-2]
+    if len(values) < 3 or change == 0.0:
+        return Estimate(last, abs(change), None)
+    before = values[-2] - values[-3]
+    if before * change < 0 and abs(change) < abs(before) / 2:
+        return Estimate(last, abs(change), None)  # the last two values have the limit between them
+    rate = observed_rate(values[-3:], resolutions[-3:])
+    if rate is None:
+        return Estimate(last, max(abs(change), abs(last - values[-3])), None)
+    error = change / ((resolutions[-1] / resolutions[-2]) ** min(rate, FASTEST) - 1)
+    return Estimate(last + error, SAFETY * abs(error), rate if rate < FASTEST else None)
+
+
+def observed_rate(values: Sequence[float], resolutions: Sequence[float]) -> float | None:
+    """Return the p of v_k = v + C n_k^-p through three values; `FASTEST` if it is beyond; None if there is none."""
+    before, after = values[1] - values[0], values[2] - values[1]
+    if after == 0.0 or before / after <= 0.0:
+        return None
+
+    def misfit(p: float) -> float:
+        coarse, middle, fine = (n / resolutions[2] for n in resolutions)
+        return float((middle**-p - coarse**-p) * after - (fine**-p - middle**-p) * before) / abs(before)
+
+    if misfit(SLOWEST) * misfit(FASTEST) < 0:
+        return float(brentq(misfit, SLOWEST, FASTEST))
+    ratio = before / after
+    return FASTEST if ratio > (resolutions[2] / resolutions[1]) ** FASTEST else None

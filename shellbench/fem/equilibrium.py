@@ -1,0 +1,148 @@
+"""Equilibrium of the linear shell on one mesh: assemble, tie, remove rigid motions, solve, read off the reactions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from shellbench.case import Case
+from shellbench.errors import SolveFailure
+from shellbench.fem import linear_solve
+from shellbench.fem.assembly import COMPONENTS, NODE_DOFS, Quadrature, chunks, derivative_on_cells, stiffness
+from shellbench.fem.constraints import Ties
+from shellbench.fem.hermite import KINDS
+from shellbench.fem.kinematics import Midsurface
+from shellbench.fem.loads import Loading
+from shellbench.fem.mesh import TensorMesh
+from shellbench.fem.solution import FemSolution
+from shellbench.rigid import free_motions, rigid_modes
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+BALANCE = 1e-6  # work of the loads on a removed rigid motion that still counts as rounding, relative to all loads
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The answer on one mesh.
+
+    Attributes
+    ----------
+    solution
+        The field, without history.
+    potential_energy
+        Strain energy less the work of the loads at the last state, J.
+    residual, correction
+        See `shellbench.fem.linear_solve.Answer`.
+    """
+
+    solution: FemSolution
+    potential_energy: float
+    residual: float
+    correction: float
+
+
+def solve(
+    case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_order: int, method: linear_solve.Method
+) -> Equilibrium:
+    """Solve a linear case on a mesh at the times or load factors `states`.
+
+    Raises
+    ------
+    InputError
+        If supports contradict each other.
+    SolveFailure
+        If the loads are not in balance with the removed rigid motions, or the linear solve fails.
+    """
+    quadrature = Quadrature.of_order(mesh, quadrature_order)
+    loading = Loading.of(case, mesh, quadrature, states)
+    ties = Ties.of(case, mesh, states)
+    loose = free_motions(case)
+    check_balance(loading, loose)
+    motions = nodal_rigid_motions(case, mesh) @ loose
+    if loose.size:
+        ties = ties.pinned(*determinate_pins(ties, motions))
+
+    matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    right = ties.to_free(loading.nodal - matrix @ ties.particular)
+    answer = linear_solve.solve(ties.reduce(matrix), right, mesh, method)
+    q = ties.to_nodal(answer.unknowns) + ties.particular
+
+    reactions = (matrix @ q - loading.nodal)[ties.nodes]
+    energy = np.sum(q[..., -1] * ((matrix @ q) / 2 - loading.nodal)[..., -1])
+    scales = mesh.node_scales[:, None, :, None]
+    shape = (COMPONENTS, len(KINDS), len(states))
+    coefficients, shares = q.reshape(-1, *shape) / scales, ties.shares(reactions)
+    if loose.size:
+        coefficients = coefficients - mean_rigid_motion(case, mesh, quadrature, coefficients, loose)
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=tuple(states),
+        support_nodes=ties.nodes,
+        support_forces=shares.reshape(*shares.shape[:2], *shape) * scales[ties.nodes],
+        quadrature_order=quadrature_order,
+        parameters=int(np.count_nonzero(ties.free)),
+    )
+    return Equilibrium(solution, float(energy), answer.residual, answer.correction)
+
+
+def check_balance(loading: Loading, loose: Array) -> None:
+    """Check that the loads do no work on the rigid motions that nothing resists.
+
+    Raises
+    ------
+    SolveFailure
+        If they do.
+    """
+    imbalance = np.abs(loose.T @ loading.resultant).max(initial=0.0)
+    scale = loading.magnitude.max()  # the motions are of like magnitude, so that one scale serves them all
+    if imbalance > BALANCE * scale:
+        raise SolveFailure(
+            "the loads are not in balance: they push the shell along a rigid motion that no support resists"
+            f" (imbalance {imbalance / scale:.1e} of the loads)"
+        )
+
+
+def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
+    """Return the interpolants (nodes, 12, 6) of the rigid motions, in the scaled degrees of freedom."""
+    modes = rigid_modes(case.surface, mesh.domain.wrap(mesh.node_points), order=2)
+    stacked = np.stack([modes[kind] for kind in KINDS], axis=2) * mesh.node_scales[:, None, :, None]
+    return np.asarray(stacked.reshape(mesh.node_count, NODE_DOFS, -1))
+
+
+def determinate_pins(ties: Ties, motions: Array) -> tuple[Integers, Integers]:
+    """Choose as many displacements as there are loose motions, so that holding them holds the shell.
+
+    They are the pivots of a QR factorisation: the displacements that resist the motions best.
+    """
+    untied = np.setdiff1d(np.arange(len(motions)), ties.nodes)
+    dofs = np.arange(COMPONENTS) * len(KINDS)
+    candidates = motions[untied][:, dofs].reshape(-1, motions.shape[-1])
+    _, _, pivots = qr(candidates.T, mode="economic", pivoting=True)
+    chosen = pivots[: motions.shape[-1]]
+    return untied[chosen // COMPONENTS], dofs[chosen % COMPONENTS]
+
+
+def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coefficients: Array, loose: Array) -> Array:
+    """Return the part of a field (nodes, 3, 4, states) that is a loose rigid motion in the mean over the area."""
+    motions = (nodal_rigid_motions(case, mesh) @ loose).reshape(*coefficients.shape[:-1], -1)
+    motions = motions / mesh.node_scales[:, None, :, None]
+    fields = np.concatenate([coefficients, motions], axis=-1)
+    products = np.zeros((loose.shape[1], fields.shape[-1]))
+    for cells in chunks(mesh):
+        points, weights = quadrature.on_cells(mesh, cells)
+        flat = points.reshape(-1, 2)
+        area = weights.ravel() * Midsurface.at(case.surface.derivatives(flat, order=2)).area
+        exact = rigid_modes(case.surface, flat)[0, 0] @ loose
+        values = derivative_on_cells(mesh, cells, quadrature, fields, (0, 0))
+        weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
+        products += weighted.T @ values.reshape(-1, fields.shape[-1])
+    overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)
+    return np.asarray(motions @ np.linalg.solve(gram, overlap))

@@ -1,0 +1,70 @@
+"""From a case and a few choices to the parts of a field: what a file of weights needs beside its tensors."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field as PydanticField
+
+from shellbench.case import Case
+from shellbench.model import Model, Positive
+from shellbench.ndf.factors import BoundaryFactors
+from shellbench.ndf.field import Ansatz, Features
+from shellbench.ndf.inputs import LAYER, Inputs, foci
+from shellbench.ndf.jets import Array, Placement
+from shellbench.ndf.lift import Lift
+from shellbench.ndf.network import Network
+from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
+
+Components = Literal["cartesian", "covariant"]
+
+
+class FieldSpec(Model):
+    """The choices that turn a case into a field.
+
+    Attributes
+    ----------
+    activation
+        Of the network.
+    periodic_input
+        Whether a periodic coordinate enters as (cos, sin); if not, the field answers for a slit shell.
+    components
+        What the output layer gives: Cartesian components, or covariant ones.
+    stretched
+        Whether stretched coordinates are added about points that carry a force.
+    layer
+        Their length l in units of sqrt(h R).
+    multipliers
+        Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
+    t
+        Load factor.
+    """
+
+    activation: str = "sine"
+    periodic_input: bool = True
+    components: Components = "cartesian"
+    stretched: bool = True
+    layer: Positive = LAYER
+    multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
+    t: float = 1.0
+
+
+def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
+    """Return the input coordinates."""
+    return Inputs.of(case, spec.periodic_input, foci(case, spec.layer) if spec.stretched else ())
+
+
+def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
+    """Return the features of which the field is a linear combination."""
+    return Features(inputs, network, FixedFeatures.of(case, foci(case, spec.layer), spec.multipliers), placement)
+
+
+def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
+    """Return the way the case's supports are built in."""
+    return Ansatz(case, BoundaryFactors(case, spec.components == "covariant"), Lift(case, spec.t), spec.t)
+
+
+def focal_points(case: Case) -> Array:
+    """Return the points (k, 2) toward which quadrature is graded."""
+    return np.array([focus.xi for focus in foci(case)]).reshape(-1, 2)

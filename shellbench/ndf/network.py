@@ -1,0 +1,114 @@
+"""Coordinate networks of any depth whose features carry second-order jets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from shellbench.ndf.jets import VALUE, Placement, activation, compose
+
+
+@dataclass(frozen=True)
+class Network:
+    """Hidden layers h <- sigma(W h + b).
+
+    The linear output layer is not part of it: recipes that solve for it treat it differently.
+
+    Attributes
+    ----------
+    weights, biases
+        Of each layer: (out, in) and (out,).
+    activation
+        Name in `shellbench.ndf.jets.ACTIVATIONS`.
+    """
+
+    weights: tuple[Tensor, ...]
+    biases: tuple[Tensor, ...]
+    activation: str = "sine"
+
+    def features(self, inputs: Tensor) -> Tensor:
+        """Return the jets (6, N, M) of the last hidden layer from the jets (6, N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            z = h @ weight.T
+            if z.requires_grad:
+                z = torch.cat([z[:1] + bias, z[1:]])
+            else:
+                z[VALUE] += bias
+            h = compose(function(z[VALUE], 2), z)
+        return h
+
+    def values(self, inputs: Tensor) -> Tensor:
+        """Return the values (N, M) of the last hidden layer from the values (N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            h = function(h @ weight.T + bias, 0)[0]
+        return h
+
+    @property
+    def width(self) -> int:
+        """Number of features M."""
+        return self.weights[-1].shape[0]
+
+    @property
+    def parameters(self) -> int:
+        """Number of weights and biases."""
+        return sum(t.numel() for t in (*self.weights, *self.biases))
+
+    def narrowed(self, width: int) -> Network:
+        """Return the network with the first `width` features only."""
+        return replace(
+            self,
+            weights=(*self.weights[:-1], self.weights[-1][:width]),
+            biases=(*self.biases[:-1], self.biases[-1][:width]),
+        )
+
+
+def siren(
+    inputs: int, widths: tuple[int, ...], omega0: float, seed: int, placement: Placement, name: str = "sine"
+) -> Network:
+    """Return a network with the SIREN initialisation (Sitzmann et al. 2020, section 3.2).
+
+    First layer omega0 U(-1/n, 1/n), later ones U(-sqrt(6/n), sqrt(6/n)) with omega0 absorbed; biases as
+    omega0 U(-1/sqrt(n), 1/sqrt(n)), PyTorch's default for a linear layer times omega0.
+
+    Parameters
+    ----------
+    inputs
+        Number of input coordinates.
+    widths
+        Of the hidden layers.
+    omega0
+        Frequency of the sines: z = omega0 (W h + b), with omega0 multiplied into W and b.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    weights, biases = [], []
+    for layer, width in enumerate(widths):
+        fan_in = inputs if layer == 0 else widths[layer - 1]
+        bound = omega0 / fan_in if layer == 0 else math.sqrt(6 / fan_in)
+        weights.append(_uniform(generator, bound, (width, fan_in), placement))
+        biases.append(_uniform(generator, omega0 / math.sqrt(fan_in), (width,), placement))
+    return Network(tuple(weights), tuple(biases), name)
+
+
+def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -> Network:
+    """Return one layer of random features, W ~ N(0, scales^2) and b ~ U(-pi, pi) (Rahimi & Recht 2007).
+
+    Parameters
+    ----------
+    scales
+        (n,) standard deviation of the weights of each input.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    draws = torch.randn((width, len(scales)), generator=generator, dtype=torch.float64)
+    phases = torch.rand((width,), generator=generator, dtype=torch.float64)
+    weight = draws.to(scales) * scales
+    return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
+
+
+def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], placement: Placement) -> Tensor:
+    drawn = torch.rand(shape, generator=generator, dtype=torch.float64)
+    return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)

@@ -1,0 +1,53 @@
+"""How fine a Ritz field and its quadrature must be, from the case alone.
+
+What decides is whether the midsurface is curved (then edges have layers of the length sqrt(R h)) and whether forces act
+at points (then the solution is resolved over that length, away from edges). The figures were chosen by certified energy
+on plates, roofs of four thicknesses, and pinched and twisted cylinders: the least that have converged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shellbench.case import Case
+from shellbench.ndf.inputs import CURVED, foci
+from shellbench.ndf.quadrature import RuleSpec
+
+SAMPLES = 9  # points a side of the grid on which a surface is looked at
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Width and scales of random features, and the rules that they are integrated with."""
+
+    neurons: int
+    scale: float
+    stretched_scale: float
+    rule: RuleSpec
+    fine: RuleSpec
+
+
+def is_flat(case: Case) -> bool:
+    """Tell whether the midsurface has no curvature."""
+    x = case.surface.derivatives(case.surface.domain.grid(SAMPLES, SAMPLES), 2)
+    normal = np.cross(x[1, 0], x[0, 1])
+    bend = max(float(np.abs((x[key] * normal).sum(-1)).max()) for key in ((2, 0), (1, 1), (0, 2)))
+    return bend <= CURVED * float(np.abs(normal).max())
+
+
+def resolution(case: Case) -> Resolution:
+    """Return the resolution that a case asks for."""
+    if foci(case):
+        neurons = 300 if is_flat(case) else 700
+        return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
+    if is_flat(case):
+        return Resolution(120, 3.5, 2.0, _rule(case, 5, 6), _rule(case, 6, 7))
+    return Resolution(240, 4.5, 2.0, _rule(case, 8, 6), _rule(case, 10, 7))
+
+
+def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
+    """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
+    first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
+    return RuleSpec((first, second), order, grading, cuts)

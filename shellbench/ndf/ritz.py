@@ -1,0 +1,234 @@
+"""The recipe `ndf-ritz`: fixed random sine features whose output layer is solved for. It trains nothing.
+
+The strain energy of a linear shell is quadratic in the output weights, so they follow from one symmetric positive
+definite system, as in Ritz's method; the hidden layer keeps the weights that the seed drew (random features, Rahimi &
+Recht 2007). Widths, scales and quadrature follow from the case: whether it is flat, and whether it
+carries forces at points. Where only loads act, the answer is the multiple of the found field that is best on the finer
+quadrature, so that what the training quadrature misjudges does not scale it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import torch
+from pydantic import Field as PydanticField
+from torch import Tensor
+
+from shellbench.case import Case
+from shellbench.errors import InputError, SolveFailure
+from shellbench.measure import mean_displacement
+from shellbench.model import Positive
+from shellbench.ndf.build import Components, FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.ndf.declines import why_declined
+from shellbench.ndf.energy import NormalEquations, concentrated, normal_equations
+from shellbench.ndf.field import Ansatz, Features, Field
+from shellbench.ndf.inputs import LAYER
+from shellbench.ndf.jets import VALUE, Placement, activation
+from shellbench.ndf.loads import check_balance
+from shellbench.ndf.network import random_features
+from shellbench.ndf.quadrature import area_rule
+from shellbench.ndf.resolution import Resolution, resolution
+from shellbench.ndf.singular import MULTIPLIERS
+from shellbench.ndf.solution import NdfSolution, load_solution
+from shellbench.ndf.solve import OutputLayer, solve_output
+from shellbench.ndf.supports import point_supports
+from shellbench.quantities import DisplacementQuantity
+from shellbench.solution import Capabilities, Progress, ProgressCallback, SeededSettings, Solution, Step
+
+LARGEST_GAP = 5e-4  # of the energy on the two rules: converged fields show 3e-5 and less, exploited rules 1e-2 and more
+NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
+
+
+class RitzSettings(SeededSettings):
+    """Settings of `ndf-ritz`; what is None follows from the case."""
+
+    neurons: int | None = PydanticField(None, ge=1, le=4000, description="width of the random layer")
+    activation: str = "sine"
+    scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
+    stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
+    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
+    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
+    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
+    periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
+    components: Components = PydanticField("cartesian", description="what the output layer gives")
+    panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
+    order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
+    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
+
+
+@dataclass(frozen=True)
+class RitzSolver:
+    """Random features with a solved output layer; see `shellbench.solution.Solver`."""
+
+    name: ClassVar[str] = "ndf-ritz"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear",),
+        label="neural field: fixed random sine layer, output layer solved for (Ritz); trains nothing",
+        devices=("cpu", "cuda"),
+    )
+    settings_type: ClassVar[type[RitzSettings]] = RitzSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
+        return why_declined(case)
+
+    def load(self, path: Path) -> NdfSolution:
+        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        return load_solution(path, self.name)
+
+    def solve(
+        self,
+        case: Case,
+        settings: RitzSettings,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> NdfSolution:
+        """Solve a case; `start` is of no use to a direct solve and is ignored.
+
+        Raises
+        ------
+        SolveFailure
+            If the energies on the two quadratures disagree by more than the largest admissible gap.
+        InputError
+            If the case or the settings can't be solved with.
+        """
+        reason = self.declines(case)
+        if reason:
+            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+        with torch.no_grad():
+            return _solve(case, settings, progress or (lambda _: None))
+
+
+def _solve(case: Case, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+    begin = time.perf_counter()
+    activation(settings.activation)
+    placement, focal = Placement.on(settings.device), focal_points(case)
+    chosen = _resolution(case, settings)
+    spec = FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        multipliers=settings.singular,
+    )
+    ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+    scales = placement.tensor(np.where(inputs.stretched, chosen.stretched_scale, chosen.scale))
+    network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
+    features = build_features(case, spec, network, placement, inputs)
+
+    progress(Progress(0, 3, f"integrating the energy of {chosen.neurons} neurons"))
+    rule = area_rule(case.surface.domain, focal, chosen.rule)
+    check_balance(case, rule, chosen.rule, focal)
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
+    progress(Progress(1, 3, "solving for the output layer"))
+    widths = sorted({math.ceil(share * chosen.neurons) for share in NESTED})
+    layers = [solve_nested(ansatz, features, equations, width) for width in widths]
+    progress(Progress(2, 3, "certifying the energy on the finer quadrature"))
+    outputs = [layer.weights.view(3, -1) for layer in layers]
+    fine = area_rule(case.surface.domain, focal, chosen.fine)
+    certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
+    moved = ansatz.lift.moves or any(support.value for support in point_supports(case, spec.t))
+    history: list[Step] = []
+    for width, layer, output, energies in zip(widths, layers, outputs, certified, strict=True):
+        potential = potential_energy(equations, layer.weights)
+        gap = energy_gap(potential, energies, moved)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        field = Field(ansatz, features, share * output, output.new_zeros(6))
+        solution = NdfSolution(
+            case=case,
+            solver=RitzSolver.name,
+            spec=spec,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=chosen.fine,
+            membrane=membrane,
+            bending=bending,
+            parameters=output.numel(),
+            point_forces=tuple((share * layer.reactions).tolist()),
+        )
+        step = Step(
+            iteration=len(history),
+            seconds=time.perf_counter() - begin,
+            energy=potential,
+            unknowns=3 * (width + features.fixed.count),
+            at=spec.t,
+            gap=gap,
+            quantities=_displacements(case, solution),
+        )
+        history.append(step)
+    diagnostics = {
+        "energy_gap": gap,
+        "certified_energy": energies.potential(share),
+        "jitter": layer.jitter,
+        "fixed_weights": network.parameters,
+        "neurons": chosen.neurons,
+        "quadrature_points": len(rule.points),
+        "fine_quadrature_points": len(fine.points),
+    }
+    solution = replace(solution, history=tuple(history), diagnostics=diagnostics)
+    if not gap <= settings.largest_gap:  # also where it is not a number
+        raise SolveFailure(
+            f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
+            f" more than the {settings.largest_gap:g} allowed; use more panels or fewer neurons",
+            solution,
+        )
+    return solution
+
+
+def _resolution(case: Case, settings: RitzSettings) -> Resolution:
+    usual = resolution(case)
+    rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
+    return replace(
+        usual,
+        neurons=settings.neurons or usual.neurons,
+        scale=settings.scale or usual.scale,
+        stretched_scale=settings.stretched_scale or usual.stretched_scale,
+        rule=rule,
+    )
+
+
+def _displacements(case: Case, solution: NdfSolution) -> dict[str, float]:
+    quantities = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
+    return {q.name: mean_displacement(solution, q) for q in quantities}
+
+
+def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
+    """Return the potential energy of output weights (3 M,) on the rule of the equations, J."""
+    return float(0.5 * weights @ (equations.stiffness @ weights) - equations.load @ weights) + equations.constant
+
+
+def solve_nested(ansatz: Ansatz, features: Features, equations: NormalEquations, width: int) -> OutputLayer:
+    """Solve for the weights of the first `width` network features and all fixed ones; the others are zero."""
+    total, hidden = features.count, features.network.width
+    each = np.concatenate([np.arange(width), np.arange(hidden, total)])
+    kept = torch.as_tensor(np.concatenate([each + c * total for c in range(3)]), device=equations.load.device)
+    constraints, targets = point_constraints(ansatz, features)
+    part = NormalEquations(
+        equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
+    )
+    solved = solve_output(part, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
+    weights = torch.zeros_like(equations.load)
+    weights[kept] = solved.weights
+    return replace(solved, weights=weights)
+
+
+def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tensor]:
+    """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
+    placement, supports = features.placement, point_supports(ansatz.case, ansatz.t)
+    points = np.array([s.point.xi for s in supports]).reshape(-1, 2)
+    if not supports:
+        return features.network.weights[0].new_zeros((0, 3 * features.count)), placement.tensor(np.zeros(0))
+    components = [s.component for s in supports]
+    index = torch.arange(len(supports), device=placement.device)
+    held = ansatz.factors.matrix(points, placement)[VALUE][index, components]
+    rows = (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
+    lift = ansatz.lift.jet(points, placement)[VALUE][index, components]
+    return rows, placement.tensor(np.array([s.value for s in supports])) - lift

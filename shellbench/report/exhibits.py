@@ -1,0 +1,214 @@
+"""The figures of a report, each with its caption, a description for those who can't see it, and the runs it shows."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+from matplotlib.figure import Figure
+
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.convergence import (
+    AXIS_LABELS,
+    Abscissa,
+    Course,
+    iteration_figure,
+    refinement_figure,
+)
+from shellbench.report.digits import quoted
+from shellbench.report.notation import MARKDOWN
+from shellbench.report.palette import inks, style
+from shellbench.report.rates import fitted_rate
+from shellbench.report.scene import courses, pictured, shell
+from shellbench.report.shells import Shell, course_figure, shell_figure
+from shellbench.report.suites import rows_at_home, suite_title
+
+PRINT_DPI, SCREEN_DPI = 300, 160
+MOST_TOGETHER = 6  # shells in one row of the composite
+COMPOSITE, PICTURE, CONVERGENCE = "course_", "shell_", "convergence_"  # how names of figures begin
+Format = Literal["pdf", "png", "svg"]
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """One figure.
+
+    Attributes
+    ----------
+    name
+        Stem of its files.
+    drawing
+        Whether it is lines and letters alone, and so goes into the page as SVG.
+    """
+
+    name: str
+    title: str
+    caption: str
+    description: str
+    figure: Figure
+    run_ids: tuple[str, ...]
+    drawing: bool
+
+    @property
+    def inches(self) -> float:
+        """Width in print."""
+        return float(self.figure.get_figwidth())
+
+    def save(self, folder: Path) -> str:
+        """Write it as PDF and PNG, drawings as SVG too; return it as a data URI for the page."""
+        with style():
+            self.figure.draw_without_rendering()  # lays it out, once for all formats
+            self.figure.set_layout_engine(None)
+            (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
+            png = self._rendered("png", SCREEN_DPI)
+            (folder / f"{self.name}.png").write_bytes(png)
+            if not self.drawing:
+                return _data_uri("image/png", png)
+            svg = self._rendered("svg", SCREEN_DPI)
+            (folder / f"{self.name}.svg").write_bytes(svg)
+            return _data_uri("image/svg+xml", svg)
+
+    def _rendered(self, format: Format, dpi: int) -> bytes:
+        buffer = BytesIO()
+        undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
+        self.figure.savefig(buffer, format=format, dpi=dpi, metadata=undated[format])
+        return buffer.getvalue()
+
+
+def _data_uri(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
+
+
+def exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> list[Exhibit]:
+    """Return the figures of the report.
+
+    Parameters
+    ----------
+    records
+        By run id.
+    rows
+        That compare them.
+    folder
+        Where the records' files are.
+    """
+    with style():
+        return [*_pictures(records, rows, folder), *_convergence(records, rows)]
+
+
+def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[Exhibit]:
+    drawn: dict[str, Shell] = {}
+    for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
+        shells = lead_shells(pictured(records, of_suite), folder)
+        for one in shells:
+            drawn.setdefault(one.case, one)
+        if len(shells) > 1:
+            shown = shells[:MOST_TOGETHER]
+            yield Exhibit(
+                name=f"{COMPOSITE}{suite}",
+                title=suite_title(suite),
+                caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
+                " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
+                " reference surface as a wire. " + _solved_by(shown),
+                description="; ".join(map(_shape, shown)),
+                figure=course_figure(shown),
+                run_ids=tuple(shell.run_id for shell in shown),
+                drawing=False,
+            )
+    for one in drawn.values():
+        magnified = MARKDOWN.number(quoted(one.scale))
+        yield Exhibit(
+            name=f"{PICTURE}{one.case}",
+            title=one.title,
+            caption=f"Deformed shell, displacement magnified {magnified} times. {_solved_by([one])}",
+            description=_shape(one),
+            figure=shell_figure(one),
+            run_ids=(one.run_id,),
+            drawing=False,
+        )
+
+
+def lead_shells(candidates: Mapping[str, Sequence[Record]], folder: Path) -> list[Shell]:
+    """Return one shell a case, by one solver as far as possible.
+
+    That is the solver which answered most cases; of several, the one whose solutions take the fewest bytes.
+    """
+    answered: dict[str, list[int]] = {}
+    for records in candidates.values():
+        for record in records:
+            answered.setdefault(record.identity.solver, []).append(record.storage_bytes or 0)
+    order = sorted(answered, key=lambda solver: (-len(answered[solver]), sum(answered[solver]), solver))
+    shells = []
+    for records in candidates.values():
+        ranked = sorted(records, key=lambda record: order.index(record.identity.solver))
+        drawn = (shell(record, folder) for record in ranked)
+        shells += [next(filter(None, drawn), None)]
+    return [one for one in shells if one is not None]
+
+
+def _solved_by(shells: Sequence[Shell]) -> str:
+    solvers = list(dict.fromkeys(shell.solver for shell in shells))
+    return f"Solved by {' and '.join(solvers)}."
+
+
+def _shape(shell: Shell) -> str:
+    coloured = shell.coloured
+    return f"{shell.title}: displacement from {coloured.min():.3g} m to {coloured.max():.3g} m"
+
+
+def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
+    colours = inks(row.solver for row in rows)
+    axes: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
+    for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
+        shown = [course for course in courses(records, of_suite) if not course.variant]
+        refining = [course for course in shown if not course.is_field]
+        refinement = refinement_figure(shown, colours)
+        if refinement is not None:
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_refinement",
+                title=f"{suite_title(suite)}: convergence under refinement",
+                caption="Relative error of each case's headline figure against unknowns and wall time. Dashed: power"
+                " laws fitted to the finest steps whose error lies above the uncertainty of the known value; against"
+                " the unknowns the exponent is the order in the mesh width h.",
+                description=f"Errors fall with refinement. {_rates(refining)}",
+                figure=refinement,
+                run_ids=_run_ids(refining),
+                drawing=True,
+            )
+        for abscissa in axes:
+            figure = iteration_figure(shown, colours, abscissa)
+            if figure is None:
+                continue
+            against = AXIS_LABELS[abscissa].removesuffix(" (s)")
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_{abscissa}",
+                title=f"{suite_title(suite)}: error and quadrature gap against {against}",
+                caption="Relative error of each case's headline figure, and the gap between the energy on the"
+                " solve's own quadrature and on a finer one. The gap tells a field that exploits its quadrature; it"
+                " does not bound the error. A line or a mark for each seed.",
+                description=f"Error and gap of {_solvers(shown)} against {against}, case by case",
+                figure=figure,
+                run_ids=_run_ids(shown),
+                drawing=True,
+            )
+
+
+def _rates(refining: Sequence[Course]) -> str:
+    words = []
+    for course in refining:
+        rate = fitted_rate(*course.errors("unknowns"), course.floor)
+        if rate is not None:
+            words.append(f"{course.title}, {course.solver}: order {-2 * rate.slope:.1f} in h")
+    return "Fitted: " + "; ".join(dict.fromkeys(words)) + "." if words else ""
+
+
+def _solvers(shown: Sequence[Course]) -> str:
+    return ", ".join(dict.fromkeys(course.solver for course in shown))
+
+
+def _run_ids(shown: Sequence[Course]) -> tuple[str, ...]:
+    return tuple(course.run_id for course in shown)

@@ -1,0 +1,115 @@
+"""The table of fields: how far the solvers' whole displacement fields are from each other.
+
+A headline figure can be right by chance; a field can't. All fields are held on the grid that every record keeps,
+against the field of a deterministic solver if there is exactly one, and of no other.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.digits import percent
+from shellbench.report.notation import Notation
+from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.table import Column, Line, Show, Table, present
+
+Array = NDArray[np.float64]
+
+
+def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
+    """Return the table of differences between fields; None if there are no two to compare."""
+    lines: list[dict[str, Any]] = []
+    headline = [row for row in rows if row.primary and row.default_settings and row.run_id in records]
+    for (case, _), of_case in grouped(headline, lambda row: (row.case, row.own_case)).items():
+        certain = {row.run_id: row for row in of_case if row.seed is None}
+        if len(certain) != 1:
+            continue
+        yardstick = next(iter(certain.values()))
+        theirs = read_field(records[yardstick.run_id or ""], folder)
+        for name, of_solver in grouped(of_case, solution_name).items():
+            found = [
+                (row.run_id, *differences(ours, theirs))
+                for row in of_solver
+                if row is not yardstick
+                and theirs is not None
+                and (ours := read_field(records[row.run_id or ""], folder)) is not None
+                and ours[0].shape == theirs[0].shape
+            ]
+            if found:
+                lines.append(
+                    {
+                        "block": of_case[0].case_title or case,
+                        "case": case,
+                        "solution": name,
+                        "against": yardstick.solver,
+                        "seeds": len(found),
+                        "mean_square": max(square for _, square, _ in found),
+                        "largest": max(largest for _, _, largest in found),
+                        "run_ids": " ".join(str(run_id) for run_id, _, _ in found),
+                    }
+                )
+    if not lines:
+        return None
+    return Table(
+        name="fields",
+        title="Differences between fields",
+        caption="Root of the mean square over the shell's area, and largest, of the difference between displacement"
+        " fields, relative to the same measure of the field that they are held against; the worst seed of each.",
+        data=pd.DataFrame(lines),
+        columns=(
+            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
+            Column("Held against", lambda line, notation: notation.code(line["against"]), right=False),
+            Column("Seeds", lambda line, notation: str(line["seeds"])),
+            Column("Mean square", _relative("mean_square")),
+            Column("Largest", _relative("largest")),
+        ),
+    )
+
+
+def read_field(record: Record, folder: Path) -> tuple[Array, Array] | None:
+    """Return positions and displacements (n, n, 3) in metres that a run kept; None if it kept none."""
+    if record.fields_file is None:
+        return None
+    try:
+        with np.load(folder / record.fields_file, allow_pickle=False) as fields:
+            return np.asarray(fields["position"], dtype=float), np.asarray(fields["displacement"], dtype=float)
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        return None
+
+
+def differences(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> tuple[float, float]:
+    """Return the relative mean-square and largest difference of two fields on the same grid."""
+    weights = areas(theirs[0])
+    difference = np.linalg.norm(ours[1] - theirs[1], axis=-1)
+    size = np.linalg.norm(theirs[1], axis=-1)
+    mean_square = np.sqrt(np.sum(weights * difference**2) / np.sum(weights * size**2))
+    return float(mean_square), float(difference.max() / size.max())
+
+
+def areas(position: Array) -> Array:
+    """Return the share (n1, n2) of the surface's area that belongs to each point of a grid (n1, n2, 3)."""
+    first, second = np.gradient(position, axis=0), np.gradient(position, axis=1)
+    weights = np.linalg.norm(np.cross(first, second), axis=-1)
+    for axis in (0, 1):  # the trapezoidal rule: half a cell at the ends
+        ends = [slice(None), slice(None)]
+        for end in (0, -1):
+            ends[axis] = end  # type: ignore[call-overload]
+            weights[tuple(ends)] *= 0.5
+    return np.asarray(weights)
+
+
+def _relative(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        value = line[name]
+        return notation.number(percent(value, signed=False)) + notation.per_cent if present(value) else notation.missing
+
+    return show

@@ -1,0 +1,74 @@
+"""How figures look: one style for print, and for each solver its own colour and marker everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, cast
+
+import matplotlib as mpl
+
+OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
+"""Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
+MARKERS = ("P", "v", "X", "D", "^", "s", "o")
+DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+
+STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.5,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.linewidth": 0.4,
+    "grid.color": "#D9D9D9",
+    "lines.linewidth": 1.3,
+    "lines.markersize": 3.8,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "figure.dpi": 100.0,
+    "savefig.facecolor": "white",
+    "pdf.fonttype": 42,  # TrueType: text in the PDF stays text
+    "svg.fonttype": "path",
+    "svg.hashsalt": "shellbench",  # the same figure is the same file
+}
+
+
+@dataclass(frozen=True)
+class Ink:
+    """Colour and marker of a solver."""
+
+    colour: str
+    marker: str
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw in the style of the report; matplotlib's settings are restored afterwards."""
+    with mpl.rc_context(cast(Any, STYLE)):
+        yield
+
+
+def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
+    """Return the colour and marker of each solver.
+
+    A solver's place in the palette follows from its name, so that it looks the same in every report; two names
+    that fall on one place take the next free one in alphabetical order. Beyond the palette's length it repeats.
+    """
+    places: dict[str, int] = {}
+    for solver in sorted(set(solvers)):
+        place = int(hashlib.sha256(solver.encode()).hexdigest(), 16) % len(OKABE_ITO)
+        taken = set(places.values())
+        free = [(place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO))]
+        places[solver] = next((p for p in free if p not in taken), place)
+    return {solver: Ink(OKABE_ITO[place], MARKERS[place]) for solver, place in places.items()}

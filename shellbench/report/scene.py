@@ -1,0 +1,113 @@
+"""From records to what the plots need: deformed shells from stored fields, courses from stored histories."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.case import Case
+from shellbench.conditions import PointLoad
+from shellbench.places import Edge, Point
+from shellbench.report.convergence import Course
+from shellbench.report.projection import Camera
+from shellbench.report.shells import Shell
+from shellbench.report.solutions import variant_name
+
+Array = NDArray[np.float64]
+
+
+def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
+    """Return the history of each run whose headline quantity has a known value."""
+    found = []
+    for row in rows:
+        record = records.get(row.run_id or "")
+        if record is None or not row.primary or not row.reference or not record.history:
+            continue
+        found.append(
+            Course(
+                case=row.case,
+                title=row.case_title or row.case,
+                solver=row.solver,
+                variant=variant_name(row),
+                seed=row.seed,
+                quantity=row.quantity,
+                reference=row.reference,
+                uncertainty=row.reference_uncertainty or 0.0,
+                steps=record.history,
+                run_id=record.run_id,
+            )
+        )
+    return found
+
+
+def shell(record: Record, folder: Path) -> Shell | None:
+    """Return the deformed shell of a run; None if it kept no fields or they can't be read."""
+    if record.fields_file is None:
+        return None
+    try:
+        case = Case.model_validate(record.case)
+        with np.load(folder / record.fields_file, allow_pickle=False) as fields:
+            xi, position, displacement = (np.asarray(fields[k]) for k in ("xi", "position", "displacement"))
+    except (OSError, KeyError, ValueError, ValidationError, zipfile.BadZipFile):
+        return None
+    if not np.all(np.isfinite(displacement)):
+        return None
+    picture = case.picture
+    return Shell(
+        case=record.case_name,
+        title=case.title,
+        solver=record.identity.solver,
+        position=position,
+        displacement=displacement,
+        scale=picture.scale,
+        camera=Camera(*picture.view, picture.up),
+        direction=picture.direction,
+        held=held_edges(case, position),
+        forces=point_forces(case, xi, position),
+        run_id=record.run_id,
+    )
+
+
+def held_edges(case: Case, position: Array) -> tuple[Array, ...]:
+    """Return the held edges as polylines (n, 3) of the grid of positions (n1, n2, 3)."""
+    edges = [place for _, place in case.supported_places() if isinstance(place, Edge)]
+    return tuple(np.take(position, 0 if edge.side == "min" else -1, axis=edge.axis) for edge in edges)
+
+
+def point_forces(case: Case, xi: Array, position: Array) -> tuple[tuple[Array, Array], ...]:
+    """Return point and force (3,) of each point load, at the grid point nearest to it."""
+    forces = []
+    for load in case.loads:
+        if not isinstance(load, PointLoad):
+            continue
+        force = np.array([case.scalar(text, 1.0) for text in load.force])
+        for name in load.on if np.any(force) else ():
+            place = case.places[name]
+            if isinstance(place, Point):
+                distance = np.linalg.norm((xi - np.asarray(place.xi)) / np.asarray(case.surface.domain.size), axis=-1)
+                forces.append((position[np.unravel_index(np.argmin(distance), distance.shape)], force))
+    return tuple(forces)
+
+
+def pictured(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
+    """Return, for each case, a record with fields for each solver: its best run with default settings.
+
+    The best is the one with the smallest error, or the first where there is no known value.
+    """
+    chosen: dict[str, dict[str, tuple[float, Record]]] = {}
+    for row in rows:
+        record = records.get(row.run_id or "")
+        if record is None or record.fields_file is None or not row.primary or row.overrides:
+            continue
+        error = abs(row.relative_error) if row.relative_error is not None else 0.0
+        best = chosen.setdefault(row.case, {})
+        if row.solver not in best or error < best[row.solver][0]:
+            best[row.solver] = (error, record)
+    return {case: [record for _, record in best.values()] for case, best in chosen.items()}

@@ -1,0 +1,43 @@
+"""Which suite a row is shown under: suites with gates first, and each figure drawn once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shellbench import catalog
+from shellbench.bench.row import Row
+
+NO_SUITE = "other"  # for runs that no suite declares
+
+
+def suites_of(rows: Sequence[Row]) -> list[str]:
+    """Return the suites of the rows: the one with most gated rows first, those of equal weight as they appear."""
+    weight: dict[str, int] = {}
+    for row in rows:
+        for suite in row.suites or (row.suite or NO_SUITE,):
+            weight[suite] = weight.get(suite, 0) + (row.passed is not None or row.open_finding is not None)
+    return sorted(weight, key=lambda suite: -weight[suite])
+
+
+def rows_of(rows: Sequence[Row], suite: str) -> list[Row]:
+    """Return the rows of all runs that a suite declares, in the suite's order of cases."""
+    order = catalog.find_suite(suite).order if suite in catalog.suite_names() else ()
+    found = [row for row in rows if suite in (row.suites or (row.suite or NO_SUITE,))]
+    return sorted(found, key=lambda row: order.index(row.case) if row.case in order else len(order))
+
+
+def rows_at_home(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return each row once, under the first of its suites, in the suites' order of cases."""
+    homes: dict[str, list[Row]] = {}
+    placed: set[int] = set()
+    for suite in suites_of(rows):
+        homes[suite] = [row for row in rows_of(rows, suite) if id(row) not in placed]
+        placed.update(map(id, homes[suite]))
+    return {suite: of_suite for suite, of_suite in homes.items() if of_suite}
+
+
+def suite_title(suite: str) -> str:
+    """Return the title of a suite of the catalog; of any other its name."""
+    if suite in catalog.suite_names():
+        return catalog.find_suite(suite).title
+    return suite.replace("_", " ").capitalize()

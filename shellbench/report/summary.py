@@ -1,0 +1,99 @@
+"""The verdict in short: how many gated figures hold, and each solver's worst error case by case."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shellbench.bench.row import Row
+from shellbench.report.digits import allowance, percent
+from shellbench.report.notation import Notation
+from shellbench.report.solutions import BAD, EXPECTED, NOT_GATED, PASS, same_but_for_seed, solution_name, verdict
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How the gated rows came out."""
+
+    gated: int
+    held: int
+    expected: int
+    bad_runs: int
+
+    @property
+    def good(self) -> bool:
+        """Whether everything that is gated holds, and something is."""
+        return self.gated > 0 and self.held == self.gated
+
+    @property
+    def words(self) -> str:
+        """The verdict in one sentence."""
+        if not self.gated:
+            text = "Nothing is gated here"
+        elif self.good:
+            text = f"All {self.gated} gated figures hold"
+        else:
+            text = f"{self.gated - self.held} of {self.gated} gated figures fell short"
+        if self.expected:
+            text += f"; {self.expected} expected failure{'s' if self.expected != 1 else ''} (open findings)"
+        if self.bad_runs:
+            text += f"; {self.bad_runs} run{'s' if self.bad_runs != 1 else ''} failed or missing"
+        return text + "."
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One solver on one case.
+
+    Attributes
+    ----------
+    state
+        "good", "bad", "expected" or "open".
+    """
+
+    words: str
+    state: str
+
+
+def overall(rows: Sequence[Row]) -> Verdict:
+    """Return how the gated rows came out."""
+    gated = [row for row in rows if row.passed is not None]
+    bad = {(row.case, same_but_for_seed(row), row.seed) for row in rows if row.status not in ("ok", "declined")}
+    return Verdict(
+        gated=len(gated),
+        held=sum(bool(row.passed) for row in gated),
+        expected=sum(row.passed is None and row.open_finding is not None for row in rows),
+        bad_runs=len(bad),
+    )
+
+
+def matrix(rows: Sequence[Row], notation: Notation) -> tuple[list[str], list[tuple[str, list[Cell]]]]:
+    """Return the titles of the cases, and for each gated solver its worst headline error on each.
+
+    The verdict of a cell is over all gated quantities of the case, not the headline alone.
+    """
+    gated = [row for row in rows if row.passed is not None or row.open_finding]
+    cases = {row.case: row.case_title or row.case for row in gated}
+    solvers = dict.fromkeys(solution_name(row) for row in gated)
+    lines = []
+    for solver in solvers:
+        of_solver = [row for row in gated if solution_name(row) == solver]
+        lines.append((solver, [_cell([row for row in of_solver if row.case == case], notation) for case in cases]))
+    return list(cases.values()), lines
+
+
+def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
+    if not rows:
+        return Cell(notation.missing, "open")
+    words = verdict(rows)
+    state = {PASS: "good", EXPECTED: "expected", NOT_GATED: "open"}.get(words, "bad" if words in BAD else "open")
+    headline = [row for row in rows if row.primary]
+    errors = [row.relative_error for row in headline if row.relative_error is not None]
+    if not errors:
+        return Cell(notation.escape(words), state)
+    worst = max(errors, key=abs)
+    text = f"{notation.escape(words)}: {notation.number(percent(worst))}{notation.per_cent}"
+    tolerance = headline[0].tolerance
+    if tolerance is not None and not headline[0].tolerance_is_absolute:
+        text += " of " + notation.number(allowance(tolerance)) + notation.per_cent
+    return Cell(text, state)

@@ -1,0 +1,218 @@
+"""A table: one set of numbers, written in any format.
+
+The numbers are a pandas DataFrame at full precision, built once. A format chooses how each column is written,
+never what: so the same numbers stand in the terminal, in Markdown, in LaTeX and in HTML, and the CSV has
+all their digits. (The Styler of pandas would write LaTeX and HTML, but has no rows that head a block and no
+scopes for screen readers.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import pandas as pd
+
+from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
+
+Format = Literal["text", "markdown", "latex", "csv", "html"]
+Cells = list[str]
+Line = Mapping[str, Any]
+Show = Callable[[Line, Notation], str]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a table.
+
+    Attributes
+    ----------
+    heading
+        Plain words.
+    show
+        Writes the cell of a row of the data in a notation.
+    right
+        Whether numbers are aligned to the right.
+    wide
+        Whether it holds sentences: neither the terminal nor a printed page has room for it.
+    """
+
+    heading: str
+    show: Show
+    right: bool = True
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Note:
+    """A remark below a table: what it is about, in plain words, and its source if it has one."""
+
+    about: str
+    text: str
+    source: str = ""
+
+    def write(self, notation: Notation) -> str:
+        """Write the remark in a notation."""
+        cited = f" {notation.cite(self.source)}" if self.source else ""
+        return f"{notation.strong(notation.escape(self.about))}{cited}: {notation.escape(self.text)}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its caption and remarks.
+
+    Attributes
+    ----------
+    name
+        Stem of its files and its label in LaTeX.
+    data
+        One row for each row of the table, at full precision; the column `block` says under which heading.
+    """
+
+    name: str
+    title: str
+    caption: str
+    data: pd.DataFrame
+    columns: tuple[Column, ...]
+    notes: tuple[Note, ...] = ()
+    sources: tuple[str, ...] = field(default=())
+
+    def columns_in(self, notation: Notation) -> tuple[Column, ...]:
+        """Return the columns that a notation shows."""
+        return tuple(column for column in self.columns if not column.wide or notation not in (TEXT, LATEX_NOTATION))
+
+    def blocks(self, notation: Notation) -> Iterator[tuple[str, list[Cells]]]:
+        """Yield the heading of each block (plain words) with its rows of cells in a notation."""
+        columns = self.columns_in(notation)
+        for heading, rows in self.data.groupby("block", sort=False) if len(self.data) else ():
+            lines = rows.to_dict("records")
+            yield str(heading), [[column.show(line, notation) for column in columns] for line in lines]
+
+    def write(self, format: Format) -> str:
+        """Write the table in a format."""
+        return WRITERS[format](self)
+
+
+def present(value: Any) -> bool:
+    """Tell whether a cell of the data has a value."""
+    return value is not None and value is not pd.NA and value == value and value != ""
+
+
+def write_text(table: Table) -> str:
+    """Write for the terminal: plain characters, aligned."""
+    blocks = list(table.blocks(TEXT))
+    columns = table.columns_in(TEXT)
+    headings = [column.heading for column in columns]
+    rows = [headings, *(row for _, block in blocks for row in block)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(headings))]
+
+    def line(cells: Cells) -> str:
+        aligned = (
+            cell.rjust(width) if column.right else cell.ljust(width)
+            for cell, width, column in zip(cells, widths, columns, strict=True)
+        )
+        return ("  " + "  ".join(aligned)).rstrip()
+
+    rule = "-" * (sum(widths) + 2 * len(widths))
+    lines = [table.title, rule, line(headings), rule]
+    for heading, block in blocks:
+        lines += [TEXT.escape(heading), *map(line, block)] if heading else [*map(line, block)]
+    lines += [rule, *(note.write(TEXT) for note in table.notes)]
+    return "\n".join(lines) + "\n"
+
+
+def write_markdown(table: Table) -> str:
+    """Write a pipe table; a block is headed by a row in bold."""
+    width = len(table.columns)
+
+    def line(cells: Cells) -> str:
+        return f"| {' | '.join(cells)} |"
+
+    lines = [
+        line([MARKDOWN.escape(column.heading) for column in table.columns]),
+        line(["---:" if column.right else ":---" for column in table.columns]),
+    ]
+    for heading, block in table.blocks(MARKDOWN):
+        if heading:
+            lines.append(line([MARKDOWN.strong(MARKDOWN.escape(heading)), *[""] * (width - 1)]))
+        lines += map(line, block)
+    lines += ["", MARKDOWN.escape(table.caption), ""]
+    lines += [f"- {note.write(MARKDOWN)}" for note in table.notes]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def write_latex(table: Table) -> str:
+    """Write a table for booktabs, with caption, label and remarks; sources are cited by their keys."""
+    tex = LATEX_NOTATION
+    columns = table.columns_in(tex)
+    width = len(columns)
+    cited = " ".join(tex.cite(key) for key in table.sources)
+    caption = f"{tex.strong(tex.escape(table.title) + '.')} {tex.escape(table.caption)}"
+    lines = [
+        "% needs \\usepackage{booktabs}",
+        r"\begin{table*}",
+        r"  \centering",
+        r"  \footnotesize",
+        r"  \setlength{\tabcolsep}{4pt}",
+        rf"  \caption{{{caption}{f' Sources: {cited}.' if cited else ''}}}",
+        rf"  \label{{tab:{table.name.replace('_', '-')}}}",
+        rf"  \begin{{tabular}}{{{''.join('r' if column.right else 'l' for column in columns)}}}",
+        r"    \toprule",
+        f"    {' & '.join(tex.escape(column.heading) for column in columns)} \\\\",
+    ]
+    for heading, block in table.blocks(tex):
+        lines.append(r"    \midrule")
+        if heading:
+            lines.append(rf"    \multicolumn{{{width}}}{{l}}{{\emph{{{tex.escape(heading)}}}}} \\")
+        lines += [f"    {' & '.join(row)} \\\\" for row in block]
+    lines += [r"    \bottomrule", r"  \end{tabular}"]
+    if table.notes:
+        lines += [r"  \par\medskip", r"  \begin{minipage}{\linewidth}"]
+        lines += [rf"    {note.write(tex)}\par" for note in table.notes]
+        lines += [r"  \end{minipage}"]
+    lines.append(r"\end{table*}")
+    return "\n".join(lines) + "\n"
+
+
+def write_html(table: Table) -> str:
+    """Write a table element whose blocks and rows have headers that screen readers announce."""
+    width = len(table.columns)
+    sides = ["number" if column.right else "sentences" if column.wide else "words" for column in table.columns]
+    head = "".join(
+        f'<th scope="col" class="{side}">{HTML.escape(column.heading)}</th>'
+        for column, side in zip(table.columns, sides, strict=True)
+    )
+    lines = [
+        f'<table id="{table.name}">',
+        f"<caption><strong>{HTML.escape(table.title)}.</strong> {HTML.escape(table.caption)}</caption>",
+        f"<thead><tr>{head}</tr></thead>",
+    ]
+    for heading, block in table.blocks(HTML):
+        lines.append("<tbody>")
+        if heading:
+            lines.append(f'<tr class="block"><th scope="rowgroup" colspan="{width}">{HTML.escape(heading)}</th></tr>')
+        for first, *rest in block:
+            cells = "".join(f'<td class="{side}">{cell}</td>' for cell, side in zip(rest, sides[1:], strict=True))
+            lines.append(f'<tr><th scope="row">{first}</th>{cells}</tr>')
+        lines.append("</tbody>")
+    lines.append("</table>")
+    if table.notes:
+        notes = "".join(f"<li>{note.write(HTML)}</li>" for note in table.notes)
+        lines.append(f'<ul class="notes">{notes}</ul>')
+    return "\n".join(lines) + "\n"
+
+
+def write_csv(table: Table) -> str:
+    """Write the data itself, with all digits that tell doubles apart."""
+    text: str = table.data.to_csv(index=False, lineterminator="\n")
+    return text
+
+
+WRITERS: dict[Format, Callable[[Table], str]] = {
+    "text": write_text,
+    "markdown": write_markdown,
+    "latex": write_latex,
+    "html": write_html,
+    "csv": write_csv,
+}

@@ -1,0 +1,250 @@
+"""The tables of the report: displacements in the manner of Kairanda et al., Table 3; other quantities; resolution.
+
+`render` is what ``shellbench table`` prints.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Literal
+
+from shellbench import catalog
+from shellbench.bench.row import Row
+from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
+from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
+from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
+from shellbench.report.suites import rows_at_home, rows_of, suite_title, suites_of
+from shellbench.report.table import Column, Format, Line, Note, Show, Table, present
+
+
+def render(rows: Sequence[Row], format: Format | Literal["json"], known: Known = catalog.known_values) -> str:
+    """Write the rows in a format.
+
+    Parameters
+    ----------
+    rows
+        From `shellbench.bench.compare`.
+    format
+        "json" is the list of the rows themselves; all others are tables, one for each suite.
+    known
+        Known values by name of case.
+    """
+    if format == "json":
+        return json.dumps([json.loads(row.model_dump_json()) for row in rows], indent=1) + "\n"
+    tables = displacement_tables(rows, known)
+    if format == "csv":
+        return tables_as_csv(tables)
+    return "\n".join(table.write(format) for table in tables)
+
+
+def tables_as_csv(tables: Sequence[Table]) -> str:
+    """Write tables of the same columns as one CSV."""
+    written = [table.write("csv") for table in tables]
+    return "".join(text if i == 0 else text.partition("\n")[2] for i, text in enumerate(written))
+
+
+def displacement_tables(rows: Sequence[Row], known: Known = catalog.known_values) -> list[Table]:
+    """Return a table of the headline quantities for each suite, of all runs that it declares."""
+    headline = [row for row in rows if row.primary]
+    return [
+        comparison_table(f"displacements_{suite}", suite_title(suite), rows_of(headline, suite), known)
+        for suite in suites_of(headline)
+    ]
+
+
+def quantity_tables(rows: Sequence[Row], known: Known = catalog.known_values) -> list[Table]:
+    """Return a table of all other quantities for each suite; a run that several declare is in one of them."""
+    homes = rows_at_home([row for row in rows if not row.primary])
+    return [
+        comparison_table(f"quantities_{suite}", f"{suite_title(suite)}: other quantities", of_suite, known)
+        for suite, of_suite in homes.items()
+    ]
+
+
+def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -> Table:
+    """Return the table that holds solvers against known values."""
+    data = comparison(rows, known)
+    theories = dict.fromkeys(theory_words(theory) for theory in data.loc[data["kind"] == "judge", "theory"])
+    sources = tuple(dict.fromkeys(source for source in data["source"] if present(source)))
+    return Table(
+        name=name,
+        title=title,
+        caption=caption(list(theories), marked=any(map(within_doubt, data.to_dict("records")))),
+        data=data,
+        columns=COMPARISON,
+        notes=tuple(notes(rows, data.to_dict("records"), known)),
+        sources=sources,
+    )
+
+
+def caption(theories: Sequence[str], marked: bool) -> str:
+    """Say what judges, and how the errors are to be read."""
+    judged = f"Errors are relative to the converged value of {' and '.join(theories)} theory." if theories else ""
+    return " ".join(
+        part
+        for part in (
+            judged,
+            "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
+            " differs.",
+            "A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
+            " brackets are the uncertainty of the last digits.",
+            "An error marked * is smaller than the uncertainty of the known value." if marked else "",
+            "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
+            " of the solving process.",
+        )
+        if part
+    )
+
+
+def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note]:
+    """Return the remarks: what the known values say of themselves, then every run that did not simply pass."""
+    titles = {row.case: row.case_title or row.case for row in rows}
+    shown = {(line["case"], line["quantity"], line["source"], line["value"]) for line in lines}
+    judged_by = {(line["case"], line["quantity"]): line["judged_by"] for line in lines}
+    about: dict[tuple[str, str, str], list[str]] = {}
+    for case, quantity in dict.fromkeys((row.case, row.quantity) for row in rows if not row.own_case):
+        for value in known(case).of(quantity, "literature", "published", "judge"):
+            differs = value.theory != judged_by[case, quantity] and value.role != "judge"
+            if (value.note or differs) and (case, quantity, value.source, value.value) in shown:
+                name = "Converged" if value.role == "judge" else value.label or value.role
+                theory = f"{theory_words(value.theory)}; " if differs else ""
+                text = f"{theory}{value.origin}. {value.note}".strip()
+                about.setdefault((name, text, value.source), []).append(titles[case])
+    remarks = [
+        Note(f"{name} ({'; '.join(dict.fromkeys(of))})", text, source) for (name, text, source), of in about.items()
+    ]
+    for line in lines:
+        if line["kind"] == "solver" and present(line["reason"]):
+            remarks.append(Note(f"{titles[line['case']]}, {line['solution']} ({line['verdict']})", line["reason"]))
+    for row in rows:
+        if row.reference is None and row.disagreement is not None and row.disagreement_with:
+            difference = f"{100 * row.disagreement:+.2g} % from {row.disagreement_with}"
+            seed = "" if row.seed is None else f", seed {row.seed}"
+            what = f"{titles[row.case]}, {row.quantity}, {row.solver}{seed}"
+            remarks.append(Note(what, f"no known value; differs by {difference}"))
+    return list(dict.fromkeys(remarks))
+
+
+def _solution(line: Line, notation: Notation) -> str:
+    words = str(line["solution"])
+    if line["kind"] == "solver":
+        name, comma, variant = words.partition(", ")
+        return notation.code(name) + notation.escape(f"{comma}{variant}")
+    name = notation.escape(words)
+    if line["kind"] == "judge":
+        name = notation.strong(name)
+    if notation not in (TEXT, LATEX_NOTATION):
+        return name
+    return f"{name} {notation.cite(line['source'])}" if present(line["source"]) else name
+
+
+def _origin(line: Line, notation: Notation) -> str:
+    if line["kind"] == "solver":
+        return ""
+    words = notation.escape(f"{theory_words(line['theory'])}: {line['origin']}")
+    return f"{words} {notation.cite(line['source'])}" if present(line["source"]) else words
+
+
+def _of_solvers(show: Show) -> Show:
+    """Leave the cell of a known value empty: there is nothing to say."""
+    return lambda line, notation: show(line, notation) if line["kind"] == "solver" else ""
+
+
+def _seeds(line: Line, notation: Notation) -> str:
+    seeds = str(line["seeds"]).split() if present(line["seeds"]) else []
+    return f"{int(line['answered'])}/{len(seeds)}" if seeds else notation.missing
+
+
+def _value(line: Line, notation: Notation) -> str:
+    value = line["value"]
+    if not present(value):
+        return notation.missing
+    if line["kind"] in ("literature", "published"):
+        return notation.number(quoted(value))
+    if line["kind"] == "judge":
+        return notation.strong_number(rounded(value, line["uncertainty"], show_uncertainty=True))
+    return notation.number(rounded(value, doubt(line)))
+
+
+def doubt(line: Line) -> float | None:
+    """Return what limits the digits of a solver's value.
+
+    Its own uncertainty, its spread over seeds, the known value's uncertainty, or a tenth of its error: the largest.
+    """
+    doubts = [line[name] for name in ("uncertainty", "spread", "reference_uncertainty") if present(line[name])]
+    if present(line["mean_absolute_error"]):
+        doubts.append(abs(line["mean_absolute_error"]) / 10)
+    return max((float(value) for value in doubts if value > 0), default=None)
+
+
+def within_doubt(line: Line, which: str = "mean") -> bool:
+    """Tell whether a solver's error is smaller than the uncertainty of the known value."""
+    error, uncertainty = line[f"{which}_error"], line["reference_uncertainty"]
+    if line["kind"] != "solver" or not present(error) or not present(uncertainty):
+        return False
+    return bool(abs(error * line["reference"]) < uncertainty)
+
+
+def _error(which: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        relative, absolute = line[f"{which}_error"], line[f"{which}_absolute_error"]
+        if present(relative):
+            text = notation.error(relative)
+            return text + notation.escape("*") if within_doubt(line, which) else text
+        if present(absolute):
+            return notation.number(rounded(absolute, abs(absolute) / 10)) + " " + notation.escape(line["unit"])
+        return notation.missing if line["kind"] == "solver" else ""
+
+    return show
+
+
+def _worst(line: Line, notation: Notation) -> str:
+    if not present(line["answered"]) or line["answered"] < 2:
+        return notation.missing
+    return _error("worst")(line, notation)
+
+
+def _tolerance(line: Line, notation: Notation) -> str:
+    if not present(line["tolerance"]):
+        return notation.missing
+    if line["tolerance_is_absolute"]:
+        return notation.number(quoted(line["tolerance"])) + " " + notation.escape(line["unit"])
+    return notation.number(allowance(line["tolerance"])) + notation.per_cent
+
+
+def _verdict(line: Line, notation: Notation) -> str:
+    if not present(line["verdict"]):
+        return notation.missing
+    words = notation.escape(str(line["verdict"]))
+    return notation.strong(words) if line["verdict"] in (*BAD, EXPECTED) else words
+
+
+def _count(line: Line, notation: Notation) -> str:
+    return str(int(line["parameters"])) if present(line["parameters"]) else notation.missing
+
+
+def _seconds(line: Line, notation: Notation) -> str:
+    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing
+
+
+def _bytes(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        return notation.escape(byte_size(line[name])) if present(line[name]) else notation.missing
+
+    return show
+
+
+COMPARISON = (
+    Column("Solution", _solution, right=False),
+    Column("Theory, origin and source", _origin, right=False, wide=True),
+    Column("Seeds", _of_solvers(_seeds)),
+    Column("Value", _value),
+    Column("Error", _error("mean")),
+    Column("Worst seed", _of_solvers(_worst)),
+    Column("Tolerance", _of_solvers(_tolerance)),
+    Column("Verdict", _of_solvers(_verdict), right=False),
+    Column("Unknowns", _of_solvers(_count)),
+    Column("Time (s)", _of_solvers(_seconds)),
+    Column("Memory", _of_solvers(_bytes("peak_memory_bytes"))),
+)

@@ -1,0 +1,218 @@
+"""Runs end as records, whatever the solver does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from shellbench.bench import execute as execution
+from shellbench.bench.display import Silent
+from shellbench.bench.execute import execute
+from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.store import Store, StoreError
+from tests.bench import strip
+from tests.bench.running import behave, run
+
+ALLOCATED = 200e6  # bytes: what the toy allocates
+ROUND_OFF = 1e-14 * strip.CENTRE
+
+pytestmark = pytest.mark.usefixtures("toys")
+
+
+def test_a_good_run_leaves_a_whole_record(store: Store) -> None:
+    record = behave(store, "exact")
+    assert record.status == "ok"
+    assert record.values["centre"].value == pytest.approx(strip.CENTRE, rel=1e-12)
+    assert record.values["energy"].value == pytest.approx(strip.ENERGY, rel=1e-12)
+    assert record.values["centre"].uncertainty == 1e-9
+    assert record.values["centre"].extrapolated == 1.0
+    assert record.diagnostics == {"residual": 1e-12, "energy_gap": None}
+    assert record.identity.seed is None
+    assert store.read().records == (record,)
+
+
+def test_fields_are_samples_of_the_solution(store: Store) -> None:
+    record = behave(store, "exact")
+    path = store.file(record.fields_file)
+    assert path is not None
+    with np.load(path) as fields:
+        assert fields["displacement"].shape == fields["position"].shape == (*fields["xi"].shape[:2], 3)
+        largest = np.max(np.linalg.norm(fields["displacement"], axis=-1))
+    assert largest == pytest.approx(strip.CENTRE, rel=1e-12)  # the grid has a point in the middle
+
+
+def test_resolution_study_converges_at_second_order(store: Store) -> None:
+    steps = {step.points: step for step in behave(store, "exact").resolution}
+    assert sorted(steps) == [10, 25, 50, 100, 200]
+    assert all(step.probe_difference < ROUND_OFF for step in steps.values())
+    between = [np.log(steps[n].interpolation_difference) for n in (25, 50, 100)]
+    slope = np.polyfit(np.log([24, 49, 99]), between, 1)[0]
+    assert slope == pytest.approx(-2, abs=0.15)  # bilinear interpolation of a smooth field
+    bound = strip.LOAD * strip.LENGTH**2 / (8 * strip.STIFFNESS) * (strip.LENGTH / 9) ** 2 / 8
+    assert 0.8 * bound < steps[10].interpolation_difference <= bound  # max|w''| h^2 / 8
+    assert steps[200].interpolation_difference < ROUND_OFF
+
+
+def test_history_ends_where_the_energy_is_not_finite(store: Store) -> None:
+    assert [step.energy for step in behave(store, "exact").history] == [-2.0]
+
+
+def test_peak_memory_is_that_of_the_solve(store: Store) -> None:
+    record = behave(store, "allocate")
+    assert record.peak_memory_bytes is not None
+    assert record.idle_memory_bytes is not None
+    taken = record.peak_memory_bytes - record.idle_memory_bytes
+    assert 0.95 * ALLOCATED < taken < 1.3 * ALLOCATED
+    assert record.idle_memory_bytes < psutil.Process().memory_info().rss  # its solver alone, not all that we hold
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "said"),
+    [
+        ("fail", "the strip would not converge"),
+        ("raise", "ZeroDivisionError: a bug in the solver"),
+        ("exit", "exit status 1"),
+        ("crash", "SIGSEGV"),
+    ],
+)
+def test_failures_become_records_with_one_sentence(store: Store, behaviour: str, said: str) -> None:
+    record = behave(store, behaviour)
+    assert record.status == "failed"
+    assert record.reason is not None
+    assert said in record.reason
+    assert "\n" not in record.reason
+    assert not record.values
+
+
+def test_an_answer_that_is_not_finite_is_a_failure(store: Store) -> None:
+    record = behave(store, "nan")
+    assert record.status == "failed"
+    assert record.reason == "the solution has no finite value for centre, energy"
+    assert "centre" not in record.values
+
+
+def test_traceback_of_a_bug_is_kept_beside_its_record(store: Store) -> None:
+    record = behave(store, "raise")
+    log = (store.folder / f"{record.run_id}.log.txt").read_text(encoding="utf-8")
+    assert "Traceback" in log
+    assert "ZeroDivisionError" in log
+
+
+def test_what_had_converged_before_a_failure_is_kept(store: Store) -> None:
+    record = behave(store, "fail_with_partial")
+    assert record.status == "failed"
+    assert record.reason == "the strip stopped half way"
+    assert record.values["centre"].value == pytest.approx(strip.CENTRE / 2, rel=1e-12)
+    assert store.file(record.solution_file) is not None
+
+
+def test_chatter_of_a_solver_goes_to_the_log(store: Store, capfd: pytest.CaptureFixture[str]) -> None:
+    record = behave(store, "print")
+    assert record.status == "ok"
+    assert "chatter on standard output" in (store.folder / f"{record.run_id}.log.txt").read_text(encoding="utf-8")
+    assert "chatter" not in "".join(capfd.readouterr())
+
+
+def test_timeout_stops_that_run_only(store: Store) -> None:
+    plans = [
+        make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read())
+        for behaviour in ("hang", "exact")
+    ]
+    tasks = [task for plan in plans for task in plan.tasks]
+    outcomes = execute(tasks, store, Silent(), jobs=2, threads=1, timeout=2.0)
+    found = {o.task.settings["behaviour"]: o.record for o in outcomes}
+    assert found["exact"] is not None
+    assert found["exact"].status == "ok"
+    assert found["hang"] is not None
+    assert (found["hang"].status, found["hang"].reason) == ("timeout", "stopped after 2 s")
+
+
+def test_no_process_outlives_its_run(store: Store) -> None:
+    behave(store, "leave_child")
+    behave(store, "hang", timeout=1.0)
+    alive = [p.cmdline() for p in psutil.Process().children(recursive=True)]
+    orphans = [p.info["cmdline"] for p in psutil.process_iter(["cmdline"]) if _is_the_child_left(p.info["cmdline"])]
+    assert alive == []
+    assert orphans == []
+
+
+def _is_the_child_left(command: list[str] | None) -> bool:
+    return bool(command) and command[-1] == "import time; time.sleep(3600)"
+
+
+def test_refused_input_leaves_no_record(store: Store) -> None:
+    outcome = run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}})[0]
+    assert outcome.record is None
+    assert outcome.refused == "setting 'behaviour' does not fit the case"
+    assert store.read().records == ()
+
+
+def test_good_runs_are_kept_and_failed_ones_are_tried_again(store: Store) -> None:
+    behave(store, "exact")
+    assert run(store, "strip", solvers=("toy",)) == []
+    for _ in range(2):
+        assert behave(store, "fail").status == "failed"
+    assert len(run(store, "strip", solvers=("toy",), force=True)) == 1
+    assert len(store.read().records) == 4
+
+
+def test_full_disk_in_a_run_is_said_and_leaves_nothing(store: Store) -> None:
+    with pytest.raises(StoreError, match="disk is full"):
+        behave(store, "disk_full")
+    assert [p.name for p in store.folder.iterdir()] == [".lock"]
+
+
+def test_killed_server_costs_its_run_only(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Killer(Silent):
+        def progressed(self, task, progress) -> None:
+            if task.settings.get("behaviour") == "hang":
+                for child in psutil.Process().children():
+                    if any(c.status() == psutil.STATUS_SLEEPING for c in child.children()):
+                        child.kill()
+
+    tasks = [
+        task
+        for behaviour in ("hang", "exact")
+        for task in make_plan(
+            Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()
+        ).tasks
+    ]
+    records = [o.record for o in execute(tasks, store, Killer(), jobs=1, threads=1)]
+    assert [r.status for r in records if r] == ["failed", "ok"]
+    assert records[0] is not None
+    assert "killed" in (records[0].reason or "")
+
+
+def test_interrupt_stops_all_and_keeps_what_had_ended(store: Store) -> None:
+    class Interrupter(Silent):
+        def ended(self, outcome) -> None:
+            raise KeyboardInterrupt
+
+    tasks = [
+        task
+        for behaviour in ("exact", "hang")
+        for task in make_plan(
+            Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()
+        ).tasks
+    ]
+    with pytest.raises(KeyboardInterrupt):
+        execute(tasks, store, Interrupter(), jobs=2, threads=1)
+    assert [record.status for record in store.read().records] == ["ok"]
+    assert list(store.folder.glob(".*.partial")) == []
+    assert psutil.Process().children(recursive=True) == []
+
+
+def test_threads_of_a_run_are_limited(store: Store, plugin: Path) -> None:
+    text = (plugin / "toy_shells" / "solver.py").read_text(encoding="utf-8")
+    said = 'print("OMP", os.environ["OMP_NUM_THREADS"], os.environ["OMP_WAIT_POLICY"])'
+    (plugin / "toy_shells" / "solver.py").write_text(text.replace('print("chatter on standard output")', said))
+    record = behave(store, "print")
+    assert "OMP 1 passive" in (store.folder / f"{record.run_id}.log.txt").read_text(encoding="utf-8")
+
+
+def test_execution_has_no_tasks_without_a_store(store: Store) -> None:
+    assert execution.execute([], store, Silent(), jobs=1, threads=1) == []
+    assert not store.folder.exists() or list(store.folder.iterdir()) == [store.folder / ".lock"]

@@ -1,0 +1,148 @@
+"""The digest of a solver's source changes with all that can change its answers, and with nothing else."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench.registry import find_solver
+from shellbench.bench.identity import current_source
+from shellbench.bench.source import code_only, import_closure, locate, source_digest
+from shellbench.errors import InputError
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with imports of all kinds."""
+    files = {
+        "pack/__init__.py": "",
+        "pack/solver.py": "from . import law\nimport numpy\nfrom pack.deep.inner import x\n",
+        "pack/law.py": "def f():\n    from .late import g\n    return g\n",
+        "pack/late.py": "from __future__ import annotations\nfrom typing import TYPE_CHECKING\n"
+        "if TYPE_CHECKING:\n    from pack import types_only\n",
+        "pack/deep/__init__.py": "from importlib import import_module\nimport_module('pack.dynamic')\n",
+        "pack/deep/inner.py": "from ..sibling import *\nx = 1\n",
+        "pack/sibling.py": "y = 2\n",
+        "pack/dynamic.py": "raise RuntimeError('importing this is a mistake')\n",
+        "pack/types_only.py": "",
+        "pack/stranger.py": "",
+    }
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path / "pack"
+
+
+def test_closure_is_all_that_is_imported_from_the_own_package(package: Path) -> None:
+    expected = {"", ".solver", ".law", ".late", ".deep", ".deep.inner", ".sibling", ".dynamic"}
+    assert {name.removeprefix("pack") for name in import_closure("pack.solver")} == expected
+
+
+def test_closure_is_found_without_importing(package: Path) -> None:
+    import_closure("pack.solver")
+    assert not any(name.partition(".")[0] == "pack" for name in sys.modules)
+
+
+@pytest.mark.parametrize("name", ["solver", "law", "late", "deep/inner", "sibling", "dynamic", "__init__"])
+def test_any_change_in_the_closure_changes_the_digest(package: Path, name: str) -> None:
+    before = source_digest(["pack.solver"])
+    path = package / f"{name}.py"
+    path.write_text(path.read_text(encoding="utf-8") + "\nz = 3\n", encoding="utf-8")
+    assert source_digest(["pack.solver"]) != before
+
+
+@pytest.mark.parametrize("name", ["stranger", "types_only"])
+def test_a_change_outside_of_the_closure_does_not(package: Path, name: str) -> None:
+    before = source_digest(["pack.solver"])
+    (package / f"{name}.py").write_text("z = 3\n", encoding="utf-8")
+    assert source_digest(["pack.solver"]) == before
+
+
+def test_a_new_module_that_shadows_nothing_does_not_count_until_it_is_imported(package: Path) -> None:
+    before = source_digest(["pack.solver"])
+    (package / "more.py").write_text("", encoding="utf-8")
+    assert source_digest(["pack.solver"]) == before
+    path = package / "law.py"
+    path.write_text(path.read_text(encoding="utf-8") + "import pack.more\n", encoding="utf-8")
+    assert "pack.more" in import_closure("pack.solver")
+
+
+def test_unknown_module_is_refused() -> None:
+    with pytest.raises(InputError, match=r"source of module 'no_such\.module' can't be found"):
+        source_digest(["no_such.module"])
+    assert locate("no_such") is None
+    assert locate("shellbench.no_such") is None
+
+
+BASE = 'x = 1\n\n\ndef f(a):\n    """Say."""\n    return "# no comment", a\n'
+
+
+@pytest.mark.parametrize(
+    "prose",
+    [
+        BASE.replace("Say.", "Say\n    more than that.\n    "),
+        BASE.replace("x = 1", "x = 1  # why"),
+        BASE.replace("x = 1\n", "# a word\nx = 1\n\n"),
+        BASE.replace('    """Say."""\n', ""),
+        '"""Module."""\n' + BASE,
+    ],
+)
+def test_prose_is_no_code(prose: str) -> None:
+    assert code_only(prose) == code_only(BASE)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        BASE.replace("x = 1", "x = 2"),
+        BASE.replace("# no comment", "# another"),
+        BASE.replace("return", "    return").replace("    return", "if a:\n        return", 1),
+        BASE.replace('"""Say."""', '"""Say."""; a += 1'),
+        BASE.replace('"# no comment"', '"""\n\n# no comment"""'),
+        BASE.replace('"# no comment"', '"""\n# no comment"""'),
+        BASE.replace('    """Say."""\n    return', '    t = """Say."""\n    return'),
+    ],
+)
+def test_code_is_code(changed: str) -> None:
+    assert code_only(changed) != code_only(BASE)
+
+
+def test_blank_lines_within_a_text_are_code() -> None:
+    assert code_only('x = """a\n\nb"""\n') != code_only('x = """a\nb"""\n')
+    assert code_only('x = """a  \nb"""\n') != code_only('x = """a\nb"""\n')
+
+
+def test_one_line_function_with_a_docstring_is_kept() -> None:
+    assert code_only('def f(): "Say."\n') != code_only("\n")
+
+
+def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
+    entry = find_solver("toy")
+    before = current_source(entry)
+    edit(plugin / "toy_shells" / "strip.py", "24", "25")
+    assert current_source(entry) != before
+    assert {"shellbench.measure", "shellbench.bench.sampling"} <= set(import_closure("shellbench.bench.worker"))
+
+
+def test_version_of_a_plugin_counts(plugin: Path) -> None:
+    before = current_source(find_solver("toy"))
+    edit(plugin / "toy_shells-1.0.dist-info" / "METADATA", "Version: 1.0", "Version: 1.1")
+    assert current_source(find_solver("toy")) != before
+
+
+def test_own_solvers_count_with_their_own_mechanics_only() -> None:
+    fem = set(import_closure(find_solver("fem").module))
+    ndf = set(import_closure(find_solver("ndf-ritz").module))
+    assert not any(name.startswith("shellbench.ndf") for name in fem)
+    assert not any(name.startswith("shellbench.fem") for name in ndf)
+    assert "shellbench.surface" in fem & ndf
