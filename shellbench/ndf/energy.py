@@ -151,21 +151,22 @@ def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Con
     for points, table in tables(ansatz, rule, placement):
         jets = features.jets(points)
         rows = strain_matrix(table, jets)
-        _add_gram(stiffness, rows)
+        add_gram(stiffness, rows)
         load += value_vector(table.force, jets[VALUE]) - rows.T @ table.offset.reshape(-1)
         anchor += (table.anchors.mT @ jets[VALUE]).reshape(len(anchor), unknowns)
         constant += 0.5 * float((table.offset**2).sum()) - table.work
     if len(forces.points):
         load += value_vector(forces.force, features.values(forces.points))
-    return NormalEquations(_mirrored(stiffness), load, anchor, constant)
+    return NormalEquations(mirrored(stiffness), load, anchor, constant)
 
 
-def _add_gram(total: Tensor, rows: Tensor) -> None:
+def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
     for start in range(0, total.shape[1], BLOCK):
         stop = start + BLOCK
         total[:stop, start:stop].addmm_(rows[:, :stop].T, rows[:, start:stop])
 
 
-def _mirrored(upper: Tensor) -> Tensor:
+def mirrored(upper: Tensor) -> Tensor:
+    """Return the symmetric matrix whose upper half is given."""
     return torch.triu(upper) + torch.triu(upper, 1).T

@@ -26,6 +26,7 @@ SAMPLES = 24  # points a side of the grid on which inputs are tested for linear 
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
 LAYER = 1.2  # l in units of sqrt(h R); .12 R for R / h = 100, the best by certified energy on pinched cylinders
 FLAT_LAYER = 0.12  # l in units of the shell's size where it is flat
+LONGEST_LAYER = 0.5  # of the size: a thick shell's layer is no longer than the shell
 CURVED = 1e-12  # a principal curvature times the size below this is flat
 
 Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
@@ -77,7 +78,7 @@ def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
     flat = strongest * size < CURVED
     reach = size if flat else min(size, 1 / strongest)
     inner = (
-        FLAT_LAYER * size if flat else min(layer * math.sqrt(case.material.thickness / strongest), FLAT_LAYER * size)
+        FLAT_LAYER * size if flat else min(layer * math.sqrt(case.material.thickness / strongest), LONGEST_LAYER * size)
     )
     return Focus(xi, x[0, 0], np.stack([first, second]), reach, inner)
 

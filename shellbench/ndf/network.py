@@ -109,6 +109,55 @@ def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -
     return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
 
 
+SQUEEZE = 0.25  # of the first map, times sqrt(n / m): sines of such arguments are nearly linear
+SHIFT = 0.2  # half width of the inner layers' biases
+RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
+
+
+def deep_random_features(
+    inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str = "sine"
+) -> Network:
+    """Return a deep network that starts as one layer of random features sigma(W z + b).
+
+    Inner layers are nearly linear orthogonal maps; the last hidden layer is fitted by ridge regression to the targets
+    W z, W ~ N(0, scales^2), with b ~ U(-pi, pi). Drawn at random, a deep sine network starts far too stiff on shells.
+
+    Parameters
+    ----------
+    inputs
+        (N, n) values of the inputs at sample points.
+    scales
+        (n,) standard deviation of the weights of each input.
+    widths
+        Of the hidden layers.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    function, h, count = activation(name), inputs, inputs.shape[1]
+
+    def drawn(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64).to(inputs)
+
+    def spread(bound: float, size: int) -> Tensor:
+        return bound * (2 * torch.rand((size,), generator=generator, dtype=torch.float64).to(inputs) - 1)
+
+    weights, biases = [], []
+    for layer, width in enumerate(widths[:-1]):
+        gain = SQUEEZE * math.sqrt(count / width) if layer == 0 else 1.0
+        size = max(width, h.shape[1])
+        rotation, _ = torch.linalg.qr(drawn(size, size))
+        weights.append(gain * rotation[:width, : h.shape[1]])
+        biases.append(spread(SHIFT, width))
+        h = function(h @ weights[-1].T + biases[-1], 0)[0]
+    targets = inputs @ (drawn(widths[-1], count) * scales).T
+    design = torch.cat([h, torch.ones_like(h[:, :1])], dim=1)
+    normal = design.T @ design
+    normal.diagonal().add_(RIDGE * len(h))
+    last = torch.linalg.solve(normal, design.T @ targets).T
+    weights.append(last[:, :-1].contiguous())
+    biases.append(last[:, -1] + spread(math.pi, widths[-1]))
+    return Network(tuple(weights), tuple(biases), name)
+
+
 def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], placement: Placement) -> Tensor:
     drawn = torch.rand(shape, generator=generator, dtype=torch.float64)
     return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 import torch
@@ -24,7 +25,7 @@ from shellbench.ndf.energy import Concentrated, concentrated, surface_area, tabu
 from shellbench.ndf.field import Ansatz
 from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import VALUE, Array, Placement
-from shellbench.ndf.loads import force_density
+from shellbench.ndf.loads import concentrated_forces, force_density
 from shellbench.ndf.published_network import InputScale, Siren
 from shellbench.ndf.quadrature import Rule, RuleSpec, area_rule
 
@@ -102,37 +103,63 @@ class Sampler:
     placement: Placement
 
     def samples(self, start: int, stop: int) -> Iterator[Sample]:
-        """Yield the samples of iterations start, ..., stop - 1."""
-        count = math.prod(self.cells)
-        exact = self.placement._replace(dtype=torch.float64)
-        forces = concentrated(self.ansatz, self.edges, focal_points(self.ansatz.case), exact)
-        area = surface_area(self.ansatz, area_rule(self.ansatz.case.surface.domain, np.zeros((0, 2)), self.edges))
-        step = max(1, BLOCK // count)
-        for first in range(start, stop, step):
-            drawn = range(first, min(first + step, stop))
-            points = np.stack([stratified_samples(self.ansatz.case, self.cells, self.seed, i) for i in drawn])
-            yield from self._tabulated(points, forces, area, exact)
+        """Yield the samples of iterations start, ..., stop - 1.
 
-    def _tabulated(self, points: Array, forces: Concentrated, area: float, exact: Placement) -> Iterator[Sample]:
-        case = self.ansatz.case
-        number, count = points.shape[:2]
-        weight = math.prod(case.surface.domain.size) / count
-        flat = points.reshape(-1, 2)
-        table = tabulate(self.ansatz, Rule(flat, np.full(len(flat), weight)), exact, area)
-        root = math.sqrt(self.modulus_factor)
-        rows = (root * table.rows).view(number, count, 6, 18).to(self.placement.dtype)
-        offset = (table.offset / root).view(number, count, 6).to(self.placement.dtype)
-        force = table.force.view(number, count, 3)
-        seen = self.inputs.jets(flat, exact)
-        at_loads = self.inputs.jets(forces.points, exact)
-        density = torch.as_tensor(force_density(case, flat, self.ansatz.t)).view(number, count, 3)
-        lift = self._lift_work(flat, density, weight) if self.ansatz.lift.moves else np.zeros(number)
-        for k in range(number):
-            inputs = torch.cat([seen[:, k * count : (k + 1) * count], at_loads], dim=1).to(self.placement.dtype)
+        They are tabulated in the same blocks wherever a training starts: the last bit of a sine can depend on its
+        place in a block.
+        """
+        case, count = self.ansatz.case, math.prod(self.cells)
+        exact = self.placement._replace(dtype=torch.float64)
+        forces = concentrated(self.ansatz, self.edges, focal_points(case), exact)
+        area = surface_area(self.ansatz, area_rule(case.surface.domain, np.zeros((0, 2)), self.edges))
+        step = 1 if self.ansatz.lift.moves else max(1, BLOCK // count)  # the work on a lift is that of one sample
+        for first in range(start - start % step, stop, step):
+            points = [stratified_samples(case, self.cells, self.seed, first + k) for k in range(step)]
+            samples = self._tabulated(np.concatenate(points), count, forces, area, exact)
+            yield from islice(samples, max(start - first, 0), min(stop - first, step))
+
+    def _tabulated(
+        self, points: Array, count: int, forces: Concentrated, area: float, exact: Placement
+    ) -> Iterator[Sample]:
+        """Yield the samples of `count` points each."""
+        weights = np.full(len(points), math.prod(self.ansatz.case.surface.domain.size) / count)
+        table = tabulate(self.ansatz, Rule(points, weights), exact, area)
+        root, dtype = math.sqrt(self.modulus_factor), self.placement.dtype
+        rows = (root * table.rows).view(-1, count, 6, 18).to(dtype)
+        offset = (table.offset / root).view(-1, count, 6).to(dtype)
+        force = table.force.view(-1, count, 3).to(dtype)
+        seen = self.scale.apply(self.inputs.jets(points, exact).to(dtype))
+        at_loads = self.scale.apply(self.inputs.jets(forces.points, exact).to(dtype))
+        concentrated_force = forces.force.to(dtype)
+        for k in range(len(rows)):
             yield Sample(
-                self.scale.apply(inputs),
+                torch.cat([seen[:, k * count : (k + 1) * count], at_loads], dim=1),
                 rows[k],
                 offset[k],
-                torch.cat([force[k], forces.force]).to(self.placement.dtype),
-                float(lift[k] + forces.work) / self.modulus_factor,
+                torch.cat([force[k], concentrated_force]),
+                (table.work + forces.work) / self.modulus_factor,
             )
+
+
+def usual_modulus_factor(ansatz: Ansatz) -> float:
+    """Return the power of ten by which Young's modulus is scaled in training, from the case alone.
+
+    A network starts with displacements of order one and leaves that order slowly. Where a plate of the shell's area,
+    under the same total load, deflects by `ORDER_ONE`, the modulus stays as it is; where not, the estimate is brought
+    near `AIM`, since a curved shell is stiffer than the plate. For the obstacle course these are the published
+    choices: no scaling of plate and roof, and E = 30 for 3e6 of the pinched cylinders (Kairanda et al., section 5.1).
+    Where only supports are moved, the largest prescribed motion is brought to order one.
+    """
+    case = ansatz.case
+    spec = RuleSpec((6, 6), 6)
+    rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
+    x = case.surface.derivatives(rule.points, 1)
+    area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+    density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
+    _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
+    load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())
+    estimate = PLATE * load * float(area.sum()) / case.material.bending_stiffness
+    moved = float(ansatz.lift.jet(rule.points, Placement())[VALUE].abs().max()) if ansatz.lift.moves else 0.0
+    if ORDER_ONE[0] <= max(estimate, moved) <= ORDER_ONE[1] or max(estimate, moved) == 0.0:
+        return 1.0
+    return float(10.0 ** round(math.log10(max(estimate / AIM, moved))))

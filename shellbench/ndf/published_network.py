@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -122,7 +123,7 @@ def initial_siren(inputs: int, layers: int, width: int, omega0: float, seed: int
     generator = torch.Generator().manual_seed(seed)
     sizes = [inputs, *[width] * layers, 3]
     weights, biases = [], []
-    for layer, (fan_in, fan_out) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+    for layer, (fan_in, fan_out) in enumerate(pairwise(sizes)):
         bound = 1 / fan_in if layer == 0 else math.sqrt(6 / fan_in) / omega0
         weights.append(_uniform(generator, bound, (fan_out, fan_in), placement))
         biases.append(_uniform(generator, 1 / math.sqrt(fan_in), (fan_out,), placement))

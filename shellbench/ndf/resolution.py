@@ -40,7 +40,7 @@ def is_flat(case: Case) -> bool:
 def resolution(case: Case) -> Resolution:
     """Return the resolution that a case asks for."""
     if foci(case):
-        neurons = 300 if is_flat(case) else 700
+        neurons = 700 if any(case.surface.domain.periodic) else 300 if is_flat(case) else 400
         return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
     if is_flat(case):
         return Resolution(120, 3.5, 2.0, _rule(case, 5, 6), _rule(case, 6, 7))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +35,16 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
         if len(certain) != 1:
             continue
         yardstick = next(iter(certain.values()))
-        theirs = read_field(records[yardstick.run_id or ""], folder)
+        theirs = read_fields(records[yardstick.run_id or ""], folder)
         for name, of_solver in grouped(of_case, solution_name).items():
             found = [
                 (row.run_id, *differences(ours, theirs))
                 for row in of_solver
                 if row is not yardstick
                 and theirs is not None
-                and (ours := read_field(records[row.run_id or ""], folder)) is not None
-                and ours[0].shape == theirs[0].shape
+                and np.any(theirs.displacement)
+                and (ours := read_fields(records[row.run_id or ""], folder)) is not None
+                and ours.position.shape == theirs.position.shape
             ]
             if found:
                 lines.append(
@@ -75,22 +77,34 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
     )
 
 
-def read_field(record: Record, folder: Path) -> tuple[Array, Array] | None:
-    """Return positions and displacements (n, n, 3) in metres that a run kept; None if it kept none."""
+@dataclass(frozen=True)
+class Fields:
+    """What a run kept of its solution: points (n, n, 2), positions and displacements (n, n, 3) in metres."""
+
+    xi: Array
+    position: Array
+    displacement: Array
+
+
+def read_fields(record: Record, folder: Path) -> Fields | None:
+    """Return the fields that a run kept; None if it kept none, or they are lost, damaged or not finite."""
     if record.fields_file is None:
         return None
     try:
-        with np.load(folder / record.fields_file, allow_pickle=False) as fields:
-            return np.asarray(fields["position"], dtype=float), np.asarray(fields["displacement"], dtype=float)
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile):
+        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
+            arrays = [np.asarray(stored[name], dtype=float) for name in ("xi", "position", "displacement")]
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
+    fields = Fields(*arrays)
+    whole = fields.position.shape == fields.displacement.shape and all(np.all(np.isfinite(a)) for a in arrays)
+    return fields if whole else None
 
 
-def differences(ours: tuple[Array, Array], theirs: tuple[Array, Array]) -> tuple[float, float]:
+def differences(ours: Fields, theirs: Fields) -> tuple[float, float]:
     """Return the relative mean-square and largest difference of two fields on the same grid."""
-    weights = areas(theirs[0])
-    difference = np.linalg.norm(ours[1] - theirs[1], axis=-1)
-    size = np.linalg.norm(theirs[1], axis=-1)
+    weights = areas(theirs.position)
+    difference = np.linalg.norm(ours.displacement - theirs.displacement, axis=-1)
+    size = np.linalg.norm(theirs.displacement, axis=-1)
     mean_square = np.sqrt(np.sum(weights * difference**2) / np.sum(weights * size**2))
     return float(mean_square), float(difference.max() / size.max())
 

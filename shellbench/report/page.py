@@ -21,14 +21,13 @@ from shellbench.report.fields import field_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.resolution import mesh_table, resolution_table
-from shellbench.report.solutions import Known, solution_name
+from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home
-from shellbench.report.summary import matrix, overall
+from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import displacement_tables, quantity_tables, render, tables_as_csv
 
 BIBLIOGRAPHY = "bibliography.bib"
-MOST_NOTES = 200  # runs that are named one by one in the page
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ def _facts(
         "version": __version__,
         "rows": rows,
         "verdict": overall(rows),
-        "short": [row for row in rows if row.passed is False or row.status not in ("ok", "declined")][:MOST_NOTES],
+        "short": shortfalls(rows),
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
@@ -148,7 +147,6 @@ def _page(template: str, notation: Notation, tables: Tables, facts: dict[str, An
         written={table.name: table.write("html" if notation is HTML else "markdown") for table in tables.all},
         matrix_titles=titles,
         matrix=lines,
-        solution_name=solution_name,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from shellbench.case import Case
 from shellbench.conditions import PointLoad
 from shellbench.places import Edge, Point
 from shellbench.report.convergence import Course
+from shellbench.report.fields import read_fields
 from shellbench.report.projection import Camera
 from shellbench.report.shells import Shell
 from shellbench.report.solutions import variant_name
@@ -49,28 +49,25 @@ def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
 
 def shell(record: Record, folder: Path) -> Shell | None:
     """Return the deformed shell of a run; None if it kept no fields or they can't be read."""
-    if record.fields_file is None:
+    fields = read_fields(record, folder)
+    if fields is None:
         return None
     try:
         case = Case.model_validate(record.case)
-        with np.load(folder / record.fields_file, allow_pickle=False) as fields:
-            xi, position, displacement = (np.asarray(fields[k]) for k in ("xi", "position", "displacement"))
-    except (OSError, KeyError, ValueError, ValidationError, zipfile.BadZipFile):
-        return None
-    if not np.all(np.isfinite(displacement)):
+    except ValidationError:
         return None
     picture = case.picture
     return Shell(
         case=record.case_name,
         title=case.title,
         solver=record.identity.solver,
-        position=position,
-        displacement=displacement,
+        position=fields.position,
+        displacement=fields.displacement,
         scale=picture.scale,
         camera=Camera(*picture.view, picture.up),
         direction=picture.direction,
-        held=held_edges(case, position),
-        forces=point_forces(case, xi, position),
+        held=held_edges(case, fields.position),
+        forces=point_forces(case, fields.xi, fields.position),
         run_id=record.run_id,
     )
 

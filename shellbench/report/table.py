@@ -153,8 +153,8 @@ def write_latex(table: Table) -> str:
         "% needs \\usepackage{booktabs}",
         r"\begin{table*}",
         r"  \centering",
-        r"  \footnotesize",
-        r"  \setlength{\tabcolsep}{4pt}",
+        r"  \scriptsize",
+        r"  \setlength{\tabcolsep}{3pt}",
         rf"  \caption{{{caption}{f' Sources: {cited}.' if cited else ''}}}",
         rf"  \label{{tab:{table.name.replace('_', '-')}}}",
         rf"  \begin{{tabular}}{{{''.join('r' if column.right else 'l' for column in columns)}}}",
@@ -191,7 +191,8 @@ def write_html(table: Table) -> str:
     for heading, block in table.blocks(HTML):
         lines.append("<tbody>")
         if heading:
-            lines.append(f'<tr class="block"><th scope="rowgroup" colspan="{width}">{HTML.escape(heading)}</th></tr>')
+            words = f"<span>{HTML.escape(heading)}</span>"
+            lines.append(f'<tr class="block"><th scope="rowgroup" colspan="{width}">{words}</th></tr>')
         for first, *rest in block:
             cells = "".join(f'<td class="{side}">{cell}</td>' for cell, side in zip(rest, sides[1:], strict=True))
             lines.append(f'<tr><th scope="row">{first}</th>{cells}</tr>')

@@ -102,7 +102,7 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
     titles = {row.case: row.case_title or row.case for row in rows}
     shown = {(line["case"], line["quantity"], line["source"], line["value"]) for line in lines}
     judged_by = {(line["case"], line["quantity"]): line["judged_by"] for line in lines}
-    about: dict[tuple[str, str, str], list[str]] = {}
+    about: dict[tuple[str, str, str], dict[str, None]] = {}
     for case, quantity in dict.fromkeys((row.case, row.quantity) for row in rows if not row.own_case):
         for value in known(case).of(quantity, "literature", "published", "judge"):
             differs = value.theory != judged_by[case, quantity] and value.role != "judge"
@@ -110,7 +110,7 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
                 name = "Converged" if value.role == "judge" else value.label or value.role
                 theory = f"{theory_words(value.theory)}; " if differs else ""
                 text = f"{theory}{value.origin}. {value.note}".strip()
-                about.setdefault((name, text, value.source), []).append(titles[case])
+                about.setdefault((name, text, value.source), {})[titles[case]] = None
     remarks = [
         Note(f"{name} ({'; '.join(dict.fromkeys(of))})", text, source) for (name, text, source), of in about.items()
     ]

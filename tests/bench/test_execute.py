@@ -176,9 +176,7 @@ def test_killed_server_costs_its_run_only(store: Store, monkeypatch: pytest.Monk
     tasks = [
         task
         for behaviour in ("hang", "exact")
-        for task in make_plan(
-            Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()
-        ).tasks
+        for task in make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()).tasks
     ]
     records = [o.record for o in execute(tasks, store, Killer(), jobs=1, threads=1)]
     assert [r.status for r in records if r] == ["failed", "ok"]
@@ -194,9 +192,7 @@ def test_interrupt_stops_all_and_keeps_what_had_ended(store: Store) -> None:
     tasks = [
         task
         for behaviour in ("exact", "hang")
-        for task in make_plan(
-            Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()
-        ).tasks
+        for task in make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()).tasks
     ]
     with pytest.raises(KeyboardInterrupt):
         execute(tasks, store, Interrupter(), jobs=2, threads=1)

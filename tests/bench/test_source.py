@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.registry import find_solver
 from shellbench.bench.identity import current_source
+from shellbench.bench.registry import find_solver
 from shellbench.bench.source import code_only, import_closure, locate, source_digest
 from shellbench.errors import InputError
 

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from toy_shells import strip
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.solution import Capabilities, Progress, SeededSettings, Settings, Step
+from toy_shells import strip
 
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",

@@ -1,0 +1,134 @@
+"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from shellbench.ndf.checkpoint import Checkpoint, write_checkpoint
+from shellbench.ndf.published_loss import Sampler
+from shellbench.ndf.published_network import Siren
+from shellbench.solution import Progress, ProgressCallback, Step
+
+RECORD = 25  # iterations between two entries of the history
+
+
+class LossNotFinite(Exception):
+    """The loss is no number any more; `good` is the training when it last was one."""
+
+    def __init__(self, iteration: int, good: Checkpoint) -> None:
+        super().__init__(f"the loss is not finite within iterations {good.iteration + 1} to {iteration}")
+        self.good = good
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to train.
+
+    Attributes
+    ----------
+    iterations
+        In all, those of a checkpoint included.
+    learning_rate
+        Of Adam; its other constants are its authors'.
+    checkpoint
+        File to keep the training in, at least every `checkpoint_every` iterations; None for none.
+    """
+
+    iterations: int
+    learning_rate: float
+    checkpoint: Path | None = None
+    checkpoint_every: int = RECORD
+
+
+def beginning(key: str, siren: Siren) -> Checkpoint:
+    """Return the training of a network before its first iteration."""
+    zeros = [torch.zeros_like(t) for t in siren.tensors]
+    return Checkpoint(key, 0, 0.0, siren.tensors, zeros, zeros, torch.zeros(0, dtype=torch.float64), ())
+
+
+def train(
+    siren: Siren,
+    now: Checkpoint,
+    sampler: Sampler,
+    plan: Plan,
+    watch: Callable[[Siren], dict[str, float]],
+    progress: ProgressCallback,
+) -> Checkpoint:
+    """Go on with a training, and return it as it stands after the last iteration.
+
+    Parameters
+    ----------
+    siren
+        Says what the network is; its numbers are those of `now`.
+    watch
+        Gives quantities of a network for the history.
+
+    Raises
+    ------
+    LossNotFinite
+        If it is not, which is looked at every `RECORD` iterations.
+    """
+    begin, first = time.perf_counter() - now.seconds, now.iteration
+    place = siren.tensors[0]
+    tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
+    network, adam = siren.with_tensors(tensors), _adam(tensors, now, plan.learning_rate)
+    losses: list[Tensor] = []
+    written, message = now.iteration, "training"
+    for iteration, sample in enumerate(sampler.samples(first, plan.iterations), first + 1):
+        adam.zero_grad()
+        loss = sample.loss(network)
+        loss.backward()  # type: ignore[no-untyped-call]
+        adam.step()
+        losses.append(loss.detach())  # stays on the device: asking for its value would make it wait
+        if iteration % RECORD == 0 or iteration == plan.iterations:
+            if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
+                raise LossNotFinite(iteration, now)
+            recent, losses = torch.stack(losses).double().cpu(), []
+            with torch.no_grad():
+                step = Step(
+                    iteration=iteration,
+                    seconds=time.perf_counter() - begin,
+                    energy=sampler.modulus_factor * float(recent.mean()),
+                    unknowns=network.parameters,
+                    at=sampler.ansatz.t,
+                    quantities=watch(network),
+                )
+            now = _kept(now, step, recent, tensors, adam)
+            told = [f"energy {step.energy:.4g} J", *(f"{name} {v:.5g}" for name, v in step.quantities.items())]
+            message = ", ".join(told)
+            if plan.checkpoint and (iteration - written >= plan.checkpoint_every):
+                write_checkpoint(now, plan.checkpoint)
+                written = iteration
+        progress(Progress(iteration, plan.iterations, message))
+    return now
+
+
+def _adam(tensors: list[Tensor], now: Checkpoint, learning_rate: float) -> torch.optim.Adam:
+    adam = torch.optim.Adam(tensors, lr=learning_rate)
+    if now.iteration:
+        for tensor, first, second in zip(tensors, now.first_moments, now.second_moments, strict=True):
+            adam.state[tensor] = {
+                "step": torch.tensor(float(now.iteration)),
+                "exp_avg": first.to(tensor).clone(),
+                "exp_avg_sq": second.to(tensor).clone(),
+            }
+    return adam
+
+
+def _kept(now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], adam: torch.optim.Adam) -> Checkpoint:
+    return replace(
+        now,
+        iteration=step.iteration,
+        seconds=step.seconds,
+        weights=[tensor.detach().clone() for tensor in tensors],
+        first_moments=[adam.state[tensor]["exp_avg"].clone() for tensor in tensors],
+        second_moments=[adam.state[tensor]["exp_avg_sq"].clone() for tensor in tensors],
+        losses=torch.cat([now.losses, recent]),
+        history=(*now.history, step),
+    )

@@ -1,0 +1,250 @@
+"""The recipe `ndf`: a deep coordinate network, all of whose weights are trained.
+
+Three hidden layers by default. The output layer is solved for exactly at every step (variable projection), the hidden
+weights follow by Gauss-Newton with Marquardt's damping, and a step counts only if independent points certify its gain;
+see `shellbench.ndf.training`. First-order training of the same energy takes thousands of iterations, because membrane
+and bending stiffness differ by (L/h)^2; here a handful is enough.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import ClassVar
+
+import torch
+from pydantic import Field as PydanticField
+
+from shellbench.case import Case
+from shellbench.errors import InputError, SolveFailure
+from shellbench.measure import mean_displacement
+from shellbench.model import Positive
+from shellbench.ndf.build import Components, FieldSpec
+from shellbench.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.ndf.declines import why_declined
+from shellbench.ndf.energy import concentrated
+from shellbench.ndf.field import Field
+from shellbench.ndf.jets import Placement, activation
+from shellbench.ndf.loads import check_balance
+from shellbench.ndf.quadrature import area_rule
+from shellbench.ndf.ritz import LARGEST_GAP, point_constraints
+from shellbench.ndf.solution import NdfSolution, load_solution
+from shellbench.ndf.supports import point_supports
+from shellbench.ndf.training import (
+    CERTIFICATE,
+    FINAL_ORDER,
+    Plan,
+    Problem,
+    Quadratures,
+    State,
+    default_plan_widths,
+    first_state,
+    train,
+    trusted,
+)
+from shellbench.quantities import DisplacementQuantity
+from shellbench.solution import Capabilities, Progress, ProgressCallback, SeededSettings, Solution, Step
+
+LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
+MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
+INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified
+
+
+class TrainerSettings(SeededSettings):
+    """Settings of `ndf`; what is None follows from the case."""
+
+    inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
+    widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")
+    activation: str = "sine"
+    iterations: int = PydanticField(3, ge=0, le=1000, description="Gauss-Newton iterations at most")
+    tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
+    gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
+    damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")
+    attempts: int = PydanticField(5, ge=1, le=50, description="steps tried an iteration, ever more damped")
+    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
+    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
+    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
+    periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
+    components: Components = PydanticField("cartesian", description="what the output layer gives")
+    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
+
+
+@dataclass(frozen=True)
+class NdfSolver:
+    """The trainer; see `shellbench.solution.Solver`."""
+
+    name: ClassVar[str] = "ndf"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear",),
+        label="neural field: deep sine network, all weights trained (variable projection, Gauss-Newton)",
+        devices=("cpu", "cuda"),
+    )
+    settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
+        return why_declined(case)
+
+    def load(self, path: Path) -> NdfSolution:
+        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        return load_solution(path, self.name)
+
+    def solve(
+        self,
+        case: Case,
+        settings: TrainerSettings,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> NdfSolution:
+        """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
+
+        Raises
+        ------
+        SolveFailure
+            If training breaks down, or the energy on the finest quadrature disagrees by more than the largest
+            admissible gap; the last certified state comes with it.
+        InputError
+            If the case, the settings or the start can't be used.
+        """
+        reason = self.declines(case)
+        if reason:
+            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+        if isinstance(start, Path):
+            start = self.load(start)
+        with torch.no_grad():
+            return _Run(case, settings, progress or (lambda _: None)).solve(start)
+
+
+class _Run:
+    """One training: the states it passes through become the solution's history."""
+
+    def __init__(self, case: Case, settings: TrainerSettings, progress: ProgressCallback) -> None:
+        activation(settings.activation)
+        self.begin = time.perf_counter()
+        self.case, self.settings, self.progress = case, settings, progress
+        self.spec = FieldSpec(
+            activation=settings.activation,
+            periodic_input=settings.periodic_input,
+            components=settings.components,
+            stretched=settings.stretched,
+            layer=settings.layer,
+            multipliers=settings.singular,
+        )
+        self.problem = Problem.of(case, self.spec, Placement.on(settings.device), point_constraints)
+        widths, scales = default_plan_widths(case, self.problem.singular)
+        self.plan = Plan(
+            inner=settings.inner,
+            widths=settings.widths or widths,
+            scales=scales,
+            activation=settings.activation,
+            iterations=settings.iterations,
+            tolerance=settings.tolerance,
+            gap=settings.gap,
+            damping=settings.damping,
+            attempts=settings.attempts,
+            seed=settings.seed,
+        )
+        self.history: list[Step] = []
+        self.last: NdfSolution | None = None
+
+    def solve(self, start: Solution | None) -> NdfSolution:
+        try:
+            self._tell(0, "looking for a start")
+            state, points = self._first(start)
+            spec, domain = points.spec, self.case.surface.domain
+            check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
+            state, points = trusted(self.problem, self.plan, state, points)
+            self._report(0, state)
+            state, ending = train(self.problem, self.plan, state, points, self._report)
+            self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
+            return self._certified(state, points, ending)
+        except SolveFailure as failure:
+            raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
+
+    def _first(self, start: Solution | None) -> tuple[State, Quadratures]:
+        if start is None:
+            return first_state(self.problem, self.plan)
+        inputs = self.problem.features.inputs.count
+        if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
+            raise InputError(f"the start is no solution of '{NdfSolver.name}' with the {inputs} inputs of this case")
+        network = start.field.features.network
+        points = Quadratures.of(self.problem, network.width)
+        return points.evaluate(self.problem, network), points
+
+    def _tell(self, step: int, message: str) -> None:
+        self.progress(Progress(step, self.plan.iterations + 1, message))
+
+    def _report(self, iteration: int, state: State) -> None:
+        solution = self._solution(state, 1.0)
+        quantities = [q for q in self.case.quantities if isinstance(q, DisplacementQuantity)]
+        step = Step(
+            iteration=iteration,
+            seconds=time.perf_counter() - self.begin,
+            energy=state.train.potential,
+            unknowns=solution.parameters,
+            at=self.spec.t,
+            gap=state.gap,
+            quantities={q.name: mean_displacement(solution, q) for q in quantities},
+        )
+        self.history.append(step)
+        self.last = replace(solution, history=tuple(self.history))
+        self._tell(iteration, f"{solution.parameters} weights, energy {state.check.potential:.9g} J")
+
+    def _solution(self, state: State, share: float) -> NdfSolution:
+        field = Field(
+            self.problem.ansatz,
+            self.problem.with_network(state.network),
+            share * state.output,
+            state.output.new_zeros(6),
+        )
+        rule = self.problem.rule_spec(CERTIFICATE, FINAL_ORDER)
+        return NdfSolution(
+            case=self.case,
+            solver=NdfSolver.name,
+            spec=self.spec,
+            field=field,
+            rule=rule,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=state.network.parameters + state.output.numel(),
+            history=tuple(self.history),
+            point_forces=tuple((share * state.reactions).tolist()),
+        )
+
+    def _certified(self, state: State, points: Quadratures, ending: str) -> NdfSolution:
+        problem, domain = self.problem, self.case.surface.domain
+        spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
+        rule = area_rule(domain, problem.focal, spec)
+        features = problem.with_network(state.network)
+        forces = concentrated(problem.ansatz, spec, problem.focal, features.placement)
+        (energies,) = certify(problem.ansatz, features, [state.output], rule, forces)
+        moved = problem.ansatz.lift.moves or any(s.value for s in point_supports(self.case, self.spec.t))
+        gap = energy_gap(state.train.potential, energies, moved)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        solution = self._solution(state, share)
+        train_rule = area_rule(domain, problem.focal, points.spec)
+        solution = replace(
+            solution,
+            field=solution.field.less_rigid(rigid_part(solution.field, train_rule)),
+            rule=spec,
+            membrane=membrane,
+            bending=bending,
+            diagnostics={
+                "energy_gap": gap,
+                "certified_energy": energies.potential(share),
+                "ending": ending,
+                "hidden_layers": [len(bias) for bias in state.network.biases],
+                "quadrature_points": len(points.train),
+                "check_points": len(points.check),
+                "fine_quadrature_points": len(rule.points),
+            },
+        )
+        if not gap <= self.settings.largest_gap:  # also where it is not a number
+            raise SolveFailure(
+                f"the field exploits its quadrature: its energy on the finest one differs by {gap:.2g},"
+                f" more than the {self.settings.largest_gap:g} allowed; use smaller widths",
+                solution,
+            )
+        return solution

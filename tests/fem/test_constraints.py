@@ -1,0 +1,142 @@
+"""Supports: satisfied along the whole edge, resolved at corners, and contradictions found."""
+
+import numpy as np
+import pytest
+
+from shellbench.errors import InputError
+from shellbench.fem.constraints import Ties
+from shellbench.fem.grading import graded_mesh
+from shellbench.fem.solver import FemSettings, FemSolver
+from tests.fem.shells import EVERY_EDGE, shell
+
+PUSH = {"kind": "area", "vector": ["1.0 + xi1", 0.5, "-2.0 + xi2"]}
+COARSE = FemSettings(cells=(3, 3))
+
+
+def solved(surface, supports, settings=COARSE, **fields):
+    return FemSolver().solve(shell(surface, supports=supports, **fields), settings)
+
+
+def along(solution, name, count=23):
+    domain = solution.case.surface.domain
+    edge = solution.case.places[name]
+    running = 1 - edge.axis
+    return edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], count))
+
+
+def tilt(solution, points, axis):
+    """Return u,n . a3 with the unit conormal n of the edge, from first principles."""
+    x = solution.case.surface.derivatives(points, 1)
+    bases = np.stack([x[1, 0], x[0, 1]], axis=1)
+    normal = np.cross(x[1, 0], x[0, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    tangent = bases[:, 1 - axis] / np.linalg.norm(bases[:, 1 - axis], axis=1, keepdims=True)
+    conormal = np.cross(tangent, normal)
+    contravariant = np.linalg.inv(bases @ np.swapaxes(bases, 1, 2)) @ bases
+    parts = np.einsum("pai,pi->pa", contravariant, conormal)
+    gradient = np.stack([solution.derivative(points, d) for d in ((1, 0), (0, 1))], axis=1)
+    return np.einsum("pa,pai,pi->p", parts, gradient, normal)
+
+
+@pytest.mark.parametrize("surface", ["plane", "hypar", "helicoid"])
+def test_held_edges_do_not_move_anywhere_and_others_do(surface):
+    solution = solved(surface, [{"name": "a", "on": ["xi1_min"]}, {"name": "b", "on": ["xi2_max"], "components": ["x", "z"]}], loads=[PUSH])
+    largest = np.abs(solution.coefficients[:, :, 0]).max()
+    assert np.abs(solution.displacement(along(solution, "xi1_min"))).max() <= 1e-13 * largest
+    sliding = np.abs(solution.displacement(along(solution, "xi2_max"))).max(axis=0)
+    assert sliding[[0, 2]].max() <= 1e-13 * largest
+    assert sliding[1] > 1e-3 * largest
+    assert np.abs(tilt(solution, along(solution, "xi1_min"), 0)).max() > 1e-3 * largest  # not clamped
+
+
+@pytest.mark.parametrize("surface", ["plane", "hypar", "helicoid"])
+def test_a_clamped_edge_does_not_turn_even_in_oblique_coordinates(surface):
+    turned = []
+    for n in (4, 8):
+        supports = [{"name": "a", "on": EVERY_EDGE, "clamped": True}]
+        solution = solved(surface, supports, FemSettings(cells=(n, n)), loads=[PUSH])
+        size = np.abs(solution.coefficients[:, :, 1:3]).max()
+        edge = solution.case.places["xi1_min"]
+        nodes = solution.mesh.node_points[solution.mesh.edge_nodes(edge)]
+        assert np.abs(tilt(solution, nodes, 0)).max() <= 1e-12 * size
+        turned.append(np.abs(tilt(solution, along(solution, "xi1_min", 200), 0)).max() / size)
+    # between the nodes the slope is a Hermite interpolant: fourth order where the normal turns along the edge
+    assert turned[1] <= turned[0] / 8 + 1e-12
+
+
+def test_a_turning_rim_carries_its_normals_along():
+    motion = {"kind": "rotation", "axis": [1.0, 2.0, 0.5], "centre": [0.3, 0.0, 0.1], "angle": 2.0}
+    for surface in ("hypar", "cylinder"):
+        edge = "xi2_min"
+        solution = solved(surface, [{"name": "rim", "on": [edge], "clamped": True, "motion": motion}], FemSettings(cells=(10, 4)))
+        # nothing else holds the shell: it must follow as a rigid body
+        points = solution.mesh.node_points
+        x = solution.case.surface.position(points)
+        axis = np.array(motion["axis"]) / np.linalg.norm(motion["axis"])
+        expected = np.radians(2.0) * np.cross(axis, x - np.array(motion["centre"]))
+        assert np.abs(solution.displacement(points) - expected).max() < 2e-4 * np.abs(expected).max()
+
+
+def test_prescribed_values_are_met_along_the_edge():
+    motion = {"kind": "value", "x": 0, "y": "0.02*xi2*t", "z": "0.01*xi2**3 - 0.01*xi2"}
+    solution = solved("plane", [{"name": "a", "on": ["xi1_min"], "motion": motion}, {"name": "b", "on": ["xi1_max"], "clamped": True}])
+    points = along(solution, "xi1_min")
+    y = points[:, 1]
+    # the trace is cubic, so that a cubic motion is met exactly
+    assert np.allclose(solution.displacement(points), np.stack([0 * y, 0.02 * y, 0.01 * (y**3 - y)], axis=1), atol=1e-16)
+
+
+def test_motions_depend_on_the_load_factor():
+    motion = {"kind": "translation", "vector": [0, 0, "0.1*t**2"]}
+    quantities = [{"name": f"w{k}", "kind": "largest_displacement", "primary": k == 1, "at": k} for k in (1.0, 3.0)]
+    quantities = [q | {"name": f"w{int(q['at'])}"} for q in quantities]
+    solution = solved("plane", [{"name": "a", "on": ["xi1_min"], "motion": motion, "clamped": True}], quantities=quantities)
+    assert np.allclose(solution.displacement([1.7, 0.4], at=1.0), [0, 0, 0.1])
+    assert np.allclose(solution.displacement([1.7, 0.4], at=3.0), [0, 0, 0.9])
+    assert np.allclose(solution.displacement([1.7, 0.4]), [0, 0, 0.9])
+    with pytest.raises(InputError, match="not at 2"):
+        solution.displacement([1.7, 0.4], at=2.0)
+
+
+def test_a_point_support_holds_its_point_alone():
+    supports = [{"name": "wall", "on": ["xi1_min"], "clamped": True}, {"name": "pin", "on": ["p"], "components": ["z"]}]
+    solution = solved("plane", supports, points={"p": [1.3, 0.6]}, loads=[PUSH])
+    at = solution.displacement([1.3, 0.6])
+    assert at[2] == 0
+    assert abs(at[0]) > 0
+    assert abs(solution.displacement([1.5, 0.6])[2]) > 0
+
+
+def test_what_corners_say_twice_counts_once():
+    supports = [{"name": n, "on": [n], "clamped": True} for n in EVERY_EDGE]
+    for surface in ("plane", "hypar"):
+        case = shell(surface, supports=supports)
+        mesh = graded_mesh(case, (2, 2), 2.0)
+        ties = Ties.of(case, mesh, [1.0])
+        free = ties.free.sum(axis=1).reshape(mesh.shape)
+        assert free[1:-1, 1:-1].min() == 12
+        assert np.all(free[0, 1:-1] == 4)  # u and u,t are held, and of the slopes those of the normal
+        assert np.all(free[[0, 0, -1, -1], [0, -1, 0, -1]] == 2)
+        assert np.allclose(ties.basis @ np.swapaxes(ties.basis, 1, 2), np.eye(12), atol=1e-13)
+
+
+def test_contradictions_are_found_and_agreement_is_not_one():
+    lifted = {"kind": "translation", "vector": [0, 0, 0.1]}
+    first = {"name": "first", "on": ["xi1_min"]}
+    with pytest.raises(InputError, match=r"'first' and 'second' contradict each other at \(xi1, xi2\) = \(0, 0\)"):
+        solved("plane", [first, {"name": "second", "on": ["xi2_min"], "motion": lifted}])
+    solved("plane", [first | {"motion": lifted}, {"name": "second", "on": ["xi2_min"], "motion": lifted}])
+
+
+def test_a_slope_that_nodes_cannot_state_is_refused_in_one_sentence():
+    supports = [{"name": "s", "on": ["xi1_min"], "components": ["x"], "clamped": True}, {"name": "t", "on": ["xi1_max"]}]
+    with pytest.raises(InputError, match="'s' holds the slope of 'xi1_min', where the coordinate lines are oblique"):
+        solved("hypar", supports)
+
+
+def test_nodal_forces_are_shared_without_loss():
+    supports = [{"name": n, "on": [n], "clamped": n.endswith("min")} for n in EVERY_EDGE]
+    case = shell("hypar", supports=supports)
+    ties = Ties.of(case, graded_mesh(case, (2, 2), 2.0), [1.0])
+    forces = np.random.default_rng(0).normal(size=(len(ties.nodes), 12, 1)) * ties.holders.any(axis=1)[..., None]
+    assert np.allclose(ties.shares(forces).sum(axis=0), forces)

@@ -1,0 +1,189 @@
+"""Figures: what is drawn, in which colours, with which labels and units."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from shellbench import catalog
+from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
+from shellbench.report.palette import OKABE_ITO, inks, style
+from shellbench.report.projection import Camera
+from shellbench.report.scene import courses, pictured, shell
+from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
+from tests.report.conftest import COURSE, TRUTH, Store
+
+
+@pytest.fixture(scope="module")
+def by_id(store: Store):
+    return {record.run_id: record for record in store.records}
+
+
+@pytest.fixture(scope="module")
+def course_rows(store: Store):
+    return [row for row in store.rows if row.suite == "obstacle_course"]
+
+
+@pytest.fixture(scope="module")
+def all_courses(by_id, course_rows):
+    return courses(by_id, course_rows)
+
+
+@pytest.fixture(scope="module")
+def colours(all_courses):
+    return inks(course.solver for course in all_courses)
+
+
+def panels(figure):
+    return [axes for axes in figure.axes if axes.get_lines()]
+
+
+def test_a_solver_has_the_same_colour_in_every_company():
+    alone, together = inks(["fem"]), inks(["fem", "ndf", "ndf-ritz", "ndf-published"])
+    assert alone["fem"] == together["fem"]
+    assert len({ink.colour for ink in together.values()}) == 4
+    assert len({ink.marker for ink in together.values()}) == 4
+    assert inks(["b", "a"]) == inks(["a", "b"])
+
+
+def test_more_solvers_than_colours_still_have_one_each():
+    many = inks([f"solver-{i}" for i in range(12)])
+    assert len(many) == 12
+    assert {ink.colour for ink in many.values()} == set(OKABE_ITO)
+
+
+def test_every_panel_says_what_it_shows_and_in_which_unit(all_courses, colours):
+    with style():
+        figures = [refinement_figure(all_courses, colours)] + [
+            iteration_figure(all_courses, colours, abscissa) for abscissa in ("unknowns", "seconds", "iteration")
+        ]
+    for figure in figures:
+        axes = panels(figure)
+        assert len(axes) == 8
+        for one in axes:
+            assert one.get_xlabel() in ("unknowns", "wall time (s)", "iteration")
+            assert one.get_yscale() == "log"
+        assert {one.get_ylabel() for one in axes} <= {ERROR_LABEL, GAP_LABEL, ""}
+        assert axes[0].get_ylabel().endswith("(%)")
+        titles = " ".join(one.get_title(loc="left").replace("\n", " ") for one in axes)
+        assert all(catalog.named_case(name).title.replace(", ", " ") in titles.replace(", ", " ") for name in COURSE)
+        assert figure.legends
+
+
+def test_refinement_is_drawn_as_recorded_in_the_solvers_colour(store, by_id, all_courses, colours):
+    with style():
+        figure = refinement_figure(all_courses, colours)
+    first = panels(figure)[0]
+    steps = next(r for r in store.records if r.case_name == COURSE[0] and r.identity.solver == "fem").history
+    quantity = catalog.named_case(COURSE[0]).primary.name
+    drawn = next(line for line in first.get_lines() if len(line.get_xdata()) == len(steps))
+    assert list(drawn.get_xdata()) == [step.unknowns for step in steps]
+    assert list(drawn.get_ydata()) == pytest.approx(
+        [100 * abs(step.quantities[quantity] / TRUTH[COURSE[0]] - 1) for step in steps]
+    )
+    assert to_hex(drawn.get_color()).upper() == colours["fem"].colour
+
+
+def test_the_fitted_order_stands_beside_the_curve(all_courses, colours):
+    with style():
+        figure = refinement_figure(all_courses, colours)
+    words = [text.get_text() for axes in panels(figure) for text in axes.texts]
+    assert words[:4] == ["$h^{4.0}$"] * 4  # the synthetic histories fall with h**4
+    assert all("2.0" in text for text in words[4:])  # and their seconds grow with the unknowns
+
+
+def test_fields_that_iterate_are_no_refinement(all_courses, colours):
+    fields = [course for course in all_courses if course.solver == "ndf"]
+    assert refinement_figure(fields, colours) is None
+    assert iteration_figure([c for c in all_courses if c.solver == "fem"], colours, "iteration") is None
+
+
+def test_every_seed_is_drawn_with_its_gap(all_courses, colours):
+    fields = [course for course in all_courses if course.solver == "ndf" and course.case == COURSE[0]]
+    assert {course.seed for course in fields} == {0, 1, 2}
+    with style():
+        above, below = panels(iteration_figure(fields, colours, "iteration"))
+    assert len(above.get_lines()) == len(below.get_lines()) == 3
+    gaps = [100 * step.gap for step in fields[0].steps]
+    assert list(below.get_lines()[0].get_ydata()) == pytest.approx(gaps)
+
+
+def test_a_failed_runs_history_is_drawn_too(all_courses):
+    assert {c.seed for c in all_courses if c.case == "pinched_cylinder_free" and c.solver == "ndf"} == {0, 1, 2}
+
+
+@pytest.mark.parametrize("name", COURSE)
+def test_a_shell_is_drawn_as_its_case_asks(store, by_id, course_rows, name):
+    record = pictured(by_id, course_rows)[name][0]
+    drawn = shell(record, store.folder)
+    case = catalog.named_case(name)
+    assert drawn.scale == case.picture.scale
+    assert drawn.deformed == pytest.approx(drawn.position + case.picture.scale * drawn.displacement)
+    with style():
+        figure = shell_figure(drawn)
+    assert case.title in figure.axes[0].get_title(loc="left")
+    bar = figure.axes[1]
+    assert bar.get_xlabel().endswith("m)")
+    axis = "xyz"[np.argmax(np.abs(case.picture.direction))]
+    assert f"u_{{{axis}}}" in bar.get_xlabel()
+    power = 0 if "10^" not in bar.get_xlabel() else int(bar.get_xlabel().split("10^{")[1].split("}")[0])
+    assert bar.get_xlim()[1] * 10.0**power == pytest.approx(drawn.coloured.max(), rel=1e-6)
+
+
+def test_supports_and_loads_are_where_the_case_has_them(store, by_id, course_rows):
+    drawn = shell(pictured(by_id, course_rows)["pinched_cylinder_diaphragm"][0], store.folder)
+    assert [float(np.ptp(edge[:, 1])) for edge in drawn.held] == [0.0, 0.0]  # rims, at constant y
+    assert {float(edge[0, 1]) for edge in drawn.held} == {0.0, 600.0}
+    (top, down), (bottom, up) = drawn.forces
+    assert top == pytest.approx([0, 300, 300], abs=1e-9)
+    assert bottom == pytest.approx([0, 300, -300], abs=1e-9)
+    assert down @ top < 0  # inward
+    assert up @ bottom < 0
+
+
+def test_the_course_has_reference_and_deformed_shells(store, by_id, course_rows):
+    drawn = [shell(records[0], store.folder) for records in pictured(by_id, course_rows).values()]
+    with style():
+        figure = course_figure(drawn)
+    shown = [axes for axes in figure.axes if axes.collections and not axes.get_xlabel()]
+    assert len([axes for axes in shown if axes.get_title(loc="left")]) == len(drawn) == 4
+
+
+def test_the_best_default_run_is_pictured(store, by_id, course_rows):
+    chosen = pictured(by_id, list(store.rows))["square_plate"]
+    ritz = next(record for record in chosen if record.identity.solver == "ndf-ritz")
+    assert ritz.identity.seed == 1  # the smallest of the synthetic errors
+    assert all(record.identity.settings != {"activation": "gelu"} for record in chosen)
+
+
+def flat(**changes) -> Shell:
+    grid = np.stack(
+        [*np.meshgrid([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0, 3.0], indexing="ij"), np.zeros((4, 4))], axis=-1
+    )
+    facts = {
+        "case": "c", "title": "t $ t", "solver": "s", "position": grid, "displacement": 0 * grid,
+        "scale": 1.0, "camera": Camera(25, -60),
+    }  # fmt: skip
+    return Shell(**{**facts, **changes})
+
+
+def test_a_shell_that_does_not_move_can_be_drawn():
+    with style():
+        figure = shell_figure(flat())
+        figure.draw_without_rendering()
+    assert figure.axes
+
+
+def test_colour_words():
+    assert what_is_coloured(flat()) == "displacement"
+    assert what_is_coloured(flat(direction=(0.0, 1.0, 0.0))) == "$u_{y}$"
+    assert what_is_coloured(flat(direction=(1.0, 1.0, 0.0))) == "displacement along (1, 1, 0)"
+    assert times(50.0) == r"$\times$ 50"
+    assert times(8e6) == r"$\times\;8 \cdot 10^{6}$"
+
+
+@pytest.mark.parametrize("content", [b"", b"no archive at all", None])
+def test_lost_or_damaged_fields_draw_nothing(store, tmp_path, content):
+    record = next(record for record in store.records if record.fields_file)
+    if content is not None:
+        (tmp_path / record.fields_file).write_bytes(content)
+    assert shell(record, tmp_path) is None
