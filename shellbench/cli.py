@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
@@ -220,8 +220,8 @@ def table(
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
-    rows, damaged = compare.rows_and_damaged(Store(store), tuple(suite or ()))
-    _warn(damaged)
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    _warn(notes)
     if format is Format.json:
         typer.echo(compare.as_json(rows))
         return
@@ -229,7 +229,7 @@ def table(
 
     if not rows:
         _say(f"store {store} has no records that count: make some by `shellbench run`")
-    typer.echo(tables.render(rows, format.value), nl=False)
+    typer.echo(tables.render(rows, cast(Any, format.value)), nl=False)
 
 
 @app.command("gate")
@@ -287,8 +287,8 @@ def report(
     """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them."""
     from shellbench.report import page
 
-    rows, damaged = compare.rows_and_damaged(Store(store), tuple(suite or ()))
-    _warn(damaged)
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    _warn(notes)
     typer.echo(f"written to {page.write_report(Store(store), rows, out)}")
 
 

@@ -4,9 +4,11 @@ import math
 import re
 from functools import cache
 
+import numpy as np
 import pytest
 
 from shellbench import catalog
+from tests.origins.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from tests.origins.levy_roof import scordelis_lo
 from tests.origins.navier_plate import square_plate
 from tests.origins.pinched_diaphragm import pinched_cylinder_diaphragm
@@ -27,6 +29,7 @@ ORIGINS = {
     "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
     "pinched_cylinder_free": pinched_cylinder_free,
     "sleeve_torque": torsion,
+    "annular_plate": annular_plate,
 }
 
 
@@ -80,3 +83,11 @@ def test_files_of_known_values_name_quantities_of_their_cases():
     for path in catalog.data_folder("references").glob("*.toml"):
         names = {q.name for q in catalog.named_case(path.stem).quantities}
         assert {v.quantity for v in catalog.known_values(path.stem).values} <= names
+
+
+def test_the_annular_plate_by_two_forms():
+    assert rim_deflection_by_ritz() == pytest.approx(annular_plate()["rim_deflection"].value, rel=1e-9)
+    r = np.linspace(1.0, 2.0, 2001)
+    slopes = np.gradient(deflection(r), r, edge_order=2)
+    assert abs(slopes[0]) < 1e-5 * np.abs(slopes).max()
+    assert np.argmax(deflection(r)) == len(r) - 1

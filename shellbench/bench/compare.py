@@ -40,16 +40,16 @@ def rows(store: Store, suites: Sequence[str] = ()) -> list[Row]:
     InputError
         If a suite is unknown.
     """
-    return rows_and_damaged(store, suites)[0]
+    return rows_and_notes(store, suites)[0]
 
 
-def rows_and_damaged(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for each file of the store that is no whole record."""
+def rows_and_notes(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row], tuple[str, ...]]:
+    """Return the rows of `rows`, and a sentence for whatever was left out."""
     for name in suites:
         catalog.find_suite(name)
     current = current_runs(store.read())
     found = [row for row in rows_of(current) if not suites or set(suites) & set(row.suites)]
-    return found, current.damaged
+    return found, current.notes
 
 
 def rows_of(current: CurrentRuns) -> list[Row]:
@@ -60,10 +60,11 @@ def rows_of(current: CurrentRuns) -> list[Row]:
 
 
 def _position(row: Row, quantity: int) -> tuple[object, ...]:
-    suites = catalog.suite_names()
-    suite = suites.index(row.suite) if row.suite in suites else len(suites)
-    primary = not row.primary
-    return (suite, row.case, primary, quantity, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed or 0)
+    suite = (1, "") if row.suite is None else (0, row.suite)
+    members = [case.name for case in catalog.cases_of(row.suite)] if row.suite in catalog.suite_names() else []
+    case = members.index(row.case) if row.case in members else len(members)
+    settings = json.dumps(row.overrides, sort_keys=True)
+    return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
 
 
 def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:

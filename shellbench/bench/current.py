@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -59,6 +60,13 @@ class CurrentRuns:
     stale: Mapping[str, tuple[Record, str]]
     damaged: tuple[str, ...] = ()
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence for each damaged file, and for each reason why records do not count."""
+        reasons = Counter(reason for _, reason in self.stale.values())
+        counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
+        return (*self.damaged, *counted)
+
     def find(self, case: str, solver: str, settings: Mapping[str, Any], seed: int) -> CurrentRun | None:
         """Return the run of one of the suite's cases with these settings beside the defaults; seed or no seed."""
         for run in self.runs:
@@ -108,6 +116,10 @@ def current_runs(contents: Contents) -> CurrentRuns:
             if key not in runs or identity.device == "cpu":
                 runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case))
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
+
+
+def _runs(count: int) -> str:
+    return "run is" if count == 1 else "runs are"
 
 
 def _todays_case(record: Record) -> Case:

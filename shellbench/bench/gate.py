@@ -97,7 +97,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         cost=tuple(cost),
         scope=scope,
         baseline=baseline is not None,
-        warnings=current.damaged,
+        warnings=current.notes,
     )
 
 

@@ -50,9 +50,9 @@ def make_identity(case: Case, entry: SolverEntry, settings: Settings) -> Identit
     )
 
 
-def identity_key(identity: Identity) -> str:
-    """Return the identity as text: equal for equal identities."""
-    return json.dumps(identity.model_dump(mode="json"), sort_keys=True)
+def run_key(case_name: str, own_case: bool, identity: Identity) -> str:
+    """Return text that is equal for runs that answer for each other: the same identity under the same name."""
+    return json.dumps([case_name, own_case, identity.model_dump(mode="json")], sort_keys=True)
 
 
 def dump_settings(settings: Settings) -> dict[str, Any]:

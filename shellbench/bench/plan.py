@@ -17,7 +17,7 @@ from typing import Any
 
 from shellbench import catalog
 from shellbench.bench.environment import environment
-from shellbench.bench.identity import dump_settings, identity_key, make_identity, make_settings
+from shellbench.bench.identity import dump_settings, make_identity, make_settings, run_key
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.store import Contents, newest
 from shellbench.bench.task import Task, case_data, new_run_id
@@ -151,7 +151,11 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
     solvers = {name: load_solver(entry) for name, entry in entries.items()}
     notes = _check_device(request, solvers)
-    answered = {identity_key(r.identity): r.run_id for r in newest(contents) if r.status == "ok"} if not force else {}
+    answered = (
+        {run_key(r.case_name, r.own_case, r.identity): r.run_id for r in newest(contents) if r.status == "ok"}
+        if not force
+        else {}
+    )
     tasks: dict[str, Task] = {}
     kept: dict[str, str] = {}
     declined: dict[tuple[str, str], Declined] = {}
@@ -163,7 +167,7 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
             continue
         for seed in request.seeds or run.seeds:
             task = _task(case, entries[run.solver], solver, run, request, seed)
-            key = identity_key(task.identity)
+            key = run_key(task.case_name, task.own_case, task.identity)
             if key in answered:
                 kept[key] = answered[key]
             else:

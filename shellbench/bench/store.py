@@ -19,7 +19,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from shellbench.bench.identity import identity_key
+from shellbench.bench.identity import run_key
 from shellbench.bench.record import Record
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.model import one_sentence
@@ -57,11 +57,12 @@ class Contents:
 
 
 def newest(contents: Contents) -> list[Record]:
-    """Return the newest record of each identity, oldest first."""
+    """Return the newest record of each run that was made more than once, oldest first."""
     latest: dict[str, Record] = {}
     for record in contents.records:
-        latest.pop(identity_key(record.identity), None)
-        latest[identity_key(record.identity)] = record
+        key = run_key(record.case_name, record.own_case, record.identity)
+        latest.pop(key, None)
+        latest[key] = record
     return list(latest.values())
 
 
@@ -84,6 +85,8 @@ class Store:
         records: list[Record] = []
         damaged: list[str] = []
         for path in sorted(self.folder.glob("*.json")):
+            if "." in path.stem:  # what lies beside a record, such as a solution that its solver keeps as JSON
+                continue
             try:
                 record = Record.model_validate_json(path.read_bytes())
             except ValidationError as error:

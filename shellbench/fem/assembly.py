@@ -145,12 +145,17 @@ def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     for cells in chunks(mesh):
         matrices = _cell_matrices(mesh, cells, surface, material, quadrature, table)
-        for a, (i, j) in enumerate(CORNERS):
-            for b, (k, m) in enumerate(CORNERS):
-                slot = NEIGHBOURS.index((k - i, m - j))
-                pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
-                blocks[mesh.nodes[cells, a], slot] += pair  # a corner meets every node once: no index repeats
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices)
     return BlockMatrix(blocks, neighbour_columns(mesh))
+
+
+def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
+    """Add matrices (cells, 3, 4, 4, 3, 4, 4) of different cells with corners `nodes` (cells, 4), in place."""
+    for a, (i, j) in enumerate(CORNERS):
+        for b, (k, m) in enumerate(CORNERS):
+            slot = NEIGHBOURS.index((k - i, m - j))
+            pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
+            blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
 
 
 def _cell_matrices(

@@ -7,7 +7,8 @@ whole edge. A clamped edge prescribes besides, for the fixed coordinate k and th
     c(u) = (a_tt u,k - a_kt u,t) . N  =  (a positive factor) u,n . a3,      N = a1 x a2,
 
 and its derivative along the edge: u,n is the derivative along the conormal. The right-hand sides are c of the
-prescribed motion, so that a support that turns carries its normal along.
+prescribed motion, so that a support that turns carries its normal along. Across a plane of symmetry the components
+in the plane have no derivative at all.
 
 All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
 what is said twice counts once, and contradictions are found.
@@ -28,13 +29,14 @@ from shellbench.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
 from shellbench.fem.hermite import KINDS, Derivative
 from shellbench.fem.mesh import TensorMesh
 from shellbench.places import Edge, Place
-from shellbench.surface import Domain, Surface
+from shellbench.surface import Domain
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
+IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
 
 
@@ -52,12 +54,15 @@ class Conditions:
         (n, r, 12) coefficients of the scaled degrees of freedom.
     values
         (n, r, states) right-hand sides.
+    acting
+        (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
     """
 
     support: int
     nodes: Integers
     rows: Array
     values: Array
+    acting: Flags
 
 
 def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
@@ -77,13 +82,20 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             motion = _motion(case, support, place, mesh.domain, points, states)
             rows, values = _held(support, edge, motion)
             if edge is not None and support.holds_slope:
-                slope = _slope(case.surface, mesh.domain, edge, points, support, motion)
+                x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion)
+                slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
                 rows = np.concatenate([rows, slope[0]], axis=1)
                 values = np.concatenate([values, slope[1]], axis=1)
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
             rows = rows / scales[:, None]
             lengths = np.linalg.norm(rows, axis=-1, keepdims=True)
-            yield Conditions(number, nodes, rows / lengths, values / lengths)
+            rows, values = rows / lengths, values / lengths
+            acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
+            if edge is not None and support.clamped:
+                across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
+                acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
+            yield Conditions(number, nodes, rows, values, acting)
 
 
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
@@ -115,11 +127,32 @@ def _held(support: Support, edge: Edge | None, motion: Motion) -> tuple[Array, A
     return rows, values
 
 
-def _slope(
-    surface: Surface, domain: Domain, edge: Edge, points: Array, support: Support, motion: Motion
-) -> tuple[Array, Array]:
+def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:
+    """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
+
+    That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
+    mesh has exactly the solution of the whole.
+    """
+    fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    across = COMPONENTS.index(support.held[0])
+    tangents = [x[key] / np.linalg.norm(x[key], axis=-1, keepdims=True) for key in (fixed, running)]
+    if (
+        np.abs(np.delete(tangents[0], across, axis=-1)).max() > IN_PLANE
+        or np.abs(tangents[1][:, across]).max() > IN_PLANE
+    ):
+        raise InputError(
+            f"support '{support.name}': the shell does not cross the plane of symmetry along '{edge.name}' at right"
+            " angles in its coordinates"
+        )
+    inside = [c for c in range(len(COMPONENTS)) if c != across]
+    rows = np.zeros((len(x[0, 0]), 2 * len(inside), NODE_DOFS))
+    for row, (component, kind) in enumerate((c, kind) for c in inside for kind in (fixed, (1, 1))):
+        rows[:, row, _dof(component, kind)] = 1.0
+    return rows, np.zeros(1)
+
+
+def _slope(edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge."""
-    x = surface.derivatives(domain.wrap(points), order=2)
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     twice = (2 * running[0], 2 * running[1])
     x_k, x_t, x_tt, x_kt = x[fixed], x[running], x[twice], x[1, 1]
@@ -174,7 +207,7 @@ class Ties:
     particular
         (nodes, 12, states) q0.
     holders
-        (k, supports, 12) whether a support's conditions take part in a degree of freedom of these nodes.
+        (k, supports, 12) whether a support acts on a degree of freedom of these nodes.
     """
 
     nodes: Integers
@@ -209,7 +242,7 @@ class Ties:
             place = start[:, None] + np.arange(condition.rows.shape[1])
             rows[at[:, None], place] = condition.rows
             values[at[:, None], place] = condition.values
-            holders[at, condition.support] |= np.any(np.abs(condition.rows) > RANK_TOLERANCE, axis=1)
+            holders[at, condition.support] |= condition.acting
         free = np.ones((mesh.node_count, NODE_DOFS), dtype=bool)
         particular = np.zeros((mesh.node_count, NODE_DOFS, len(states)))
         left, singular, right = np.linalg.svd(rows)

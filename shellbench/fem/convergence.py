@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from scipy.optimize import brentq
 
 SLOWEST, FASTEST = 1.0, 6.0  # rates in the mesh size that are believed; under-resolved meshes show others
+ASYMPTOTIC = 4.0  # order of the element's energies and displacements: coarse meshes may seem faster, and slow down
 SAFETY = 1.5  # of the error that extrapolation estimates
 
 
@@ -45,8 +46,8 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
     -------
     Estimate
         From the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster rate is
-        taken for `FASTEST`. Otherwise nothing is extrapolated, and the uncertainty is the largest change among them,
-        or the last one if they close in on the limit from both sides or are only two.
+        taken for `FASTEST`, and the uncertainty trusts in none beyond `ASYMPTOTIC`. Otherwise nothing is extrapolated: the uncertainty is what the last change leaves at the
+        slowest rate if it is a small step back, and else the largest change among them.
     """
     last = values[-1]
     if len(values) < 2:
@@ -54,14 +55,16 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
     change = last - values[-2]
     if len(values) < 3 or change == 0.0:
         return Estimate(last, abs(change), None)
+    growth = resolutions[-1] / resolutions[-2]
     before = values[-2] - values[-3]
     if before * change < 0 and abs(change) < abs(before) / 2:
-        return Estimate(last, abs(change), None)  # the last two values have the limit between them
+        return Estimate(last, SAFETY * abs(change) / (growth**SLOWEST - 1), None)
     rate = observed_rate(values[-3:], resolutions[-3:])
     if rate is None:
         return Estimate(last, max(abs(change), abs(last - values[-3])), None)
-    error = change / ((resolutions[-1] / resolutions[-2]) ** min(rate, FASTEST) - 1)
-    return Estimate(last + error, SAFETY * abs(error), rate if rate < FASTEST else None)
+    extrapolated = last + change / (growth**rate - 1)
+    uncertainty = SAFETY * abs(change) / (growth ** min(rate, ASYMPTOTIC) - 1)
+    return Estimate(extrapolated, uncertainty, rate if rate < FASTEST else None)
 
 
 def observed_rate(values: Sequence[float], resolutions: Sequence[float]) -> float | None:

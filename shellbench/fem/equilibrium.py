@@ -12,7 +12,16 @@ from scipy.linalg import qr
 from shellbench.case import Case
 from shellbench.errors import SolveFailure
 from shellbench.fem import linear_solve
-from shellbench.fem.assembly import COMPONENTS, NODE_DOFS, Quadrature, chunks, derivative_on_cells, stiffness
+from shellbench.fem.assembly import (
+    COMPONENTS,
+    NODE_DOFS,
+    BlockMatrix,
+    Quadrature,
+    chunks,
+    derivative_on_cells,
+    stiffness,
+)
+from shellbench.fem.clamping import clamped_edges
 from shellbench.fem.constraints import Ties
 from shellbench.fem.hermite import KINDS
 from shellbench.fem.kinematics import Midsurface
@@ -69,12 +78,19 @@ def solve(
         ties = ties.pinned(*determinate_pins(ties, motions))
 
     matrix = stiffness(mesh, case.surface, case.material, quadrature)
-    right = ties.to_free(loading.nodal - matrix @ ties.particular)
-    answer = linear_solve.solve(ties.reduce(matrix), right, mesh, method)
+    clamps = list(clamped_edges(case, mesh, states))
+    system = BlockMatrix(matrix.blocks.copy(), matrix.columns) if clamps else matrix
+    forces = loading.nodal
+    for clamp in clamps:
+        clamp.add_to(system)
+        forces = forces + clamp.right_hand_side(mesh.node_count)
+    answer = linear_solve.solve(ties.reduce(system), ties.to_free(forces - system @ ties.particular), mesh, method)
     q = ties.to_nodal(answer.unknowns) + ties.particular
 
-    reactions = (matrix @ q - loading.nodal)[ties.nodes]
-    energy = np.sum(q[..., -1] * ((matrix @ q) / 2 - loading.nodal)[..., -1])
+    internal = matrix @ q
+    energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
+    unbalanced = internal - loading.nodal + sum(clamp.gap_forces(q) for clamp in clamps)
+    reactions = unbalanced[ties.nodes]
     scales = mesh.node_scales[:, None, :, None]
     shape = (COMPONENTS, len(KINDS), len(states))
     coefficients, shares = q.reshape(-1, *shape) / scales, ties.shares(reactions)

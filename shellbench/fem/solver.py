@@ -23,7 +23,7 @@ from shellbench.measure import measure_all
 from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
-SINGULAR_TOLERANCE = 2e-5  # of a case with forces at points: deflections under a load need many cells
+SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 
 
 class FemSettings(Settings):
@@ -32,7 +32,7 @@ class FemSettings(Settings):
     Attributes
     ----------
     tolerance
-        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2e-5 where a
+        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
         force acts at a point.
     max_unknowns
         No mesh with more degrees of freedom is tried.

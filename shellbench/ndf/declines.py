@@ -22,8 +22,11 @@ PROBE_WIDTH = 4  # features of the random field that probes the factors
 VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
 
 
-def why_declined(case: Case) -> str | None:
-    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can."""
+def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
+    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can.
+
+    `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
+    """
     if not case.linear:
         return "it solves linear theory only"
     try:
@@ -32,7 +35,7 @@ def why_declined(case: Case) -> str | None:
                 virtual_edges(case, next(s for s in case.supports if s.name == quantity.support))
     except InputError as error:
         return str(error)
-    probe = _probe(case)
+    probe = _probe(case, spec or FieldSpec())
     for support in edge_supports(case):
         value, slope = violations(probe, support)
         if not value < VIOLATED:
@@ -85,9 +88,9 @@ def _size(field: Field) -> float:
     return float(field.displacement(middle).abs().max())
 
 
-def _probe(case: Case) -> Field:
+def _probe(case: Case, spec: FieldSpec) -> Field:
     """Return a random field on the shell."""
-    spec, placement = FieldSpec(), Placement()
+    placement = Placement()
     inputs = build_inputs(case, spec)
     network = random_features(placement.tensor(np.full(inputs.count, math.pi)), PROBE_WIDTH, seed=0)
     features = build_features(case, spec, network, placement, inputs)

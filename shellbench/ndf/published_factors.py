@@ -48,14 +48,13 @@ class PublishedFactors:
         if self.case.supports or not self.case.remove_rigid_motions:
             return ()
         pins = []
-        for load in self.case.loads:
-            for place in (self.case.places[name] for name in load.on) if isinstance(load, PointLoad) else ():
-                if not isinstance(place, Point):
-                    continue
-                force = self.case.evaluate(load.force, np.asarray(place.xi), self.t)[0, 0]
-                square = float(force @ force)
-                if square > 0:
-                    pins.append((place, np.eye(3) - np.outer(force, force) / square))
+        for load in (load for load in self.case.loads if isinstance(load, PointLoad)):
+            for place in (self.case.places[name] for name in load.on):
+                if isinstance(place, Point):
+                    force = self.case.evaluate(load.force, np.asarray(place.xi), self.t)[0, 0]
+                    square = float(force @ force)
+                    if square > 0:
+                        pins.append((place, np.eye(3) - np.outer(force, force) / square))
         return tuple(pins)
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:

@@ -99,26 +99,26 @@ class RitzSolver:
         InputError
             If the case or the settings can't be solved with.
         """
-        reason = self.declines(case)
-        if reason:
-            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+        activation(settings.activation)
+        spec = FieldSpec(
+            activation=settings.activation,
+            periodic_input=settings.periodic_input,
+            components=settings.components,
+            stretched=settings.stretched,
+            layer=settings.layer,
+            multipliers=settings.singular,
+        )
         with torch.no_grad():
-            return _solve(case, settings, progress or (lambda _: None))
+            reason = why_declined(case, spec)
+            if reason:
+                raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+            return _solve(case, spec, settings, progress or (lambda _: None))
 
 
-def _solve(case: Case, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
     begin = time.perf_counter()
-    activation(settings.activation)
     placement, focal = Placement.on(settings.device), focal_points(case)
     chosen = _resolution(case, settings)
-    spec = FieldSpec(
-        activation=settings.activation,
-        periodic_input=settings.periodic_input,
-        components=settings.components,
-        stretched=settings.stretched,
-        layer=settings.layer,
-        multipliers=settings.singular,
-    )
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
     scales = placement.tensor(np.where(inputs.stretched, chosen.stretched_scale, chosen.scale))
     network = random_features(scales, chosen.neurons, settings.seed, settings.activation)

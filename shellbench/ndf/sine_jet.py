@@ -33,7 +33,7 @@ def sine_layer(h: Tensor, weight: Tensor, bias: Tensor, omega: float) -> Tensor:
     omega
         Frequency.
     """
-    result: Tensor = _SineLayer.apply(h, weight, bias, omega)
+    result: Tensor = _SineLayer.apply(h, weight, bias, omega)  # type: ignore[no-untyped-call]
     return result
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,25 +12,23 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike
 from pydantic import ValidationError
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.errors import InputError, ShellbenchError
+from shellbench.errors import InputError
+from shellbench.model import one_sentence
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
 from shellbench.ndf.field import Ansatz, Field
 from shellbench.ndf.geometry import geometry
-from shellbench.ndf.jets import ACTIVATIONS, Array, Placement
-from shellbench.ndf.network import Network
+from shellbench.ndf.jets import Array, Placement
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.reaction import edge_reaction
 from shellbench.ndf.strain import apply_rows, energy_rows, strain_rows
 from shellbench.ndf.supports import point_supports
+from shellbench.ndf.weights import Header, network_of, network_tensors, read, write
 from shellbench.solution import FIELDS, Step
 
 QUERY = 4096  # points that are evaluated at once
-FORMAT = "shellbench-ndf-1"
 
 
 @dataclass(frozen=True)
@@ -126,32 +123,26 @@ class NdfSolution:
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
-        target = path.with_suffix(".safetensors")
-        facts = {
-            "format": FORMAT,
-            "solver": self.solver,
-            "case_name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude={"name"}),
-            "spec": self.spec.model_dump(mode="json"),
-            "activation": self.field.features.network.activation,
-            "rule": asdict(self.rule),
-            "membrane": self.membrane,
-            "bending": self.bending,
-            "parameters": self.parameters,
-            "history": [{**asdict(step), "quantities": dict(step.quantities)} for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-            "uncertainty": dict(self.uncertainty),
-            "extrapolated": dict(self.extrapolated),
-            "point_forces": list(self.point_forces),
-        }
-        tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in self._tensors().items()}
-        save_file(tensors, target, metadata={"shellbench": json.dumps(facts)})
-        return target
+        header = Header(
+            solver=self.solver,
+            case_name=self.case.name,
+            case=self.case.model_dump(mode="json", exclude={"name"}),
+            spec=self.spec,
+            activation=self.field.features.network.activation,
+            rule=self.rule,
+            membrane=self.membrane,
+            bending=self.bending,
+            parameters=self.parameters,
+            history=tuple(self.history),
+            diagnostics=dict(self.diagnostics),
+            uncertainty=dict(self.uncertainty),
+            extrapolated=dict(self.extrapolated),
+            point_forces=tuple(self.point_forces),
+        )
+        return write(path, header, self._tensors())
 
     def _tensors(self) -> dict[str, Tensor]:
-        network = self.field.features.network
-        layers = {f"weight.{k}": w for k, w in enumerate(network.weights)}
-        layers |= {f"bias.{k}": b for k, b in enumerate(network.biases)}
+        layers = network_tensors(self.field.features.network)
         return {**layers, "output": self.field.output, "rigid": self.field.rigid}
 
     def _at(self, points: ArrayLike, function: Callable[[Array], Tensor]) -> Array:
@@ -173,71 +164,32 @@ def load_solution(
     InputError
         In one sentence, if the file is not a whole and consistent solution of this solver.
     """
+    header, tensors = read(path, solver)
     try:
-        with safe_open(path, framework="pt") as file:
-            facts = json.loads((file.metadata() or {})["shellbench"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
-        if facts["format"] != FORMAT or facts["solver"] != solver:
-            raise InputError(f"it was written as {facts['format']} by solver '{facts['solver']}', not by '{solver}'")
-        return _restore(facts, tensors, ansatz_of)
-    except InputError as error:
-        raise InputError(f"{path}: is not a solution of '{solver}': {error}") from None
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror or error})") from None
-    except (
-        SafetensorError,
-        ValidationError,
-        ShellbenchError,
-        KeyError,
-        TypeError,
-        ValueError,
-        AttributeError,
-    ) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is damaged or not a solution of '{solver}' ({reason[:200]})") from None
-
-
-def _restore(
-    facts: dict[str, Any], tensors: dict[str, Tensor], ansatz_of: Callable[[Case, FieldSpec], Ansatz]
-) -> NdfSolution:
-    case = Case.model_validate({**facts["case"], "name": facts["case_name"]}, strict=False)
-    spec = FieldSpec.model_validate(facts["spec"])
-    layers = sum(name.startswith("weight.") for name in tensors)
-    weights = tuple(tensors[f"weight.{k}"] for k in range(layers))
-    biases = tuple(tensors[f"bias.{k}"] for k in range(layers))
-    if facts["activation"] not in ACTIVATIONS:
-        raise ValueError("unknown activation")
-    placement = Placement(torch.device("cpu"), tensors["output"].dtype)
-    inputs = build_inputs(case, spec)
-    features = build_features(case, spec, Network(weights, biases, facts["activation"]), placement, inputs)
-    _check_shapes(weights, biases, inputs.count)
-    if tensors["output"].shape != (3, features.count) or tensors["rigid"].shape != (6,):
-        raise ValueError("the tensors do not fit each other")
-    if not all(bool(torch.isfinite(t).all()) for t in tensors.values()):
-        raise ValueError("the weights are not finite")
-    rule = RuleSpec(**{**facts["rule"], "panels": tuple(facts["rule"]["panels"])})
+        case = header.read_case()
+        inputs = build_inputs(case, header.spec)
+        network = network_of(tensors, header.activation, inputs.count)
+        placement = Placement(torch.device("cpu"), network.weights[0].dtype)
+        features = build_features(case, header.spec, network, placement, inputs)
+        output, rigid = tensors.get("output"), tensors.get("rigid")
+        if output is None or rigid is None or output.shape != (3, features.count) or rigid.shape != (6,):
+            raise ValueError("its tensors do not fit each other")
+    except ValidationError as error:
+        raise InputError(f"{path}: is damaged: its case is none: {one_sentence(error)}") from None
+    except (ValueError, ArithmeticError) as error:
+        raise InputError(f"{path}: is damaged: {str(error).splitlines()[0]}") from None
     return NdfSolution(
         case=case,
-        solver=facts["solver"],
-        spec=spec,
-        field=Field(ansatz_of(case, spec), features, tensors["output"], tensors["rigid"]),
-        rule=rule,
-        membrane=float(facts["membrane"]),
-        bending=float(facts["bending"]),
-        parameters=int(facts["parameters"]),
-        history=tuple(Step(**step) for step in facts["history"]),
-        diagnostics=facts["diagnostics"],
-        uncertainty=facts["uncertainty"],
-        extrapolated=facts["extrapolated"],
-        point_forces=tuple(map(float, facts["point_forces"])),
+        solver=header.solver,
+        spec=header.spec,
+        field=Field(ansatz_of(case, header.spec), features, output, rigid),
+        rule=header.rule,
+        membrane=header.membrane,
+        bending=header.bending,
+        parameters=header.parameters,
+        history=header.history,
+        diagnostics=header.diagnostics,
+        uncertainty=header.uncertainty,
+        extrapolated=header.extrapolated,
+        point_forces=header.point_forces,
     )
-
-
-def _check_shapes(weights: tuple[Tensor, ...], biases: tuple[Tensor, ...], inputs: int) -> None:
-    width = inputs
-    for weight, bias in zip(weights, biases, strict=True):
-        if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1]:
-            raise ValueError("the layers do not fit each other")
-        width = weight.shape[0]
-    if not weights:
-        raise ValueError("there are no layers")

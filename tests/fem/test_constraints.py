@@ -40,7 +40,11 @@ def tilt(solution, points, axis):
 
 @pytest.mark.parametrize("surface", ["plane", "hypar", "helicoid"])
 def test_held_edges_do_not_move_anywhere_and_others_do(surface):
-    solution = solved(surface, [{"name": "a", "on": ["xi1_min"]}, {"name": "b", "on": ["xi2_max"], "components": ["x", "z"]}], loads=[PUSH])
+    solution = solved(
+        surface,
+        [{"name": "a", "on": ["xi1_min"]}, {"name": "b", "on": ["xi2_max"], "components": ["x", "z"]}],
+        loads=[PUSH],
+    )
     largest = np.abs(solution.coefficients[:, :, 0]).max()
     assert np.abs(solution.displacement(along(solution, "xi1_min"))).max() <= 1e-13 * largest
     sliding = np.abs(solution.displacement(along(solution, "xi2_max"))).max(axis=0)
@@ -68,7 +72,9 @@ def test_a_turning_rim_carries_its_normals_along():
     motion = {"kind": "rotation", "axis": [1.0, 2.0, 0.5], "centre": [0.3, 0.0, 0.1], "angle": 2.0}
     for surface in ("hypar", "cylinder"):
         edge = "xi2_min"
-        solution = solved(surface, [{"name": "rim", "on": [edge], "clamped": True, "motion": motion}], FemSettings(cells=(10, 4)))
+        solution = solved(
+            surface, [{"name": "rim", "on": [edge], "clamped": True, "motion": motion}], FemSettings(cells=(10, 4))
+        )
         # nothing else holds the shell: it must follow as a rigid body
         points = solution.mesh.node_points
         x = solution.case.surface.position(points)
@@ -79,18 +85,24 @@ def test_a_turning_rim_carries_its_normals_along():
 
 def test_prescribed_values_are_met_along_the_edge():
     motion = {"kind": "value", "x": 0, "y": "0.02*xi2*t", "z": "0.01*xi2**3 - 0.01*xi2"}
-    solution = solved("plane", [{"name": "a", "on": ["xi1_min"], "motion": motion}, {"name": "b", "on": ["xi1_max"], "clamped": True}])
+    solution = solved(
+        "plane", [{"name": "a", "on": ["xi1_min"], "motion": motion}, {"name": "b", "on": ["xi1_max"], "clamped": True}]
+    )
     points = along(solution, "xi1_min")
     y = points[:, 1]
     # the trace is cubic, so that a cubic motion is met exactly
-    assert np.allclose(solution.displacement(points), np.stack([0 * y, 0.02 * y, 0.01 * (y**3 - y)], axis=1), atol=1e-16)
+    assert np.allclose(
+        solution.displacement(points), np.stack([0 * y, 0.02 * y, 0.01 * (y**3 - y)], axis=1), atol=1e-16
+    )
 
 
 def test_motions_depend_on_the_load_factor():
     motion = {"kind": "translation", "vector": [0, 0, "0.1*t**2"]}
     quantities = [{"name": f"w{k}", "kind": "largest_displacement", "primary": k == 1, "at": k} for k in (1.0, 3.0)]
     quantities = [q | {"name": f"w{int(q['at'])}"} for q in quantities]
-    solution = solved("plane", [{"name": "a", "on": ["xi1_min"], "motion": motion, "clamped": True}], quantities=quantities)
+    solution = solved(
+        "plane", [{"name": "a", "on": ["xi1_min"], "motion": motion, "clamped": True}], quantities=quantities
+    )
     assert np.allclose(solution.displacement([1.7, 0.4], at=1.0), [0, 0, 0.1])
     assert np.allclose(solution.displacement([1.7, 0.4], at=3.0), [0, 0, 0.9])
     assert np.allclose(solution.displacement([1.7, 0.4]), [0, 0, 0.9])
@@ -129,7 +141,10 @@ def test_contradictions_are_found_and_agreement_is_not_one():
 
 
 def test_a_slope_that_nodes_cannot_state_is_refused_in_one_sentence():
-    supports = [{"name": "s", "on": ["xi1_min"], "components": ["x"], "clamped": True}, {"name": "t", "on": ["xi1_max"]}]
+    supports = [
+        {"name": "s", "on": ["xi1_min"], "components": ["x"], "clamped": True},
+        {"name": "t", "on": ["xi1_max"]},
+    ]
     with pytest.raises(InputError, match="'s' holds the slope of 'xi1_min', where the coordinate lines are oblique"):
         solved("hypar", supports)
 

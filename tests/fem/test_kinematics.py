@@ -74,7 +74,9 @@ def test_energy_density_does_not_depend_on_the_coordinates():
     for z in ("xi2", "(xi2 - 0.4*xi1)"):
         names = {"kind": "expression", "xi1": [0, 1], "xi2": [0, 2]}
         x = {"x": "2*cos(xi1)", "y": f"1*{z}", "z": "2*sin(xi1)"}
-        u = dict(zip("xyz", (f.replace("z", z).replace("s)", "xi1)").replace("*s*", "*xi1*") for f in field), strict=True))
+        u = dict(
+            zip("xyz", (f.replace("z", z).replace("s)", "xi1)").replace("*s*", "*xi1*") for f in field), strict=True)
+        )
         u = {key: text.replace("sin(s", "sin(xi1").replace("cos(2*s", "cos(2*xi1") for key, text in u.items()}
         surface = shell(names | x).surface
         displacement = surface.model_copy(update=u)

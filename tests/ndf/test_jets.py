@@ -6,7 +6,7 @@ import torch
 
 from shellbench.errors import InputError
 from shellbench.ndf import jets
-from shellbench.ndf.jets import ACTIVATIONS, D1, D11, D12, D2, D22, VALUE, Placement, activation
+from shellbench.ndf.jets import ACTIVATIONS, D1, D2, D11, D12, D22, VALUE, Placement, activation
 from shellbench.ndf.network import Network, random_features, siren
 
 PLACEMENT = Placement()

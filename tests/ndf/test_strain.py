@@ -46,12 +46,12 @@ def test_strains_are_the_linear_part_of_metric_and_curvature_changes(surface):
         curvature = [(y[k] * normal).sum(-1) for k in (3, 5, 4)]
         return np.array(metric), np.array(curvature)
 
-    step = 1e-5
+    step = 2e-6
     (a_plus, b_plus), (a_minus, b_minus) = forms(x + step * u), forms(x - step * u)
     expected = np.concatenate([(a_plus - a_minus) / 2, b_minus - b_plus]) / (2 * step)
     rows = strain_rows(geometry(case.surface, points, PLACEMENT))
     found = apply_rows(rows, PLACEMENT.tensor(u)).numpy() * [1, 1, 0.5, 1, 1, 0.5]
-    np.testing.assert_allclose(found, expected.T, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+    np.testing.assert_allclose(found, expected.T, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
 
 def test_energy_density_of_a_stretched_and_bent_plate():
@@ -69,8 +69,12 @@ def test_energy_density_of_a_stretched_and_bent_plate():
     membrane = d / 2 * (0.1**2 + 0.2**2 - 2 * nu * 0.02 + (1 - nu) / 2 * 0.3**2)
     bending = b / 2 * (2**2 + 1 - 2 * nu * 2 + 2 * (1 - nu) * 0.7**2)
     density = 0.5 * strain**2
-    torch.testing.assert_close(density[:, :3].sum(1), torch.full((20,), membrane, dtype=torch.float64), rtol=1e-8, atol=0)
-    torch.testing.assert_close(density[:, 3:].sum(1), torch.full((20,), bending, dtype=torch.float64), rtol=1e-8, atol=0)
+    torch.testing.assert_close(
+        density[:, :3].sum(1), torch.full((20,), membrane, dtype=torch.float64), rtol=1e-8, atol=0
+    )
+    torch.testing.assert_close(
+        density[:, 3:].sum(1), torch.full((20,), bending, dtype=torch.float64), rtol=1e-8, atol=0
+    )
 
 
 @pytest.mark.parametrize("surface", SURFACES)

@@ -1,0 +1,217 @@
+"""Rows say what a record is worth, and to whom it is compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from shellbench import catalog
+from shellbench.bench.compare import Row, as_json, rows
+from shellbench.bench.current import current_runs
+from shellbench.bench.store import Store
+from shellbench.errors import InputError
+from tests.bench import strip
+from tests.bench.conftest import forget
+from tests.bench.running import behave, run
+
+CONTRACT = [
+    "case",
+    "suite",
+    "solver",
+    "settings",
+    "seed",
+    "quantity",
+    "primary",
+    "at",
+    "value",
+    "reference",
+    "reference_uncertainty",
+    "reference_theory",
+    "reference_source",
+    "literature",
+    "relative_error",
+    "absolute_error",
+    "tolerance",
+    "passed",
+    "status",
+    "seconds",
+    "peak_memory_bytes",
+    "parameters",
+    "storage_bytes",
+    "run_id",
+]
+
+pytestmark = pytest.mark.usefixtures("toys")
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    forget()
+
+
+def only(found: list[Row], **wanted: object) -> Row:
+    matching = [row for row in found if all(getattr(row, key) == value for key, value in wanted.items())]
+    assert len(matching) == 1, f"{len(matching)} rows are {wanted}"
+    return matching[0]
+
+
+def test_json_has_the_keys_of_the_contract(store: Store) -> None:
+    run(store, suites=("toys",))
+    objects = json.loads(as_json(rows(store)))
+    assert len(objects) == 5 * 3
+    assert all(set(CONTRACT) <= set(one) for one in objects)
+    identities = {
+        (o["case"], o["solver"], json.dumps(o["settings"]), o["seed"], o["quantity"], o["at"]) for o in objects
+    }
+    assert len(identities) == len(objects)
+    assert {o["seed"] for o in objects if o["solver"] == "toy"} == {None}
+    assert {o["seed"] for o in objects if o["solver"] == "toy-noisy"} == {0, 1, 2}
+    assert {o["quantity"] for o in objects if o["primary"]} == {"centre"}
+
+
+def test_errors_are_signed_and_relative_to_the_judge(store: Store) -> None:
+    run(store, "strip", solvers=("toy",), settings={"toy": {"factor": 0.9}})
+    row = only(rows(store), quantity="centre")
+    assert row.reference == strip.CENTRE
+    assert row.relative_error == pytest.approx(-0.1)
+    assert row.absolute_error == pytest.approx(-0.1 * strip.CENTRE)
+    assert (row.literature, row.reference_theory) == (0.00625, "kirchhoff-love-linear")
+
+
+def test_a_default_run_is_judged_at_the_frozen_tolerance(store: Store) -> None:
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.passed, row.tolerance, row.suite, row.declared) == (True, 1e-9, "toys", True)
+    edit(catalog.data_folder("references") / "strip.toml", repr(strip.CENTRE), repr(strip.CENTRE * (1 + 2e-9)))
+    row = only(rows(store), quantity="centre")
+    assert row.passed is False
+    assert row.reason is not None
+    assert "1e-09 is allowed" in row.reason
+
+
+def test_near_zero_the_error_is_absolute(store: Store) -> None:
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="membrane")
+    assert (row.relative_error, row.absolute_error, row.tolerance_is_absolute, row.passed) == (None, 0.0, True, True)
+
+
+def test_an_ungated_quantity_has_no_verdict(store: Store) -> None:
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="energy")
+    assert (row.passed, row.tolerance, row.reference, row.relative_error) == (None, None, None, None)
+
+
+def test_other_settings_are_never_gated_and_an_ablation_has_its_label(store: Store) -> None:
+    run(store, suites=("toys",), solvers=("toy",))
+    halved = only(rows(store), quantity="centre", default_settings=False)
+    assert (halved.passed, halved.label, halved.overrides, halved.published) == (None, "halved", {"factor": 0.5}, 0.003)
+    assert halved.relative_error == pytest.approx(-0.5)
+    assert only(rows(store), quantity="centre", default_settings=True).published is None
+
+
+def test_a_value_of_another_theory_does_not_judge(store: Store) -> None:
+    edit(catalog.data_folder("references") / "strip.toml", 'theory = "kirchhoff-love-linear"', 'theory = "mixed"')
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.reference, row.passed, row.literature_theory) == (None, False, "mixed")
+    assert row.reason == "no known value of its theory judges it"
+
+
+def test_an_open_finding_is_an_expected_failure_and_red_once_it_passes(store: Store) -> None:
+    case = catalog.data_folder("cases") / "strip.toml"
+    edit(case, "tolerance = { toy = 1e-9,", 'open_finding = { toy = "never right" }\ntolerance = { toy = 1e-9,')
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.passed, row.reason) == (False, "it passes, but is an open finding")
+    edit(catalog.data_folder("references") / "strip.toml", repr(strip.CENTRE), repr(strip.CENTRE * 1.1))
+    row = only(rows(store), quantity="centre")
+    assert (row.passed, row.open_finding) == (None, "never right")
+
+
+def test_a_failed_run_has_its_rows_and_does_not_pass(store: Store, plugin: Path) -> None:
+    edit(plugin / "toy_shells" / "solver.py", 'behaviour: Behaviour = "exact"', 'behaviour: Behaviour = "fail"')
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.status, row.value, row.passed, row.reason) == ("failed", None, False, "the strip would not converge")
+
+
+def test_reduced_precision_does_not_pass(store: Store, plugin: Path) -> None:
+    edit(plugin / "toy_shells" / "solver.py", '"float32"] = "float64"', '"float32"] = "float32"')
+    run(store, "strip", solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.dtype, row.passed) == ("float32", False)
+
+
+def test_an_own_case_is_not_judged_by_the_suites_values(store: Store, tmp_path: Path) -> None:
+    path = tmp_path / "strip.toml"  # the same name, another thickness
+    path.write_text(strip.CASE.replace("thickness = 0.1", "thickness = 0.2"), encoding="utf-8")
+    run(store, str(path), solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert (row.own_case, row.suite, row.reference, row.passed) == (True, None, None, None)
+    run(store, "strip", solvers=("toy",))
+    assert {r.own_case: r.reference for r in rows(store) if r.primary} == {True: None, False: strip.CENTRE}
+
+
+def test_without_a_known_value_solvers_are_held_against_each_other(store: Store, own_case: Path) -> None:
+    run(store, str(own_case), solvers=("toy", "toy-noisy"), settings={"toy-noisy": {"noise": 0.0}})
+    run(store, str(own_case), solvers=("toy-noisy",), seeds=(0, 1))
+    found = [row for row in rows(store) if row.quantity == "centre"]
+    exact = only(found, solver="toy")
+    assert (exact.disagreement, exact.passed) == (None, None)
+    for row in found:
+        if row.solver == "toy-noisy" and row.value is not None:
+            assert row.disagreement_with == "toy"
+            assert row.disagreement == pytest.approx((row.value - strip.CENTRE) / strip.CENTRE, abs=1e-15)
+
+
+def test_the_newest_physics_of_an_own_case_counts(store: Store, own_case: Path) -> None:
+    run(store, str(own_case), solvers=("toy",))
+    edit(own_case, "thickness = 0.1", "thickness = 0.2")
+    run(store, str(own_case), solvers=("toy",))
+    row = only(rows(store), quantity="centre")
+    assert row.value == pytest.approx(strip.CENTRE / 8)
+    assert [reason for _, reason in current_runs(store.read()).stale.values()] == ["the case has changed since"]
+
+
+def test_a_changed_case_or_solver_makes_records_stale(store: Store, plugin: Path) -> None:
+    run(store, "strip", solvers=("toy",))
+    case = catalog.data_folder("cases") / "strip.toml"
+    edit(case, "thickness = 0.1", "thickness = 0.2")
+    assert rows(store) == []
+    assert current_runs(store.read()).notes == ("1 stored run is left out: the case has changed since",)
+    edit(case, "thickness = 0.2", "thickness = 0.1")
+    assert len(rows(store)) == 3
+    edit(plugin / "toy_shells" / "strip.py", "24", "25")
+    assert rows(store) == []
+    assert current_runs(store.read()).notes == ("1 stored run is left out: the solver has changed since",)
+
+
+def test_changed_tolerances_judge_old_records(store: Store) -> None:
+    run(store, "strip", solvers=("toy",))
+    edit(catalog.data_folder("cases") / "strip.toml", "toy = 1e-9", "toy = 1e-3")
+    assert only(rows(store), quantity="centre").tolerance == 1e-3
+
+
+def test_records_of_a_solver_that_is_gone_do_not_count(store: Store, plugin: Path) -> None:
+    behave(store, "exact")
+    edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", "toy = toy_shells.solver:ExactSolver\n", "")
+    assert rows(store) == []
+
+
+def test_the_newest_record_counts_even_if_it_failed(store: Store, plugin: Path) -> None:
+    run(store, "strip", solvers=("toy",))
+    run(store, "strip", solvers=("toy",), force=True, timeout=1e-3)
+    assert len(store.read().records) == 2
+    assert only(rows(store), quantity="centre").run_id == store.read().records[-1].run_id
+
+
+def test_suites_narrow(store: Store, own_case: Path) -> None:
+    run(store, "strip", str(own_case), solvers=("toy",))
+    assert {row.case for row in rows(store)} == {"strip", "own_strip"}
+    assert {row.case for row in rows(store, ("toys",))} == {"strip"}
+    with pytest.raises(InputError, match="unknown suite"):
+        rows(store, ("nothing",))

@@ -1,0 +1,136 @@
+"""Input coordinates and singular features: exact jets, periodic, even at planes of symmetry, singular at forces."""
+
+import numpy as np
+import pytest
+import torch
+
+from shellbench.ndf.inputs import Inputs, foci
+from shellbench.ndf.jets import D1, Placement
+from shellbench.ndf.singular import FixedFeatures
+from shellbench.ndf.supports import edge_samples, edge_supports
+from tests.ndf.shells import FREE, differences, inner_points, shell, support
+
+PLACEMENT = Placement()
+POINT = {"points": {"p": [70, 1.5]}, "loads": [{"kind": "point", "on": ["p"], "force": [0, 1, 0]}]}
+QUARTER = [
+    support("crown", "xi1_max", symmetry="x"),
+    support("middle", "xi2_max", symmetry="z"),
+    support("end", "xi2_min", components=["x", "y"]),
+]
+QUARTER_ROOF = {"kind": "cylinder", "axis": "z", "radius": 3, "xi1": [50, 90], "xi2": [0, 2.5]}
+
+
+def loaded(surface, at=(70, 1.5), **data):
+    return shell(surface, points={"p": list(at)}, loads=POINT["loads"], **data)
+
+
+CASES = {
+    "plate": shell("plane"),
+    "loaded roof": loaded("roof"),
+    "loaded tube": loaded("tube"),
+    "loaded torus": loaded("torus", (30, 200)),
+    "quarter roof": loaded(QUARTER_ROOF, (90, 2.5), supports=QUARTER),
+    "quarter roof, load inside": loaded(QUARTER_ROOF, (60, 1), supports=QUARTER),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("periodic", [True, False])
+def test_jets_of_inputs_match_differences(name, periodic):
+    case = CASES[name]
+    inputs = Inputs.of(case, periodic, foci(case))
+    points = inner_points(case)
+    expected = differences(lambda p: inputs.jets(p, PLACEMENT)[0].numpy(), points, 2e-4)
+    np.testing.assert_allclose(inputs.jets(points, PLACEMENT).numpy(), expected, atol=2e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["loaded roof", "loaded torus"])
+def test_jets_of_singular_features_match_differences(name):
+    case = CASES[name]
+    features = FixedFeatures.of(case, foci(case), 6)
+    focus = np.asarray(foci(case)[0].xi)
+    points = focus + 0.1 * np.random.default_rng(0).uniform(0.5, 1, (20, 2))
+    expected = differences(lambda p: features.jets(p, PLACEMENT)[0].numpy(), points, 2e-4)
+    np.testing.assert_allclose(features.jets(points, PLACEMENT).numpy(), expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_singular_feature_is_that_of_a_plate():
+    """On a plane r^2 log r^2 in units of the reach, whose Laplacian is 4 log r^2 + 8."""
+    case = loaded("plane", (1.2, 0.1))
+    focus = foci(case)[0]
+    features = FixedFeatures.of(case, (focus,), 1)
+    points = inner_points(case)
+    jet = features.jets(points, PLACEMENT)[..., 1].numpy()
+    square = ((points - focus.xi) ** 2).sum(1) / focus.reach**2
+    np.testing.assert_allclose(jet[0], square * np.log(square), rtol=1e-12)
+    np.testing.assert_allclose(jet[3] + jet[5], (4 * np.log(square) + 8) / focus.reach**2, rtol=1e-10)
+    here = features.jets(np.array([focus.xi]), PLACEMENT)[:3, 0, 1]
+    assert here.abs().max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["loaded tube", "loaded torus"])
+def test_inputs_and_features_close_on_periodic_surfaces(name):
+    case = CASES[name]
+    domain = case.surface.domain
+    inputs, features = Inputs.of(case, True, foci(case)), FixedFeatures.of(case, foci(case))
+    for axis in range(2):
+        if domain.periodic[axis]:
+            here = inner_points(case)
+            there = here + np.eye(2)[axis] * domain.size[axis]
+            for made in (inputs, features):
+                torch.testing.assert_close(
+                    made.jets(here, PLACEMENT), made.jets(there, PLACEMENT), rtol=1e-9, atol=1e-9
+                )
+
+
+def test_without_periodic_inputs_the_shell_is_slit():
+    case = CASES["loaded tube"]
+    domain = case.surface.domain
+    ends = np.array([[domain.lower[0], 1.0], [domain.upper[0], 1.0]])
+    values = Inputs.of(case, False, foci(case)).jets(ends, PLACEMENT)[0]
+    assert (values[0] - values[1]).abs().max() > 0.5
+
+
+@pytest.mark.parametrize("name", ["quarter roof", "quarter roof, load inside"])
+def test_inputs_and_features_are_even_at_planes_of_symmetry(name):
+    case = CASES[name]
+    for edge in edge_supports(case):
+        if edge.even:
+            points = edge_samples(case, edge.edge)[1:-1]
+            for made in (Inputs.of(case, True, foci(case)), FixedFeatures.of(case, foci(case))):
+                assert made.jets(points, PLACEMENT)[D1 + edge.edge.axis].abs().max() < 1e-9
+
+
+def test_singular_features_that_are_not_even_are_left_out():
+    on_the_planes, inside = (CASES[name] for name in ("quarter roof", "quarter roof, load inside"))
+    assert FixedFeatures.of(on_the_planes, foci(on_the_planes), 1).count == 2
+    assert FixedFeatures.of(inside, foci(inside), 1).count == 1
+
+
+def test_inputs_are_independent_of_each_other():
+    """Opposite loads on a tube have the same tangential chords up to sign: they enter once."""
+    points = {"p": [90, 2.5], "q": [270, 2.5]}
+    forces = [{"kind": "point", "on": [n], "force": [0, 0, f]} for n, f in (("p", 1), ("q", -1))]
+    case = shell("tube", points=points, loads=forces)
+    inputs = Inputs.of(case, True, foci(case))
+    assert len(foci(case)) == 2
+    assert inputs.stretched == (False, False, False, True, True)
+    values = inputs.jets(case.surface.domain.grid(20, 20).reshape(-1, 2), PLACEMENT)[0]
+    singular = torch.linalg.svdvals(torch.cat([values, torch.ones(400, 1, dtype=torch.float64)], dim=1))
+    assert singular[-1] > 1e-3 * singular[0]
+
+
+def test_lengths_around_a_force_follow_the_shell():
+    """l = 1.2 sqrt(h R) on a cylinder of radius R; the same in any unit of length."""
+    case = loaded("tube")
+    assert foci(case)[0].reach == pytest.approx(3.0)
+    assert foci(case)[0].layer == pytest.approx(1.2 * np.sqrt(0.05 * 3.0), rel=1e-9)
+    surface = {"kind": "cylinder", "axis": "y", "radius": 3000, "closed": True, "xi1": [0, 360], "xi2": [0, 5000]}
+    scaled = loaded(surface, (70, 1500), material={"thickness": 50})
+    assert foci(scaled)[0].layer == pytest.approx(1000 * foci(case)[0].layer)
+
+
+def test_point_supports_are_foci_as_well():
+    feet = [support("foot", "p", components=["x", "y", "z"])]
+    case = shell("plane", points={"p": [1, 0]}, supports=feet, remove_rigid_motions=FREE[3:])
+    assert [focus.xi for focus in foci(case)] == [(1.0, 0.0)]

@@ -1,0 +1,238 @@
+"""The command line's contract: names, options, exit codes, and one sentence for whatever is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shellbench import cli
+from shellbench.bench.store import Store
+from tests.bench import strip
+from tests.bench.conftest import own_case, plugin, store, toys  # noqa: F401 - fixtures
+from tests.bench.test_compare import CONTRACT, edit
+
+
+@pytest.fixture
+def shellbench(toys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):  # noqa: F811
+    """Run the program in an empty folder; return exit code, standard output and standard error."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+
+    def call(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["shellbench", *map(str, arguments)])
+        try:
+            cli.main()
+            code = 0
+        except SystemExit as end:
+            code = 0 if end.code is None else int(end.code)
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        return code, out, err
+
+    return call
+
+
+def test_the_whole_way(shellbench, tmp_path: Path) -> None:
+    """Run, resume, table, gate, baseline, export."""
+    code, out, err = shellbench("run", "--suite", "toys", "--jobs", 2)
+    assert (code, out, err) == (0, "5 solved\n", "")
+    assert len(list(Path("reports/runs").glob("strip-*.solution.json"))) == 5
+    assert shellbench("run", "--suite", "toys") == (0, "5 kept from before\n", "")
+    code, out, err = shellbench("table", "--format", "json")
+    assert (code, err) == (0, "")
+    assert all(set(CONTRACT) <= set(row) for row in json.loads(out))
+    code, out, err = shellbench("gate", "--suite", "toys")
+    assert (code, err) == (0, "")
+    assert "every gate holds" in out
+    assert shellbench("baseline", "--write")[0] == 0
+    assert "regression: 5 ok" in shellbench("gate")[1]
+    for suffix in ("npz", "obj"):
+        assert shellbench("export", "strip", "--solver", "toy", "--out", f"shape.{suffix}", "--resolution", 5)[0] == 0
+    with np.load("shape.npz") as arrays:
+        assert arrays["displacement"].shape == (5, 5, 3)
+        assert -arrays["displacement"][2, 2, 2] == pytest.approx(strip.CENTRE)
+    lines = Path("shape.obj").read_text(encoding="utf-8").splitlines()
+    assert sum(line.startswith("v ") for line in lines) == 25
+    faces = np.array([[int(i) for i in line.split()[1:]] for line in lines if line.startswith("f ")])
+    assert faces.shape == (16, 4)
+    assert set(faces.ravel()) == set(range(1, 26))
+
+
+@pytest.mark.parametrize("format_", ["text", "markdown", "latex", "csv"])
+def test_table_prints_in_all_formats(shellbench, format_: str) -> None:
+    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
+    code, out, err = shellbench("table", "--format", format_)
+    assert (code, err) == (0, "")
+    assert "Strip" in out or "strip" in out
+
+
+def test_an_empty_store_is_an_empty_table_and_a_red_gate(shellbench) -> None:
+    code, out, err = shellbench("table", "--format", "json")
+    assert (code, json.loads(out), err) == (0, [], "")
+    code, out, err = shellbench("table")
+    assert code == 0
+    assert "no records that count" in err
+    code, out, err = shellbench("gate")
+    assert code == 1
+    assert "5 RED" in out
+    assert "no record" in out
+
+
+def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
+    code, out, err = shellbench(
+        "run", "strip", "--solver", "toy", "--solver", "toy-noisy", "--set", "toy.behaviour=crash"
+    )
+    assert (code, out) == (1, "1 solved, 1 failed\n")
+    assert err == "shellbench: strip toy: failed: the solving process was ended by SIGSEGV\n"
+    code, out, err = shellbench("run", "strip", "--solver", "toy", "--set", "toy.behaviour=hang", "--timeout", "0.5")
+    assert (code, err) == (1, "shellbench: strip toy: timeout: stopped after 0.5 s\n")
+
+
+def test_refused_input_exits_2(shellbench) -> None:
+    code, _, err = shellbench("run", "strip", "--solver", "toy", "--set", "toy.behaviour=refuse")
+    assert (code, err) == (2, "shellbench: strip toy: refused: setting 'behaviour' does not fit the case\n")
+
+
+def test_what_does_not_apply_is_said_and_exits_0(shellbench, own_case: Path) -> None:  # noqa: F811
+    edit(own_case, 'kind = "plane"', 'kind = "cylinder"\naxis = "y"\nradius = 9')
+    code, out, err = shellbench("run", own_case, "--solver", "toy")
+    assert (code, out) == (0, "1 not applicable\n")
+    assert err == "shellbench: own_strip toy: not applicable: it solves planes only\n"
+
+
+HOSTILE = [
+    ("run",),
+    ("run", "nowhere"),
+    ("run", "nowhere.toml"),
+    ("run", "."),
+    ("run", "../strip"),
+    ("run", "strip\x01"),
+    ("run", "strip", "--solver", "nobody"),
+    ("run", "strip", "--solver", ""),
+    ("run", "strip", "--solver", "toy-broken"),
+    ("run", "strip", "--suite", "nothing"),
+    ("run", "strip", "--set", "toy"),
+    ("run", "strip", "--solver", "toy", "--set", "toy.factor=[1"),
+    ("run", "strip", "--solver", "toy", "--set", "toy.factor=nan", "--set", "toy.x=1"),
+    ("run", "strip", "--solver", "toy", "--set", "toy.__class__=1"),
+    ("run", "strip", "--seed", "-1"),
+    ("run", "strip", "--seed", "x"),
+    ("run", "strip", "--seed", "99999999999"),
+    ("run", "strip", "--jobs", "0"),
+    ("run", "strip", "--timeout", "0"),
+    ("run", "strip", "--timeout", "nan"),
+    ("run", "strip", "--timeout", "-inf"),
+    ("run", "strip", "--device", "tpu"),
+    ("run", "strip", "--solver", "toy", "--device", "cuda"),
+    ("run", "strip", "--store", "a_file"),
+    ("run", "strip", "--store", "a_file/below"),
+    ("run", "strip", "--no-such-option"),
+    ("table", "--format", "xml"),
+    ("table", "--suite", "nothing"),
+    ("table", "--store", "a_file"),
+    ("gate", "--suite", "nothing"),
+    ("gate", "--solver", "nobody"),
+    ("gate", "--baseline", "a_file"),
+    ("report", "--store", "a_file"),
+    ("baseline", "--solver", "nobody"),
+    ("export", "strip", "--solver", "toy"),
+    ("export", "strip", "--solver", "toy", "--out", "x.stl"),
+    ("export", "strip", "--solver", "toy", "--out", "x.npz"),
+    ("export", "strip", "--solver", "toy", "--out", "x.npz", "--resolution", "1"),
+    ("export", "nowhere", "--solver", "toy", "--out", "x.npz"),
+    ("export", "strip", "--solver", "nobody", "--out", "x.npz"),
+    ("no-such-command",),
+]
+
+
+@pytest.mark.parametrize("arguments", HOSTILE, ids=" ".join)
+def test_bad_input_exits_2_with_a_sentence(shellbench, arguments: tuple[str, ...]) -> None:
+    Path("a_file").write_text("no JSON", encoding="utf-8")
+    code, out, err = shellbench(*arguments)
+    assert out == ""
+    if "a_file/below" in arguments:  # the disk's fault, not the user's
+        assert code == 1
+    else:
+        assert code == 2
+    assert err.startswith("shellbench: ") == ("Usage" not in err)
+    if "Usage" not in err:
+        assert err.count("\n") == 1
+
+
+def test_a_malformed_case_is_one_sentence_with_file_and_field(shellbench, own_case: Path) -> None:  # noqa: F811
+    edit(own_case, "thickness = 0.1", 'thickness = "thin"')
+    code, _, err = shellbench("run", own_case, "--solver", "toy")
+    assert code == 2
+    assert str(own_case) in err
+    assert "material.thickness" in err
+    assert err.count("\n") == 1
+
+
+def test_damaged_records_are_noted_and_do_no_harm(shellbench) -> None:
+    shellbench("run", "strip", "--solver", "toy")
+    record = next(p for p in Path("reports/runs").glob("*.json") if "." not in p.stem)
+    record.with_name("strip-toy-20260101T000000-00000000.json").write_text("{", encoding="utf-8")
+    code, out, err = shellbench("table", "--format", "json")
+    assert code == 0
+    assert len(json.loads(out)) == 3
+    assert err.count("\n") == 1
+    assert "no whole record" in err
+
+
+def test_list_says_what_there_is(shellbench) -> None:
+    code, out, err = shellbench("list", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert [case["name"] for case in found["cases"]] == ["strip"]
+    assert [suite["name"] for suite in found["suites"]] == ["toys"]
+    solvers = {solver["name"]: solver for solver in found["solvers"]}
+    assert solvers["toy"]["available"]
+    assert not solvers["toy"]["seeded"]
+    assert solvers["toy-noisy"]["seeded"]
+    assert {s["name"] for s in solvers["toy"]["settings"]} == {"behaviour", "factor", "seconds", "dtype"}
+    assert "No module named" in solvers["toy-broken"]["reason"]
+    text = shellbench("list")[1]
+    assert all(word in text for word in ("strip", "toys", "toy-noisy", "closed form of a strip"))
+
+
+def test_vtu_without_pyvista_names_the_extra(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    shellbench("run", "strip", "--solver", "toy")
+    code, _, err = shellbench("export", "strip", "--solver", "toy", "--out", "x.vtu")
+    assert code == 2
+    assert "shellbench[vtk]" in err
+    assert list(Path().glob("*.vtu")) == []
+
+
+def test_version_and_help(shellbench) -> None:
+    assert shellbench("--version")[:2] == (0, f"shellbench {cli.__version__}\n")
+    for command in ("list", "run", "table", "gate", "baseline", "report", "export"):
+        code, out, _ = shellbench(command, "--help")
+        assert code == 0
+        assert "Usage" in out
+
+
+def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
+    command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
+    command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
+    environment = os.environ | {"PYTHONPATH": str(plugin)}
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not list(store.folder.glob(".*.partial/log.txt")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == cli.INTERRUPTED
+    assert out == ""
+    assert err.startswith("shellbench: interrupted")
+    assert err.count("\n") == 1
+    assert [path.name for path in store.folder.iterdir()] == [".lock"]

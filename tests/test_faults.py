@@ -1,0 +1,271 @@
+"""The gate itself is tested: mistakes that solvers really make are injected, and each must turn it red.
+
+A fault is put into one solver's mechanics (or into what both are given), the case is solved as `shellbench run` would,
+and the record is judged as `shellbench gate` would. The same path without a fault is green.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from shellbench.bench.gate import Scope, gate
+from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.store import Store
+from shellbench.bench.worker import run
+from shellbench.fem import assembly, constraints, kinematics
+from shellbench.fem import loads as fem_loads
+from shellbench.material import Material
+from shellbench.ndf import energy, factors, geometry, jets, network, ritz, strain
+
+PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
+
+
+def findings(store: Store, solver: str, case: str):
+    """Solve as the bench does, and return what the accuracy gate makes of the case."""
+    for task in make_plan(Request((case,), (), (solver,), {}, (0,)), store.read()).tasks:  # none if it declines
+        folder = store.begin(task.run_id)
+        store.commit(folder, run(task, folder, lambda _: None))
+    verdict = gate(store, None, Scope((), (solver,), (0,)))
+    found = [finding for finding in verdict.accuracy if finding.row.case == case]
+    assert found
+    return found
+
+
+class Fault(NamedTuple):
+    """What is broken, on which side, and where it must show."""
+
+    name: str
+    solver: str
+    case: str
+    inject: Callable[[pytest.MonkeyPatch], None]
+
+
+def wrapped(module, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that changes its result."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(module, name)
+        patch.setattr(module, name, lambda *args, **more: change(original(*args, **more)))
+
+    return inject
+
+
+def called_with(module, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that gets other arguments."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(module, name)
+        patch.setattr(module, name, lambda *args, **more: original(*change(*args), **more))
+
+    return inject
+
+
+def stiffness(name: str, factor: float) -> Callable[[pytest.MonkeyPatch], None]:
+    """Scale one stiffness of the material."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        value = getattr(Material, name).fget
+        patch.setattr(Material, name, property(lambda self: factor * value(self)))
+
+    return inject
+
+
+def without(array, *rows: int):
+    """Drop strain rows (axis 1)."""
+    array[:, list(rows)] = 0.0
+    return array
+
+
+def scaled(array, factor: float, *rows: int):
+    """Scale strain rows (axis 1)."""
+    array[:, list(rows)] *= factor
+    return array
+
+
+def flipped_normal_turn(operator):
+    """Flip the sign of delta a3 in the bending strains."""
+    operator[:, 3:, :, :2] *= -1.0
+    return operator
+
+
+def flipped_christoffel(rows):
+    """Flip the sign of the Christoffel terms in the bending strains."""
+    rows[:, 3:, :, jets.D1 : jets.D2 + 1] *= -1.0
+    return rows
+
+
+def only_three_edges(patch: pytest.MonkeyPatch) -> None:
+    original = constraints.conditions
+    patch.setattr(constraints, "conditions", lambda *args: list(original(*args))[:-1])
+
+
+def leaking_slope(patch: pytest.MonkeyPatch) -> None:
+    original = constraints._slope
+
+    def leaking(*args):
+        rows, values = original(*args)
+        return rows[:, 1:], values[:, 1:]
+
+    patch.setattr(constraints, "_slope", leaking)
+
+
+def clamped_too(patch: pytest.MonkeyPatch) -> None:
+    original = constraints.conditions
+
+    def stiffer(case, mesh, states):
+        supports = tuple(s.model_copy(update={"clamped": True}) for s in case.supports)
+        return original(case.model_copy(update={"supports": supports}), mesh, states)
+
+    patch.setattr(constraints, "conditions", stiffer)
+
+
+def reduced_integration(patch: pytest.MonkeyPatch) -> None:
+    original = assembly.Quadrature.of_order.__func__
+    patch.setattr(assembly.Quadrature, "of_order", classmethod(lambda cls, mesh, order: original(cls, mesh, 3)))
+
+
+def halved_nodal_forces(patch: pytest.MonkeyPatch) -> None:
+    original = fem_loads.Loading.of.__func__
+
+    def halved(cls, *args):
+        loading = original(cls, *args)
+        return replace(loading, nodal=loading.nodal / 2)
+
+    patch.setattr(fem_loads.Loading, "of", classmethod(halved))
+
+
+def wrong_metric(patch: pytest.MonkeyPatch) -> None:
+    original = kinematics.Midsurface.contravariant_metric.fget
+    patch.setattr(kinematics.Midsurface, "contravariant_metric", property(lambda self: 1.01 * original(self)))
+
+
+def leaking_factor(patch: pytest.MonkeyPatch) -> None:
+    original = factors.edge_factor
+
+    def leaking(domain, edges, even, points, placement):
+        kept = {edge for edge in edges if edge.name != "xi2_max"}
+        return original(domain, kept, even, points, placement)
+
+    patch.setattr(factors, "edge_factor", leaking)
+
+
+def clamping_factor(patch: pytest.MonkeyPatch) -> None:
+    original = factors.edge_factor
+
+    def clamping(*args):
+        factor = original(*args)
+        return jets.product(factor, factor)
+
+    patch.setattr(factors, "edge_factor", clamping)
+
+
+def three_points_a_side(patch: pytest.MonkeyPatch) -> None:
+    original = ritz.resolution
+    coarse = {"panels": (1, 1), "order": 3}
+    patch.setattr(ritz, "resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse)))
+
+
+def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:
+    original = jets.compose
+
+    def broken(derivatives, z):
+        jet = original(derivatives, z).clone()
+        jet[jets.D12] = 0.0
+        return jet
+
+    patch.setattr(network, "compose", broken)
+
+
+def flat_christoffel(patch: pytest.MonkeyPatch) -> None:
+    original = geometry.geometry
+
+    def flat(*args):
+        found = original(*args)
+        return replace(found, christoffel=found.christoffel * 0.0)
+
+    patch.setattr(energy, "geometry", flat)
+
+
+def more_poisson(patch: pytest.MonkeyPatch, module, name: str) -> None:
+    original = getattr(module, name)
+    patch.setattr(module, name, lambda surface, nu: original(surface, nu + 0.05))
+
+
+FAULTS = [
+    Fault("wrong Poisson ratio", "fem", ROOF, lambda p: more_poisson(p, kinematics, "elasticity")),
+    Fault("bending stiffness 0.1 % off", "fem", PLATE, stiffness("bending_stiffness", 1.001)),
+    Fault("membrane stiffness 0.1 % off", "fem", ROOF, stiffness("membrane_stiffness", 1.001)),
+    Fault("no twisting term", "fem", PLATE, wrapped(kinematics, "strain_operator", lambda b: without(b, 5))),
+    Fault("no bending", "fem", ROOF, wrapped(kinematics, "strain_operator", lambda b: scaled(b, 1e-3, 3, 4, 5))),
+    Fault("half the membrane shear", "fem", ROOF, wrapped(kinematics, "strain_operator", lambda b: scaled(b, 0.5, 2))),
+    Fault("flipped turn of the normal", "fem", RING, wrapped(kinematics, "strain_operator", flipped_normal_turn)),
+    Fault("wrong metric", "fem", ROOF, wrong_metric),
+    Fault("halved load", "fem", PLATE, halved_nodal_forces),
+    Fault("slopes held too", "fem", PLATE, clamped_too),
+    Fault("clamps that leak", "fem", RING, leaking_slope),
+    Fault("an edge forgotten", "fem", PLATE, only_three_edges),
+    Fault("reduced integration", "fem", ROOF, reduced_integration),
+    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, strain, "elasticity_tensor")),
+    Fault("bending stiffness 0.1 % off", "ndf-ritz", PLATE, stiffness("bending_stiffness", 1.001)),
+    Fault("membrane stiffness 0.1 % off", "ndf-ritz", ROOF, stiffness("membrane_stiffness", 1.001)),
+    Fault("no twisting term", "ndf-ritz", PLATE, wrapped(strain, "strain_rows", lambda b: without(b, strain.K12))),
+    Fault(
+        "half the membrane shear",
+        "ndf-ritz",
+        ROOF,
+        wrapped(strain, "strain_rows", lambda b: scaled(b, 0.5, strain.E12)),
+    ),
+    Fault("flipped Christoffel symbols", "ndf-ritz", RING, wrapped(strain, "strain_rows", flipped_christoffel)),
+    Fault("no Christoffel symbols", "ndf-ritz", RING, flat_christoffel),
+    Fault("halved load", "ndf-ritz", ROOF, wrapped(energy, "force_density", lambda f: f / 2)),
+    Fault("load on a flat area", "ndf-ritz", ROOF, wrapped(energy, "force_density", lambda f: f / 25)),
+    Fault("a leaking support", "ndf-ritz", PLATE, leaking_factor),
+    Fault("a clamping factor", "ndf-ritz", PLATE, clamping_factor),
+    Fault("an exploited quadrature", "ndf-ritz", ROOF, three_points_a_side),
+    Fault("a missing mixed derivative", "ndf-ritz", PLATE, without_mixed_derivative),
+    Fault("wrong Poisson ratio", "ndf", ROOF, lambda p: more_poisson(p, strain, "elasticity_tensor")),
+    Fault("halved load", "ndf", PLATE, wrapped(energy, "force_density", lambda f: f / 2)),
+    Fault("flipped Christoffel symbols", "ndf", RING, wrapped(strain, "strain_rows", flipped_christoffel)),
+    Fault("a leaking support", "ndf", PLATE, leaking_factor),
+]
+LONG_FAULTS = [
+    Fault("halved point loads", "fem", PINCHED, halved_nodal_forces),
+    Fault("halved point loads", "ndf-ritz", PINCHED, wrapped(energy, "concentrated_forces", lambda f: (f[0], f[1] / 2))),
+    Fault("wrong Poisson ratio", "fem", PINCHED, lambda p: more_poisson(p, kinematics, "elasticity")),
+    Fault("one load forgotten", "ndf-ritz", PINCHED, wrapped(energy, "concentrated_forces", lambda f: (f[0][:1], f[1][:1]))),
+]  # fmt: skip
+
+
+def test_there_are_enough_faults_on_either_side():
+    assert len(FAULTS) >= 20
+    assert {fault.solver for fault in FAULTS} == {"fem", "ndf", "ndf-ritz"}
+    assert len({(fault.name, fault.solver) for fault in FAULTS}) == len(FAULTS)
+
+
+@pytest.mark.parametrize("case", [PLATE, ROOF, RING])
+@pytest.mark.parametrize("solver", ["fem", "ndf-ritz", "ndf"])
+def test_without_a_fault_the_gate_is_green(solver, case, tmp_path):
+    assert all(finding.colour == "green" for finding in findings(Store(tmp_path), solver, case))
+
+
+def must_be_red(fault: Fault, folder, patch: pytest.MonkeyPatch) -> None:
+    fault.inject(patch)
+    found = findings(Store(folder), fault.solver, fault.case)
+    assert any(finding.colour == "red" for finding in found), [finding.sentence for finding in found]
+    for finding in found:
+        if finding.row.status == "ok":
+            assert np.isfinite(finding.row.value)
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
+def test_a_fault_turns_the_gate_red(fault, tmp_path, monkeypatch):
+    must_be_red(fault, tmp_path, monkeypatch)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", LONG_FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
+def test_a_fault_under_point_loads_turns_the_gate_red(fault, tmp_path, monkeypatch):
+    must_be_red(fault, tmp_path, monkeypatch)
