@@ -32,7 +32,12 @@ of reference area.
 
 
 class Settings(Model):
-    """Settings of a solver that computes the same answer every time."""
+    """Settings of a solver that computes the same answer every time.
+
+    A setting called `checkpoint`, a folder or None, says where an interrupted solve is kept to go on from; the
+    bench gives one. Settings that can't change the answer, like that one, are declared with `exclude=True`:
+    they are no part of a run's identity.
+    """
 
 
 class SeededSettings(Settings):

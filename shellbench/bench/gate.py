@@ -84,8 +84,6 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     InputError
         If a suite or solver of the scope is unknown.
     """
-    for solver in scope.solvers:
-        find_solver(solver)
     current = current_runs(store.read())
     runs = list(_expected(scope, current))
     rows = [row for expected in runs for row in expected.rows()]
@@ -179,6 +177,8 @@ class _Expected:
 
 
 def _expected(scope: Scope, current: CurrentRuns) -> Iterator[_Expected]:
+    for solver in scope.solvers:
+        find_solver(solver)
     seen: set[tuple[str, str, int | None]] = set()
     for suite in scope.suites or catalog.suite_names():
         runs = [run for run in catalog.find_suite(suite).runs if not run.settings]

@@ -208,7 +208,7 @@ def _task(case: Case, entry: SolverEntry, solver: Solver, run: SuiteRun, request
         case_name=case.name,
         case=case_data(case),
         own_case=is_own(case),
-        settings=settings.model_dump(mode="json", exclude_unset=True) | apart,
+        settings={**overrides, **apart},
         defaults=defaults,
         solver_label=solver.capabilities.label,
         environment=environment(device, entry.distribution),

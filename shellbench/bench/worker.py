@@ -24,13 +24,15 @@ from shellbench.bench.task import Task
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure
-from shellbench.solution import Progress, Solution
+from shellbench.solution import Progress, Solution, Solver
 
 RECORD = "record.json"
 REFUSED = "refused.txt"
 DISK_FULL = "disk_full"
 FIELDS = "fields.npz"
 SOLUTION = "solution"
+CHECKPOINT = "checkpoint"  # the setting, see `shellbench.solution.Settings`
+CHECKPOINTS = "checkpoints"  # folder in the store
 PAUSE = 0.1  # seconds between two words on progress
 
 Tell = Callable[[Progress], None]
@@ -63,7 +65,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     reason: str | None = None
     try:
         solver = load_solver(SolverEntry(task.identity.solver, task.target, "", ""))
-        settings = solver.settings_type.model_validate(task.settings)
+        settings = solver.settings_type.model_validate(with_checkpoints(task, solver, folder))
         start = time.perf_counter()
         solution = solver.solve(case, settings, progress=tell)
     except SolveFailure as failure:
@@ -77,8 +79,11 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         _pass_on_full_disk(error)
         reason = f"the solver stopped unexpectedly: {_said(error)}"
         traceback.print_exc()
+    seconds = time.perf_counter() - start
+    if solution is not None and solution.history:  # of a solve that went on from a checkpoint, all of it
+        seconds = max(seconds, _finite(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
-        "seconds": time.perf_counter() - start,
+        "seconds": seconds,
         "idle_memory_bytes": idle,
         "peak_memory_bytes": peak_memory(idle),
     }
@@ -94,6 +99,14 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
             reason = f"the solution has no finite value for {', '.join(lost)}"
     status = "ok" if reason is None else "failed"
     return task.record(status=status, reason=reason, **result)
+
+
+def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]:
+    """Return the settings of a task; a solver that keeps checkpoints does so in the store, unless told where."""
+    given = dict(task.settings)
+    if CHECKPOINT in solver.settings_type.model_fields:
+        given.setdefault(CHECKPOINT, str(folder.parent / CHECKPOINTS))
+    return given
 
 
 def _measured(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:

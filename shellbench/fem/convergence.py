@@ -46,8 +46,9 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
     -------
     Estimate
         From the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster rate is
-        taken for `FASTEST`, and the uncertainty trusts in none beyond `ASYMPTOTIC`. Otherwise nothing is extrapolated: the uncertainty is what the last change leaves at the
-        slowest rate if it is a small step back, and else the largest change among them.
+        taken for `FASTEST`, and the uncertainty trusts in none beyond `ASYMPTOTIC`. Otherwise nothing is
+        extrapolated: the uncertainty is what the last change leaves at the slowest rate if it is a small step back,
+        and else the largest change among them.
     """
     last = values[-1]
     if len(values) < 2:

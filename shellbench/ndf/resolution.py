@@ -43,7 +43,9 @@ def resolution(case: Case) -> Resolution:
         neurons = 700 if any(case.surface.domain.periodic) else 300 if is_flat(case) else 400
         return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
     if is_flat(case):
-        return Resolution(120, 3.5, 2.0, _rule(case, 5, 6), _rule(case, 6, 7))
+        neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
+        panels = 8 if any(case.surface.domain.periodic) else 5
+        return Resolution(neurons, 3.5, 2.0, _rule(case, panels, 6), _rule(case, panels + 1, 7))
     return Resolution(240, 4.5, 2.0, _rule(case, 8, 6), _rule(case, 10, 7))
 
 

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError
+from shellbench.fem.assembly import Quadrature
 from shellbench.fem.constraints import Ties
 from shellbench.fem.grading import graded_mesh
+from shellbench.fem.loads import Loading
 from shellbench.fem.solver import FemSettings, FemSolver
 from tests.fem.shells import EVERY_EDGE, shell
 
 PUSH = {"kind": "area", "vector": ["1.0 + xi1", 0.5, "-2.0 + xi2"]}
 COARSE = FemSettings(cells=(3, 3))
+CLAMPED = [{"name": "rim", "on": EVERY_EDGE, "clamped": True}]
 
 
 def solved(surface, supports, settings=COARSE, **fields):
@@ -57,15 +60,55 @@ def test_held_edges_do_not_move_anywhere_and_others_do(surface):
 def test_a_clamped_edge_does_not_turn_even_in_oblique_coordinates(surface):
     turned = []
     for n in (4, 8):
-        supports = [{"name": "a", "on": EVERY_EDGE, "clamped": True}]
-        solution = solved(surface, supports, FemSettings(cells=(n, n)), loads=[PUSH])
+        solution = solved(surface, CLAMPED, FemSettings(cells=(n, n)), loads=[PUSH])
         size = np.abs(solution.coefficients[:, :, 1:3]).max()
         edge = solution.case.places["xi1_min"]
         nodes = solution.mesh.node_points[solution.mesh.edge_nodes(edge)]
         assert np.abs(tilt(solution, nodes, 0)).max() <= 1e-12 * size
-        turned.append(np.abs(tilt(solution, along(solution, "xi1_min", 200), 0)).max() / size)
-    # between the nodes the slope is a Hermite interpolant: fourth order where the normal turns along the edge
-    assert turned[1] <= turned[0] / 8 + 1e-12
+        turned.append(np.sqrt(np.mean(tilt(solution, along(solution, "xi1_min", 200), 0) ** 2)) / size)
+    # between the nodes the rotation about an edge whose normal turns is held weakly; without that it falls with
+    # the first order only
+    assert turned[1] <= turned[0] / 4 + 1e-12
+
+
+def test_a_clamped_curved_shell_converges_with_order_four():
+    """Nodal ties alone leave an error of first order, of 3e-4 here: see `shellbench.fem.clamping`."""
+    thick = {"youngs_modulus": 1e4, "poissons_ratio": 0.3, "thickness": 0.2}
+    energies = [
+        sum(solved("hypar", CLAMPED, FemSettings(cells=(n, n)), loads=[PUSH], material=thick).energies())
+        for n in (4, 8, 16)
+    ]
+    assert np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])) >= 3.3
+    assert abs(energies[2] / energies[1] - 1) < 1e-4
+
+
+@pytest.mark.parametrize("surface", ["hypar", "helicoid"])
+def test_clamps_balance_the_loads(surface):
+    case = shell(surface, supports=CLAMPED, loads=[PUSH])
+    mesh = graded_mesh(case, (8, 8), 2.0)
+    loads = Loading.of(case, mesh, Quadrature.of_order(mesh, 7), [1.0])
+    solution = FemSolver().solve(case, FemSettings(cells=(8, 8)))
+    force, moment = solution.reaction("rim")
+    assert np.allclose(force, -loads.resultant[:3, 0], atol=1e-9 * np.abs(force).max())
+    sample = case.surface.position(case.surface.domain.grid(9, 9)).reshape(-1, 3)
+    centre = (sample.max(axis=0) + sample.min(axis=0)) / 2
+    size = np.linalg.norm(sample - centre, axis=1).max()
+    _, moment = solution.reaction("rim", centre)
+    assert np.allclose(moment / size, -loads.resultant[3:, 0], atol=1e-4 * np.abs(force).max())
+
+
+def test_a_clamp_resists_a_prescribed_turn_with_the_moment_of_its_energy():
+    """The torque on a turned rim is the derivative of the energy with respect to the angle, here twice E / angle."""
+    turn = {"kind": "rotation", "axis": [1.0, 0.3, 0.2], "centre": [0.1, 0.2, 0.0], "angle": 0.5}
+    supports = [
+        {"name": "fixed", "on": ["xi2_max"], "clamped": True},
+        {"name": "turned", "on": ["xi2_min"], "clamped": True, "motion": turn},
+    ]
+    thick = {"youngs_modulus": 1e4, "poissons_ratio": 0.3, "thickness": 0.2}
+    solution = solved("cylinder", supports, FemSettings(cells=(20, 10)), material=thick)
+    _, moment = solution.reaction("turned", turn["centre"])
+    axis = np.array(turn["axis"]) / np.linalg.norm(turn["axis"])
+    assert moment @ axis * np.radians(0.5) == pytest.approx(2 * sum(solution.energies()), rel=5e-6)
 
 
 def test_a_turning_rim_carries_its_normals_along():

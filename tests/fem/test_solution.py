@@ -53,7 +53,8 @@ def test_energy_densities_add_up_to_the_energies(solution):
 
 
 def test_work_of_the_loads_is_twice_the_energy(solution):
-    assert solution.history[-1].energy == pytest.approx(-sum(solution.energies()), rel=1e-9)
+    # not to rounding: the curved clamped edge is held weakly between its nodes
+    assert solution.history[-1].energy == pytest.approx(-sum(solution.energies()), rel=1e-5)
 
 
 def test_shapes_and_names(solution):
