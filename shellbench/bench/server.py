@@ -29,6 +29,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from shellbench.bench import worker
+from shellbench.bench.identity import MEASURING
+from shellbench.bench.source import source_digest
 from shellbench.bench.store import LOG
 from shellbench.solution import Progress
 
@@ -43,6 +45,7 @@ def main(target: str) -> None:
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
     with contextlib.suppress(Exception):  # the run will say what is wrong with it
         import_module(target.partition(":")[0])
+        source_digest([target.partition(":")[0], MEASURING])  # remembered: each run looks whether it has changed
     say(events, event="ready")
     waiting = b""
     while chunk := os.read(0, 65536):

@@ -29,15 +29,22 @@ def _gate(name: str, findings: Sequence[Finding], verbose: bool) -> Iterator[str
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in MARKS.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing is gated"
     yield f"{name}: {said}"
-    for finding in sorted(findings, key=lambda f: list(MARKS).index(f.colour)):
-        if verbose or finding.colour in {"red", "expected failure"}:
-            row = finding.row
-            yield f"  {MARKS[finding.colour]:<4} {_name(row)}: {finding.sentence}"
+    shown = [f for f in findings if verbose or f.colour in {"red", "expected failure"}]
+    alike: dict[tuple[str, str, str, str], list[Row]] = {}
+    for finding in sorted(shown, key=lambda f: list(MARKS).index(f.colour)):
+        key = (MARKS[finding.colour], finding.row.case, finding.row.solver, finding.sentence)
+        alike.setdefault(key, []).append(finding.row)
+    for (mark, case, solver, sentence), rows in alike.items():
+        yield f"  {mark:<4} {case} {solver}{_seeds(rows)} {_listed(row.quantity for row in rows)}: {sentence}"
 
 
-def _name(row: Row) -> str:
-    seed = "" if row.seed is None else f" seed {row.seed}"
-    return f"{row.case} {row.solver}{seed} {row.quantity}"
+def _seeds(rows: Sequence[Row]) -> str:
+    seeds = [str(row.seed) for row in rows if row.seed is not None]
+    return f" seed {_listed(seeds)}" if seeds else ""
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(dict.fromkeys(names))
 
 
 def changes(old: Baseline | None, new: Baseline) -> str:

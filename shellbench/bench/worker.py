@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import psutil
 
+from shellbench.bench.identity import current_source
 from shellbench.bench.record import HistoryStep, Measured, Record
-from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.sampling import resolution_study, write_fields
 from shellbench.bench.task import Task
 from shellbench.case import Case
@@ -97,8 +98,18 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         lost = [q.name for q in case.quantities if q.name not in result.get("values", {})]
         if lost and reason is None:
             reason = f"the solution has no finite value for {', '.join(lost)}"
+    if reason is None and not same_source(task):
+        reason = "the source of the solver, or of what measures it, was changed while it ran"
     status = "ok" if reason is None else "failed"
     return task.record(status=status, reason=reason, **result)
+
+
+def same_source(task: Task) -> bool:
+    """Tell whether the source is still that for which the run was planned: what ran may be another."""
+    try:
+        return current_source(find_solver(task.identity.solver)) == task.identity.source
+    except (InputError, OSError, SyntaxError):
+        return False
 
 
 def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from shellbench.case import Case
 from shellbench.conditions import Support
 from shellbench.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices
-from shellbench.fem.hermite import CORNERS, KINDS, kind_scales, tabulate
+from shellbench.fem.hermite import CORNERS, KINDS, Derivative, kind_scales, tabulate
 from shellbench.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
 from shellbench.fem.mesh import TensorMesh
 from shellbench.places import Edge
@@ -32,6 +32,7 @@ from shellbench.places import Edge
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 GAUSS_POINTS = 6  # a cell's side
 GAMMA = 20.0  # above 4, the inverse inequality of a moment that is linear across the cell, with room to spare
 STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
@@ -134,9 +135,6 @@ class ClampedEdge:
         for corner in range(len(CORNERS)):
             result[self.nodes[:, corner]] += local[:, :, corner].reshape(len(local), NODE_DOFS, -1)
         return result
-
-
-FIRST = ((1, 0), (0, 1))
 
 
 def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[ClampedEdge]:

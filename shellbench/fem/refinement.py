@@ -33,6 +33,7 @@ ENERGY_RATE = 4  # order of the element's energy error in the mesh size, twice t
 IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
+SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
@@ -121,7 +122,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
     strain energy are compared with the whole, and with the leeway that they are given.
     """
-    value = abs(quantities[quantity.name])
+    value, domain = abs(quantities[quantity.name]), solution.mesh.domain
     tiny = float(np.finfo(float).tiny)
     match quantity:
         case EnergyQuantity():
@@ -131,7 +132,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return max(value, NEGLIGIBLE * largest, tiny)
         case _:
             forces = np.abs(solution.support_forces[..., 0, solution.state(quantity.at)]).sum()
-            size = np.ptp(solution.case.surface.position(solution.mesh.node_points), axis=0).max()
+            size = np.ptp(solution.case.surface.position(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)), axis=(0, 1)).max()
             return max(value, NEGLIGIBLE * float(forces) * (float(size) if quantity.kind == "torque" else 1.0), tiny)
 
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, PositiveInt
 
 from shellbench.case import Case
-from shellbench.errors import SolveFailure
+from shellbench.errors import InputError, SolveFailure
 from shellbench.fem import equilibrium
 from shellbench.fem.grading import graded_mesh, singular_points
 from shellbench.fem.linear_solve import Method
@@ -49,7 +49,7 @@ class FemSettings(Settings):
 
     tolerance: float | None = Field(None, gt=0, lt=1)
     max_unknowns: int = Field(120_000, ge=100)
-    cells: tuple[int, int] | None = None
+    cells: tuple[PositiveInt, PositiveInt] | None = None
     grading: float = Field(2.0, ge=1, le=3)
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
@@ -86,12 +86,12 @@ class FemSolver:
         SolveFailure
             If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
         InputError
-            If supports contradict each other, or a setting does not fit.
+            If the case's theory is another one, supports contradict each other, or a direct solver is not installed.
         """
         chosen = settings if isinstance(settings, FemSettings) else FemSettings.model_validate(settings or {})
         refusal = self.declines(case)
         if refusal:
-            raise SolveFailure(f"fem can't take {case.name}: {refusal}")
+            raise InputError(f"fem can't take {case.name}: {refusal}")
         began = time.perf_counter()
         states = tuple(sorted({quantity.at for quantity in case.quantities}))
 
@@ -100,18 +100,11 @@ class FemSolver:
             return equilibrium.solve(case, mesh, states, chosen.quadrature_order, chosen.direct_solver)
 
         tolerance = chosen.tolerance or (SINGULAR_TOLERANCE if singular_points(case) else SMOOTH_TOLERANCE)
-        meshes: Iterator[Cells]
-        if chosen.cells:
-            meshes = iter([chosen.cells])
-        else:
-            first = first_level(lambda cells: graded_mesh(case, cells, chosen.grading).node_count)
-            share = balanced_share(on_mesh, first - 1)
-            meshes = (level_cells(level, share) for level in itertools.count(first))
         steps: list[Step] = []
         differences: list[dict[str, Any]] = []
         solution: FemSolution | None = None
         try:
-            for level in levels(case, meshes, on_mesh, measure_all):
+            for level in levels(case, _meshes(case, chosen, on_mesh), on_mesh, measure_all):
                 seconds = time.perf_counter() - began
                 found = level.equilibrium
                 unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
@@ -138,6 +131,17 @@ class FemSolver:
     def load(self, path: Path) -> FemSolution:
         """Read a solution that `FemSolution.save` wrote."""
         return FemSolution.load(path)
+
+
+def _meshes(case: Case, settings: FemSettings, on_mesh: Callable[[Cells], equilibrium.Equilibrium]) -> Iterator[Cells]:
+    """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
+    if settings.cells:
+        yield settings.cells
+        return
+    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count)
+    share = balanced_share(on_mesh, first - 1)
+    for level in itertools.count(first):
+        yield level_cells(level, share)
 
 
 def _finished(

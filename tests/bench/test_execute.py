@@ -212,3 +212,27 @@ def test_threads_of_a_run_are_limited(store: Store, plugin: Path) -> None:
 def test_execution_has_no_tasks_without_a_store(store: Store) -> None:
     assert execution.execute([], store, Silent(), jobs=1, threads=1) == []
     assert not store.folder.exists() or list(store.folder.iterdir()) == [store.folder / ".lock"]
+
+
+def test_source_that_changes_while_it_runs_is_a_failure(store: Store) -> None:
+    record = behave(store, "edit_source")
+    assert record.status == "failed"
+    assert "was changed while it ran" in (record.reason or "")
+
+
+def test_checkpoints_lie_in_the_store_and_are_no_part_of_the_identity(store: Store, tmp_path: Path) -> None:
+    record = run(store, "strip", solvers=("toy-noisy",))[0].record
+    assert record is not None
+    assert record.diagnostics["checkpoint"] == str((store.folder / "checkpoints").resolve())
+    assert "checkpoint" not in record.identity.settings
+    settings = {"toy-noisy": {"checkpoint": str(tmp_path)}}
+    assert run(store, "strip", solvers=("toy-noisy",), settings=settings) == []
+    record = run(store, "strip", solvers=("toy-noisy",), settings=settings, force=True)[0].record
+    assert record is not None
+    assert record.diagnostics["checkpoint"] == str(tmp_path)
+
+
+def test_seconds_of_a_resumed_solve_are_those_of_all_of_it(store: Store) -> None:
+    record = run(store, "strip", solvers=("toy-noisy",), settings={"toy-noisy": {"behaviour": "resumed"}})[0].record
+    assert record is not None
+    assert record.seconds == 1000.0

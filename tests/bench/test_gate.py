@@ -136,6 +136,11 @@ def test_narrowing_is_said_and_narrows(full: Store) -> None:
     assert "no baseline baseline.json" in text
 
 
+def test_alike_rows_are_said_once(store: Store) -> None:
+    text = as_text(gate(store, None, Scope()), "baseline")
+    assert "  RED  strip toy-noisy seed 0, 1, 2 centre: no record\n" in text
+
+
 def test_unknown_names_are_refused(store: Store) -> None:
     with pytest.raises(InputError, match="unknown solver"):
         gate(store, None, Scope(solvers=("nobody",)))

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from shellbench import catalog
 from shellbench.case import build_case
-from shellbench.errors import SolveFailure
+from shellbench.errors import InputError, SolveFailure
 from shellbench.fem import equilibrium, solver
 from shellbench.fem.refinement import first_level, level_cells
 from shellbench.fem.solver import FemSettings, FemSolver
@@ -214,6 +215,14 @@ def test_another_theory_is_declined():
     case = shell(theory="kirchhoff-love-nonlinear")
     assert "kirchhoff-love-nonlinear" in FemSolver().declines(case)
     assert FemSolver().declines(shell()) is None
+    with pytest.raises(InputError, match="can't take"):
+        solve(case)
+
+
+@pytest.mark.parametrize("bad", [{"cells": (0, 3)}, {"tolerance": 0}, {"grading": 4}, {"direct_solver": "magic"}])
+def test_settings_out_of_range_are_refused(bad):
+    with pytest.raises(ValidationError):
+        FemSettings(**bad)
 
 
 def test_cells_go_where_the_energy_asks_for_them():

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
@@ -20,7 +21,7 @@ from toy_shells import strip
 
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",
-    "disk_full", "allocate",
+    "disk_full", "allocate", "resumed", "edit_source",
 ]  # fmt: skip
 
 
@@ -33,6 +34,7 @@ class ToySettings(Settings):
 
 class NoisySettings(SeededSettings):
     noise: float = 1e-7
+    checkpoint: str | None = Field(None, exclude=True)
     behaviour: Behaviour = "exact"
 
 
@@ -109,6 +111,9 @@ def misbehave(behaviour: Behaviour, case: Case) -> None:
             print("chatter on standard error", file=sys.stderr)
         case "leave_child":
             subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
+        case "edit_source":
+            file = Path(strip.__file__)
+            file.write_text(file.read_text(encoding="utf-8") + "\nEDITED = True\n", encoding="utf-8")
         case "allocate":
             np.ones(25_000_000)
         case "disk_full":
@@ -147,7 +152,12 @@ class NoisySolver:
 
     def solve(self, case, settings, start=None, progress=None):
         misbehave(settings.behaviour, case)
-        return StripSolution(case, 1 + settings.noise * np.random.default_rng(settings.seed).standard_normal())
+        factor = 1 + settings.noise * np.random.default_rng(settings.seed).standard_normal()
+        solution = StripSolution(case, factor)
+        solution.diagnostics = {"checkpoint": settings.checkpoint}
+        if settings.behaviour == "resumed":
+            solution.history = (Step(0, 1000.0, -1.0, 4),)
+        return solution
 
     def load(self, path):
         return load(path)
