@@ -51,6 +51,15 @@ def ablations(session: nox.Session) -> None:
 
 
 @nox.session
+def example(session: nox.Session) -> None:
+    """Make the committed example of the report anew, from all suites but the published one, which trains for long."""
+    install(session)
+    for suite in ("obstacle_course", "verification", "ablations"):
+        session.run("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
+    session.run("shellbench", "report", "--out", "reports/example")
+
+
+@nox.session
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
     install(session, "test")

@@ -11,8 +11,9 @@ from shellbench.case import Case
 from shellbench.model import Model, Positive
 from shellbench.ndf.factors import BoundaryFactors
 from shellbench.ndf.field import Ansatz, Features
-from shellbench.ndf.inputs import LAYER, Inputs, foci
+from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import Array, Placement
+from shellbench.ndf.lengths import LAYER, edge_layers, foci
 from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import Network
 from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
@@ -35,6 +36,8 @@ class FieldSpec(Model):
         Whether stretched coordinates are added about points that carry a force.
     layer
         Their length l in units of sqrt(h R).
+    edge_stretched
+        Whether they are added toward the edges of a curved shell that carries no force at points.
     multipliers
         Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
     t
@@ -46,13 +49,16 @@ class FieldSpec(Model):
     components: Components = "cartesian"
     stretched: bool = True
     layer: Positive = LAYER
+    edge_stretched: bool = False
     multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
     t: float = 1.0
 
 
 def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     """Return the input coordinates."""
-    return Inputs.of(case, spec.periodic_input, foci(case, spec.layer) if spec.stretched else ())
+    around = foci(case, spec.layer)
+    edges = edge_layers(case) if spec.edge_stretched and not around else None
+    return Inputs.of(case, spec.periodic_input, around if spec.stretched else (), edges)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
@@ -68,3 +74,14 @@ def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
 def focal_points(case: Case) -> Array:
     """Return the points (k, 2) toward which quadrature is graded."""
     return np.array([focus.xi for focus in foci(case)]).reshape(-1, 2)
+
+
+def graded_points(case: Case, spec: FieldSpec) -> Array:
+    """Return the points (k, 2) toward which the quadrature of a field is graded: forces, or else stretched edges.
+
+    A coordinate toward which nothing is graded is NaN.
+    """
+    focal, domain = focal_points(case), case.surface.domain
+    if len(focal) or not spec.edge_stretched or edge_layers(case) is None:
+        return focal
+    return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))

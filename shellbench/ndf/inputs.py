@@ -1,9 +1,9 @@
 """What the network sees of a point: input coordinates as jets, derived from the case alone.
 
 A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin); at an edge that holds the slope of free
-components it is bent so that its derivative vanishes there. About each point that carries a force the tangential
-distance enters once more, stretched as asinh(d / l) / asinh(reach / l): there the solution varies within the length
-sqrt(R h) of a shell's bending layer, far below the size of the shell.
+components it is bent so that its derivative vanishes there. Distances from points that carry a force, and from the
+edges of curved shells, enter once more, stretched as asinh(d / l) / asinh(reach / l): there the solution varies within
+the length l of a bending layer (`lengths`).
 """
 
 from __future__ import annotations
@@ -16,71 +16,15 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.conditions import PointLoad
 from shellbench.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
-from shellbench.ndf.supports import edge_supports, even_sides, point_supports
-from shellbench.places import Point
+from shellbench.ndf.lengths import Focus
+from shellbench.ndf.supports import edge_supports, even_sides
 from shellbench.surface import Domain
 
 SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
-LAYER = 1.2  # l in units of sqrt(h R); .12 R for R / h = 100, the best by certified energy on pinched cylinders
-FLAT_LAYER = 0.12  # l in units of the shell's size where it is flat
-LONGEST_LAYER = 0.5  # of the size: a thick shell's layer is no longer than the shell
-CURVED = 1e-12  # a principal curvature times the size below this is flat
 
 Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
-
-
-@dataclass(frozen=True)
-class Focus:
-    """A point that carries a force, and the lengths of the solution around it.
-
-    Attributes
-    ----------
-    xi
-        (xi1, xi2), radians for angles.
-    position, tangents
-        (3,), (2, 3): where it is, and an orthonormal basis of the tangent plane; the first along a_1.
-    reach
-        Length over which the solution is plate-like at all, metres: the smallest radius of curvature or the size.
-    layer
-        Length of the bending layer l, metres.
-    """
-
-    xi: tuple[float, float]
-    position: Array
-    tangents: Array
-    reach: float
-    layer: float
-
-
-def foci(case: Case, layer: float = LAYER) -> tuple[Focus, ...]:
-    """Return the points of a case that carry a force: point loads and point supports."""
-    loaded = [name for load in case.loads if isinstance(load, PointLoad) for name in load.on]
-    places = [case.places[name] for name in loaded] + [s.point for s in point_supports(case)]
-    distinct = {place.xi: place for place in places if isinstance(place, Point)}
-    return tuple(_focus(case, xi, layer) for xi in distinct)
-
-
-def _focus(case: Case, xi: tuple[float, float], layer: float) -> Focus:
-    sample = case.surface.position(case.surface.domain.grid(9, 9)).reshape(-1, 3)
-    size = float(np.linalg.norm(sample - sample.mean(axis=0), axis=1).max())
-    x = case.surface.derivatives(np.asarray(xi), 2)
-    a = np.stack([x[1, 0], x[0, 1]])
-    first = a[0] / np.linalg.norm(a[0])
-    second = a[1] - (a[1] @ first) * first
-    second /= np.linalg.norm(second)
-    normal = np.cross(first, second)
-    curvature = np.array([[x[2, 0] @ normal, x[1, 1] @ normal], [x[1, 1] @ normal, x[0, 2] @ normal]])
-    principal = np.linalg.eigvals(np.linalg.solve(a @ a.T, curvature))
-    strongest = float(np.abs(principal).max())
-    flat = strongest * size < CURVED
-    reach = size if flat else min(size, 1 / strongest)
-    inner = (
-        FLAT_LAYER * size if flat else min(layer * math.sqrt(case.material.thickness / strongest), LONGEST_LAYER * size)
-    )
-    return Focus(xi, x[0, 0], np.stack([first, second]), reach, inner)
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
@@ -111,6 +55,8 @@ class Inputs:
         Whether periodic coordinates enter as (cos, sin); if not, the field lives on a slit shell.
     foci
         Points about which stretched coordinates are added.
+    edges
+        Lengths of the layers at edges, in xi1 and xi2, if coordinates are stretched toward edges.
     even
         Bounds at which every input is even.
     kept
@@ -120,17 +66,24 @@ class Inputs:
     case: Case
     periodic: bool
     foci: tuple[Focus, ...]
+    edges: tuple[float, float] | None
     even: Sides
     kept: tuple[int, ...]
 
     @classmethod
-    def of(cls, case: Case, periodic: bool = True, around: tuple[Focus, ...] = ()) -> Inputs:
-        """Derive the inputs of a case, with stretched coordinates around the given foci."""
+    def of(
+        cls,
+        case: Case,
+        periodic: bool = True,
+        around: tuple[Focus, ...] = (),
+        edges: tuple[float, float] | None = None,
+    ) -> Inputs:
+        """Derive the inputs of a case, with stretched coordinates around the given foci and at edges."""
         even = even_sides(edge_supports(case))
-        candidates = cls(case, periodic, around, even, ())
+        candidates = cls(case, periodic, around, edges, even, ())
         points = case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
         columns = torch.stack([c[VALUE] for c, _ in candidates._columns(points, Placement())], dim=-1)
-        return cls(case, periodic, around, even, _independent(columns))
+        return cls(case, periodic, around, edges, even, _independent(columns))
 
     @property
     def count(self) -> int:
@@ -160,6 +113,7 @@ class Inputs:
                 centred = 2 * t
                 centred[VALUE] -= 1
                 columns.append((centred, False))
+        columns += [(self._from_edge(axis, bound, unit[axis]), True) for axis, bound in self._stretched_edges()]
         if not self.foci:
             return columns
         chords = not any(flag for side in self.even for flag in side) and (self.periodic or not any(domain.periodic))
@@ -170,29 +124,41 @@ class Inputs:
                 if chords:
                     distance = (x @ placement.tensor(focus.tangents[axis])) / focus.layer
                     distance[VALUE] -= float(focus.position @ focus.tangents[axis]) / focus.layer
-                    extent = math.asinh(focus.reach / focus.layer)
+                    column = _stretched(distance, focus.reach / focus.layer)
                 else:
-                    at, unit_layer = self._parametric_layer(focus, axis)
-                    distance = unit[axis] / unit_layer
-                    distance[VALUE] -= at / unit_layer
-                    extent = math.asinh(max(at, 1 - at) / unit_layer)
-                columns.append((compose(_asinh(distance[VALUE], extent), distance), True))
+                    x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
+                    layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
+                    column = self._stretched_along(axis, focus.xi[axis], layer, unit[axis])
+                columns.append((column, True))
         return columns
 
-    def _parametric_layer(self, focus: Focus, axis: int) -> tuple[float, float]:
-        """Return a focus and its layer along a coordinate line, in the scaled (and even) coordinate."""
-        domain, even = self.case.surface.domain, self.even[axis]
-        x = self.case.surface.derivatives(np.asarray(focus.xi), 1)
-        step = focus.layer / float(np.linalg.norm((x[1, 0], x[0, 1])[axis]))
-        here = np.array([focus.xi, focus.xi])
-        here[1, axis] += step if focus.xi[axis] + step <= domain.upper[axis] else -step
-        at, beside = even_coordinate(domain, here, axis, even, Placement())[VALUE].tolist()
-        return at, abs(beside - at)
+    def _stretched_edges(self) -> list[tuple[int, int]]:
+        """Return axis and bound (0 or 1) of each edge toward which coordinates are stretched."""
+        periodic = self.case.surface.domain.periodic
+        sides = [(axis, bound) for axis in (0, 1) for bound in (0, 1)]
+        return [(a, b) for a, b in sides if self.edges and not periodic[a] and not self.even[a][b]]
+
+    def _from_edge(self, axis: int, bound: int, unit: Tensor) -> Tensor:
+        assert self.edges is not None
+        domain = self.case.surface.domain
+        return self._stretched_along(axis, (domain.lower, domain.upper)[bound][axis], self.edges[axis], unit)
+
+    def _stretched_along(self, axis: int, start: float, layer: float, unit: Tensor) -> Tensor:
+        """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
+        domain = self.case.surface.domain
+        here = np.full((2, 2), start)
+        here[1] += layer if start + layer <= domain.upper[axis] else -layer
+        at, beside = even_coordinate(domain, here, axis, self.even[axis], Placement())[VALUE].tolist()
+        distance = unit / abs(beside - at)
+        distance[VALUE] -= at / abs(beside - at)
+        return _stretched(distance, max(at, 1 - at) / abs(beside - at))
 
 
-def _asinh(v: Tensor, extent: float) -> tuple[Tensor, Tensor, Tensor]:
+def _stretched(distance: Tensor, reach: float) -> Tensor:
+    """Return the jet of asinh(d) / asinh(reach), d in units of the layer."""
+    v, extent = distance[VALUE], math.asinh(reach)
     root = torch.sqrt(1 + v * v)
-    return torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)
+    return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
 
 
 def _independent(columns: Tensor) -> tuple[int, ...]:

@@ -9,13 +9,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from shellbench.case import Case
-from shellbench.ndf.inputs import CURVED, foci
+from shellbench.ndf.lengths import foci, strongest_curvature
 from shellbench.ndf.quadrature import RuleSpec
-
-SAMPLES = 9  # points a side of the grid on which a surface is looked at
 
 
 @dataclass(frozen=True)
@@ -31,22 +27,20 @@ class Resolution:
 
 def is_flat(case: Case) -> bool:
     """Tell whether the midsurface has no curvature."""
-    x = case.surface.derivatives(case.surface.domain.grid(SAMPLES, SAMPLES), 2)
-    normal = np.cross(x[1, 0], x[0, 1])
-    bend = max(float(np.abs((x[key] * normal).sum(-1)).max()) for key in ((2, 0), (1, 1), (0, 2)))
-    return bend <= CURVED * float(np.abs(normal).max())
+    return not strongest_curvature(case)
 
 
 def resolution(case: Case) -> Resolution:
     """Return the resolution that a case asks for."""
+    flat = is_flat(case)
     if foci(case):
-        neurons = 700 if any(case.surface.domain.periodic) else 300 if is_flat(case) else 400
+        neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
         return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
-    if is_flat(case):
+    if flat:
         neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
         panels = 8 if any(case.surface.domain.periodic) else 5
         return Resolution(neurons, 3.5, 2.0, _rule(case, panels, 6), _rule(case, panels + 1, 7))
-    return Resolution(240, 4.5, 2.0, _rule(case, 8, 6), _rule(case, 10, 7))
+    return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
 def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:

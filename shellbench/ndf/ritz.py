@@ -24,13 +24,13 @@ from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
-from shellbench.ndf.build import Components, FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.ndf.build import Components, FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
 from shellbench.ndf.energy import NormalEquations, concentrated, normal_equations
 from shellbench.ndf.field import Ansatz, Features, Field
-from shellbench.ndf.inputs import LAYER
 from shellbench.ndf.jets import VALUE, Placement, activation
+from shellbench.ndf.lengths import LAYER
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.network import random_features
 from shellbench.ndf.quadrature import area_rule
@@ -55,7 +55,7 @@ class RitzSettings(SeededSettings):
     stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
-    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
+    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")
     periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
@@ -106,6 +106,7 @@ class RitzSolver:
             components=settings.components,
             stretched=settings.stretched,
             layer=settings.layer,
+            edge_stretched=settings.stretched,
             multipliers=settings.singular,
         )
         with torch.no_grad():
@@ -117,7 +118,7 @@ class RitzSolver:
 
 def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
     begin = time.perf_counter()
-    placement, focal = Placement.on(settings.device), focal_points(case)
+    placement, focal = Placement.on(settings.device), graded_points(case, spec)
     chosen = _resolution(case, settings)
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
     scales = placement.tensor(np.where(inputs.stretched, chosen.stretched_scale, chosen.scale))

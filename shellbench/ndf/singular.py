@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.ndf.inputs import Focus
 from shellbench.ndf.jets import D1, VALUE, Array, Placement, compose, constant, dot, from_derivatives, product
+from shellbench.ndf.lengths import Focus
 from shellbench.ndf.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision

@@ -17,7 +17,7 @@ from torch import Tensor
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
-from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.field import Ansatz, Field
 from shellbench.ndf.geometry import geometry
 from shellbench.ndf.jets import Array, Placement
@@ -112,7 +112,7 @@ class NdfSolution:
             raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
         origin = np.asarray(centre, dtype=float)
         held = np.asarray(self.point_forces)
-        total = edge_reaction(self.field, found[0], origin, self.rule, focal_points(self.case), held)
+        total = edge_reaction(self.field, found[0], origin, self.rule, graded_points(self.case, self.spec), held)
         force, moment = total[:3], total[3:]
         for at_point, magnitude in zip(point_supports(self.case, self.spec.t), held, strict=True):
             if at_point.support.name == support:

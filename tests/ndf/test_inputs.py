@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.ndf.inputs import Inputs, foci
+from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import D1, Placement
+from shellbench.ndf.lengths import edge_layers, foci
 from shellbench.ndf.singular import FixedFeatures
 from shellbench.ndf.supports import edge_samples, edge_supports
 from tests.ndf.shells import FREE, differences, inner_points, shell, support
@@ -38,7 +39,7 @@ CASES = {
 @pytest.mark.parametrize("periodic", [True, False])
 def test_jets_of_inputs_match_differences(name, periodic):
     case = CASES[name]
-    inputs = Inputs.of(case, periodic, foci(case))
+    inputs = Inputs.of(case, periodic, foci(case), edge_layers(case))
     points = inner_points(case)
     expected = differences(lambda p: inputs.jets(p, PLACEMENT)[0].numpy(), points, 2e-4)
     np.testing.assert_allclose(inputs.jets(points, PLACEMENT).numpy(), expected, atol=2e-5 * np.abs(expected).max())
@@ -97,7 +98,7 @@ def test_inputs_and_features_are_even_at_planes_of_symmetry(name):
     for edge in edge_supports(case):
         if edge.even:
             points = edge_samples(case, edge.edge)[1:-1]
-            for made in (Inputs.of(case, True, foci(case)), FixedFeatures.of(case, foci(case))):
+            for made in (Inputs.of(case, True, foci(case), edge_layers(case)), FixedFeatures.of(case, foci(case))):
                 assert made.jets(points, PLACEMENT)[D1 + edge.edge.axis].abs().max() < 1e-9
 
 
@@ -128,6 +129,17 @@ def test_lengths_around_a_force_follow_the_shell():
     surface = {"kind": "cylinder", "axis": "y", "radius": 3000, "closed": True, "xi1": [0, 360], "xi2": [0, 5000]}
     scaled = loaded(surface, (70, 1500), material={"thickness": 50})
     assert foci(scaled)[0].layer == pytest.approx(1000 * foci(case)[0].layer)
+
+
+def test_layers_at_edges_are_those_of_the_strongest_curvature():
+    """sqrt(h R) in the coordinate's own unit: an angle across a roof, a length along it; none where it is flat."""
+    layers = edge_layers(shell("roof"))
+    assert layers == pytest.approx((np.sqrt(0.05 * 3.0) / 3.0, np.sqrt(0.05 * 3.0)), rel=1e-9)
+    assert edge_layers(shell("plane")) is None
+    inputs = Inputs.of(shell("roof"), True, (), layers)
+    assert inputs.stretched == (False, False, True, True, True, True)
+    tube = shell("tube")
+    assert sum(Inputs.of(tube, True, (), edge_layers(tube)).stretched) == 2
 
 
 def test_point_supports_are_foci_as_well():

@@ -1,5 +1,7 @@
 """Jets against nested reverse differentiation, and the refusal of what has no second derivatives."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import torch
@@ -68,7 +70,7 @@ def test_each_derivative_of_an_activation_is_the_slope_of_the_one_before(name):
     z = torch.linspace(-2.5, 2.5, 11, dtype=torch.float64, requires_grad=True)
     derivatives = getattr(jets, name)(z, 3)
     assert len(derivatives) == 4
-    for lower, higher in zip(derivatives[:-1], derivatives[1:], strict=True):
+    for lower, higher in pairwise(derivatives):
         (slope,) = torch.autograd.grad(lower.sum(), z, retain_graph=True)
         torch.testing.assert_close(higher, slope, rtol=1e-10, atol=1e-12)
 
