@@ -2,7 +2,7 @@
 
 What decides is whether the midsurface is curved (then edges have layers of the length sqrt(R h)) and whether forces act
 at points (then the solution is resolved over that length, away from edges). The figures were chosen by certified energy
-on plates, roofs of four thicknesses, and pinched and twisted cylinders: the least that have converged.
+on plates, roofs of four thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
 """
 
 from __future__ import annotations

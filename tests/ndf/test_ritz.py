@@ -40,7 +40,7 @@ def solve(case, **choices):
 @pytest.fixture(scope="module")
 def roof():
     case = named_case("scordelis_lo")
-    return solve(case, neurons=100)
+    return solve(case)
 
 
 @pytest.mark.parametrize("name", ["square_plate", "scordelis_lo", "sleeve_torque"])
@@ -156,7 +156,7 @@ def test_a_symmetric_load_gives_a_symmetric_answer(roof):
         mirrored = points.copy()
         mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]
         here, there = roof.displacement(points), roof.displacement(mirrored)
-        assert np.abs(here - there * mirror).max() < 5e-4 * np.abs(here).max()
+        assert np.abs(here - there * mirror).max() < 1e-4 * np.abs(here).max()
 
 
 def test_consistent_units_give_the_same_answer():
@@ -180,7 +180,7 @@ def test_consistent_units_give_the_same_answer():
 
 def test_certified_energy_is_a_lower_bound_that_rises_with_the_width(roof):
     """Nested spaces: each wider field stores at least as much, and none more than the true 4826.577 J."""
-    wider = solve(roof.case, neurons=200)
+    wider = solve(roof.case, neurons=320)
     known = known_values("scordelis_lo").judge("strain_energy", roof.case.theory).value
     energies = [-step.energy for step in wider.history]
     assert len(energies) == 3
