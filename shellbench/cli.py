@@ -20,7 +20,7 @@ from shellbench.bench import baseline as baselines
 from shellbench.bench import compare, environment, listing, verdicts
 from shellbench.bench.display import display, run_name
 from shellbench.bench.execute import Outcome, execute
-from shellbench.bench.gate import Scope, gate, move_baseline
+from shellbench.bench.gate import Scope, gate, missing_rows, move_baseline
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.plan import Plan, Request, make_plan
 from shellbench.bench.store import Store
@@ -289,6 +289,7 @@ def report(
 
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
     _warn(notes)
+    rows += missing_rows(Store(store), rows)
     typer.echo(f"written to {page.write_report(Store(store), rows, out)}")
 
 

@@ -48,7 +48,10 @@ def rows_and_notes(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row],
     for name in suites:
         catalog.find_suite(name)
     current = current_runs(store.read())
-    found = [row for row in rows_of(current) if not suites or set(suites) & set(row.suites)]
+    found = rows_of(current)
+    if suites:
+        asked = [(row, tuple(name for name in row.suites if name in suites)) for row in found]
+        found = [row.model_copy(update={"suite": kept[0], "suites": kept}) for row, kept in asked if kept]
     return found, current.notes
 
 

@@ -7,7 +7,7 @@ compares what they took with what they took then; see `shellbench.bench.baseline
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -110,6 +110,17 @@ def accuracy_finding(row: Row) -> Finding:
     elif row.passed and row.absolute_error is not None:
         sentence = f"error {row.absolute_error:+.2e} {row.unit}, {row.tolerance:g} allowed"
     return Finding(row=row, colour=colour, sentence=sentence)
+
+
+def missing_rows(store: Store, rows: Sequence[Row]) -> list[Row]:
+    """Return gated rows without a record that counts, of the suites, solvers and seeds that `rows` have records of."""
+    begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
+    suites = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
+    if not suites:
+        return []
+    lacking = [e for e in _expected(Scope(suites), current_runs(store.read())) if e.run is None]
+    wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
+    return [row for expected in wanted for row in expected.rows()]
 
 
 def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:

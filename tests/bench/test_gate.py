@@ -229,3 +229,19 @@ def test_expected_energy_is_the_work_of_the_load() -> None:
     x = [(i + 0.5) * strip.LENGTH / n for i in range(n)]
     w = [strip.LOAD * s * (strip.LENGTH**3 - 2 * strip.LENGTH * s**2 + s**3) / (24 * strip.STIFFNESS) for s in x]
     assert sum(w) * strip.LENGTH / n * strip.LOAD / 2 == pytest.approx(strip.ENERGY, rel=1e-6)
+
+
+def test_what_is_missing_of_a_begun_suite_is_shown(toys, store):
+    from shellbench.bench.compare import rows
+    from shellbench.bench.gate import missing_rows
+
+    assert missing_rows(store, rows(store)) == []
+    run(store, suites=("toys",))
+    found = rows(store)
+    assert missing_rows(store, found) == []
+    (lost, *_) = [row for row in found if row.tolerance is not None]
+    for path in store.folder.glob(f"{lost.run_id}*"):
+        path.unlink()
+    left = [row for row in rows(store) if row.solver == lost.solver and row.seed == lost.seed]
+    missing = missing_rows(store, [*rows(store), *([] if left else [lost])])
+    assert {(row.case, row.solver, row.status) for row in missing} == {(lost.case, lost.solver, "missing")}
