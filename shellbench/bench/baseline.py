@@ -160,10 +160,21 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
     return Finding(row, "green" if good else "red", f"changed by {said}, {allowed} allowed")
 
 
-def cost_finding(baseline: Baseline, record: Record) -> Finding | None:
-    """Say whether a run takes much more than it did; None if it left nothing to compare."""
+def cost_findings(baseline: Baseline, records: Sequence[Record]) -> list[Finding]:
+    """Say of each case and solver whether its quickest run takes much more than the quickest did then.
+
+    The least over the seeds is compared: whatever else the machine does only ever adds.
+    """
+    quickest: dict[tuple[str, str], Record] = {}
+    for record in sorted(records, key=lambda r: r.seconds, reverse=True):
+        if record.status == "ok":
+            quickest[record.case_name, record.identity.solver] = record
+    return [finding for record in quickest.values() if (finding := _cost_finding(baseline, record))]
+
+
+def _cost_finding(baseline: Baseline, record: Record) -> Finding | None:
     known = next((c for c in baseline.costs if (c.case, c.solver) == (record.case_name, record.identity.solver)), None)
-    if known is None or record.status != "ok":
+    if known is None:
         return None
     row = cost_row(record)
     here = record.environment

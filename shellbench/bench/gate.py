@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shellbench import catalog
-from shellbench.bench.baseline import Baseline, cost_finding, make_baseline, regression_finding
+from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
 from shellbench.bench.finding import Finding
@@ -54,7 +54,7 @@ class Verdict:
     Attributes
     ----------
     accuracy, regression, cost
-        One finding for each gated row (regression and cost only where there is a baseline).
+        One finding for each gated row, cost one for each case and solver; the latter two only with a baseline.
     scope
         What was looked at.
     baseline
@@ -88,7 +88,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     runs = list(_expected(scope, current))
     rows = [row for expected in runs for row in expected.rows()]
     regression = [f for row in rows if baseline and (f := regression_finding(baseline, row))]
-    cost = [f for e in runs if baseline and e.run and (f := cost_finding(baseline, e.run.record))]
+    cost = cost_findings(baseline, [e.run.record for e in runs if e.run]) if baseline else []
     return Verdict(
         accuracy=tuple(map(accuracy_finding, rows)),
         regression=tuple(regression),

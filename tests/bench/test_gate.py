@@ -200,6 +200,7 @@ def test_cost_counts_when_asked_only_and_on_like_hardware_only(full: Store) -> N
     verdict = gate(full, baseline, Scope())
     assert verdict.good()
     assert not verdict.good(cost=True)
+    assert len(verdict.cost) == 2  # the quickest of three seeds counts
     elsewhere = baseline.model_copy(
         update={"costs": tuple(cost.model_copy(update={"processor": "another"}) for cost in baseline.costs)}
     )
