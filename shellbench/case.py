@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self, cast
@@ -22,6 +22,7 @@ from shellbench.conditions import (
     EdgeLoad,
     Formula,
     Load,
+    MomentLoad,
     Name,
     PointLoad,
     Rotation,
@@ -34,13 +35,23 @@ from shellbench.errors import InputError
 from shellbench.expression import Expression
 from shellbench.material import Material
 from shellbench.model import Finite, Model, one_sentence, read_toml
-from shellbench.places import Edge, Place, Point, places_of
-from shellbench.quantities import DisplacementQuantity, QuantityModel, ReactionQuantity, TorqueQuantity
+from shellbench.path import Path as LoadPath
+from shellbench.places import Edge, Place, Point, Whole, places_of
+from shellbench.quantities import (
+    DisplacementQuantity,
+    LimitPoint,
+    LoadQuantity,
+    QuantityModel,
+    ReactionQuantity,
+    TorqueQuantity,
+)
 from shellbench.rigid import RigidMotion, check_held
 from shellbench.surface import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+SAMPLES = 9  # points a side at which loads and motions are looked at
+PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
 NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
@@ -68,6 +79,11 @@ class Case(Model):
         Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
     points
         Named points (xi1, xi2); degrees for angles.
+    focus
+        Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
+        may be graded toward them.
+    path
+        How a non-linear static case is loaded.
     remove_rigid_motions
         Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
     """
@@ -85,6 +101,8 @@ class Case(Model):
     supports: tuple[Support, ...] = ()
     remove_rigid_motions: tuple[RigidMotion, ...] = ()
     loads: tuple[Load, ...] = ()
+    focus: tuple[Name, ...] = ()
+    path: LoadPath = Field(default_factory=lambda: LoadPath())
     quantities: tuple[QuantityModel, ...] = Field(min_length=1)
     picture: Picture = Field(default_factory=lambda: Picture())
 
@@ -102,6 +120,12 @@ class Case(Model):
     def primary(self) -> QuantityModel:
         """The headline quantity."""
         return next(q for q in self.quantities if q.primary)
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing."""
+        asked = {q.at for q in self.quantities if not isinstance(q, LimitPoint)}
+        return tuple(sorted(asked | set(self.path.states)))
 
     def quantity(self, name: str) -> QuantityModel:
         """Return the quantity of this name; KeyError if there is none."""
@@ -181,6 +205,8 @@ class Case(Model):
             case Value() as value if isinstance(place, Edge):
                 on_edge = self.evaluate(value.vector, place.project(self.surface.domain, xi), t, order)
                 result |= {key: d for key, d in on_edge.items() if key[place.axis] == 0}
+            case Value() as value if isinstance(place, Whole):
+                result = self.evaluate(value.vector, xi, t, order)
             case Value() as value if isinstance(place, Point):
                 result[0, 0][...] = self.evaluate(value.vector, np.asarray(place.xi), t)[0, 0]
             case Rotation() as rotation:
@@ -223,8 +249,9 @@ class Case(Model):
         for support in self.supports:
             yield from ((f"support '{support.name}'", name) for name in support.on)
         for load in self.loads:
-            if isinstance(load, EdgeLoad | PointLoad):
+            if isinstance(load, EdgeLoad | PointLoad | MomentLoad):
                 yield from ((f"a load of kind '{load.kind}'", name) for name in load.on)
+        yield from (("the focus", name) for name in self.focus)
         for quantity in self.quantities:
             if isinstance(quantity, DisplacementQuantity):
                 yield from ((f"quantity '{quantity.name}'", name) for name in quantity.points)
@@ -235,19 +262,21 @@ class Case(Model):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
+            if isinstance(place, Whole) and (support.motion is None or len(self.supports) > 1):
+                raise ValueError(f"support '{support.name}' on the whole surface needs a motion, and no other support")
             for component in support.held:
                 if (place.name, component) in held:
                     raise ValueError(f"component {component} on '{place.name}' is held by two supports")
                 held.add((place.name, component))
         for load in self.loads:
-            for name in load.on if isinstance(load, EdgeLoad | PointLoad) else ():
-                if isinstance(self.places[name], Edge) != isinstance(load, EdgeLoad):
+            for name in load.on if isinstance(load, EdgeLoad | PointLoad | MomentLoad) else ():
+                if not isinstance(self.places[name], Point if isinstance(load, PointLoad) else Edge):
                     raise ValueError(f"a load of kind '{load.kind}' can't act on '{name}'")
         for quantity in self.quantities:
             if isinstance(quantity, DisplacementQuantity):
                 for name in quantity.points:
-                    if isinstance(self.places[name], Edge):
-                        raise ValueError(f"quantity '{quantity.name}' needs points, but '{name}' is an edge")
+                    if not isinstance(self.places[name], Point):
+                        raise ValueError(f"quantity '{quantity.name}' needs points, but '{name}' is none")
             names = [s.name for s in self.supports]
             if isinstance(quantity, ReactionQuantity | TorqueQuantity) and quantity.support not in names:
                 raise ValueError(f"quantity '{quantity.name}' names support '{quantity.support}'; known are {names}")
@@ -255,7 +284,7 @@ class Case(Model):
 
     @model_validator(mode="after")
     def _formulas_are_finite(self) -> Self:
-        sample = self.surface.domain.grid(9, 9)
+        sample = self.surface.domain.grid(SAMPLES, SAMPLES)
         for support, place in self.supported_places():
             if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
                 raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")
@@ -274,6 +303,52 @@ class Case(Model):
             return self.motion(support, place, sample, order=2)
         except InputError as error:
             raise ValueError(f"support '{support.name}': {error}") from None
+
+    @model_validator(mode="after")
+    def _path_is_possible(self) -> Self:
+        path = self.path
+        if path.quantity is not None:
+            named = next((q for q in self.quantities if q.name == path.quantity), None)
+            if not isinstance(named, DisplacementQuantity):
+                raise ValueError(f"the path names '{path.quantity}', which is no displacement quantity")
+            if self.linear:
+                raise ValueError(f"a path with control = '{path.control}' belongs to the non-linear theory")
+        for quantity in self.quantities:
+            if isinstance(quantity, LoadQuantity | LimitPoint) and path.quantity is None:
+                raise ValueError(f"quantity '{quantity.name}' needs a path with control 'displacement' or 'arc_length'")
+        if self.linear:
+            return self
+        beyond = [state for state in self.states if not 0 < state <= path.until]
+        if beyond:
+            raise ValueError(f"a state is asked for at {beyond[0]:g}, but the path goes from 0 to {path.until:g}")
+        sample = self.surface.domain.grid(SAMPLES, SAMPLES)
+        for what, at in self._acting(sample):
+            rest, unit, twice = at(0.0), at(1.0), at(2.0)
+            if np.any(rest != 0):
+                raise ValueError(
+                    f"{what} acts at t = 0; in the non-linear theory t is the load factor, and rest is at 0"
+                )
+            if path.quantity is not None and np.abs(twice - 2 * unit).max() > PROPORTIONAL * np.abs(unit).max():
+                raise ValueError(f"{what} is not proportional to t, as a path with control '{path.control}' needs")
+        return self
+
+    def _acting(self, sample: Array) -> Iterator[tuple[str, Callable[[float], Array]]]:
+        """Yield what moves or loads the shell, as functions of t."""
+        for support, place in self.supported_places():
+            if isinstance(place, Whole):
+                continue  # where everything is prescribed no path leads there from rest
+            yield (
+                f"the motion of support '{support.name}'",
+                lambda t, s=support, p=place: self.motion(s, p, sample, t)[0, 0],  # type: ignore[misc]
+            )
+        for load in self.loads:
+            formulas = [f for field in load for f in _formulas_of(field)]
+            yield (
+                f"a load of kind '{load.kind}'",
+                lambda t, fs=formulas: np.stack(  # type: ignore[misc]
+                    [self.formula(f).derivatives(sample, 0, t)[0, 0] for f in fs]
+                ),
+            )
 
     @model_validator(mode="after")
     def _is_held(self) -> Self:

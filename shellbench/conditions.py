@@ -131,4 +131,24 @@ class PointLoad(Model):
     force: VectorFormula
 
 
-Load = Annotated[AreaLoad | PressureLoad | GravityLoad | EdgeLoad | PointLoad, Field(discriminator="kind")]
+class MomentLoad(Model):
+    """A moment about a fixed axis per reference length of edges, N m/m: a number or formula in xi1, xi2 and t.
+
+    It is conservative: its work is the moment times the angle by which the shell's normal turns about the axis
+    (of the normal's part across the axis, where the normal is not at right angles to it). The axis should be
+    tangential to the edge; the sign follows the right hand.
+    """
+
+    kind: Literal["moment"]
+    on: Places
+    axis: Vector
+    value: Formula
+
+    @model_validator(mode="after")
+    def _has_an_axis(self) -> Self:
+        if not any(self.axis):
+            raise ValueError("the axis of a moment can't be zero")
+        return self
+
+
+Load = Annotated[AreaLoad | PressureLoad | GravityLoad | EdgeLoad | PointLoad | MomentLoad, Field(discriminator="kind")]

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.case import Case
+from shellbench.load_curve import Curve
 from shellbench.places import Point
 from shellbench.quantities import (
     DisplacementQuantity,
     EnergyQuantity,
     LargestDisplacement,
+    LimitPoint,
+    LoadQuantity,
     QuantityModel,
     ReactionQuantity,
     TorqueQuantity,
@@ -27,7 +30,13 @@ LEVELS = 10  # closer looks; each is (ZOOM - 1) / 2 times finer than the one bef
 
 
 def measure(solution: Solution, quantity: QuantityModel) -> float:
-    """Return the value of a quantity, in SI units (see the classes of quantities for which)."""
+    """Return the value of a quantity, in SI units (see the classes of quantities for which).
+
+    Raises
+    ------
+    ValueError
+        If it belongs to a point of the path that the solution did not reach.
+    """
     match quantity:
         case DisplacementQuantity():
             return mean_displacement(solution, quantity)
@@ -39,6 +48,11 @@ def measure(solution: Solution, quantity: QuantityModel) -> float:
         case ReactionQuantity():
             force, _ = solution.reaction(quantity.support, at=quantity.at)
             return float(force @ unit(quantity.direction))
+        case LoadQuantity():
+            return quantity.scale * curve(solution).factor_at(quantity.at)
+        case LimitPoint():
+            factor, displacement = curve(solution).turning(quantity.turning, quantity.number)
+            return quantity.scale * factor if quantity.gives == "load" else displacement
         case TorqueQuantity():
             _, moment = solution.reaction(quantity.support, quantity.centre, at=quantity.at)
             return float(moment @ unit(quantity.axis))
@@ -80,6 +94,14 @@ def largest_displacement(solution: Solution, at: float | None = None) -> float:
         candidates = np.where(inside, candidates, np.clip(candidates, lower, upper))
         reach = reach * 2 / (ZOOM - 1)
     return largest
+
+
+def curve(solution: Solution) -> Curve:
+    """Return the load-displacement curve of a solution, by its case's own path; ValueError if it has none."""
+    quantity = solution.case.path.quantity
+    if quantity is None:
+        raise ValueError("the case's path has no displacement quantity")
+    return Curve.of(solution.history, quantity)
 
 
 def unit(vector: tuple[float, float, float]) -> Array:

@@ -1,4 +1,4 @@
-"""Named places on the parametric rectangle: edges, corners and points."""
+"""Named places on the parametric rectangle: edges, corners, points, and the whole of it."""
 
 from __future__ import annotations
 
@@ -51,14 +51,22 @@ class Point:
     xi: tuple[float, float]
 
 
-Place = Edge | Point
+@dataclass(frozen=True)
+class Whole:
+    """The whole surface."""
+
+    name: str
+
+
+WHOLE = Whole("surface")
+Place = Edge | Point | Whole
 
 
 def places_of(domain: Domain, named: Mapping[str, tuple[float, float]]) -> dict[str, Place]:
     """Return all places by name: edges and corners of the domain, and the case's own points.
 
     Edges are called xi1_min, xi1_max, xi2_min, xi2_max (a periodic coordinate has none) and corners
-    by their two edges, such as "xi1_min,xi2_max".
+    by their two edges, such as "xi1_min,xi2_max". The whole surface is called "surface".
 
     Raises
     ------
@@ -71,13 +79,14 @@ def places_of(domain: Domain, named: Mapping[str, tuple[float, float]]) -> dict[
         if not domain.periodic[axis]
     }
     places: dict[str, Place] = {edge.name: edge for edge in edges.values()}
+    places[WHOLE.name] = WHOLE
     if not any(domain.periodic):
         for first, second in product(SIDES, SIDES):
             name = f"xi1_{first},xi2_{second}"
             places[name] = Point(name, (edges[0, first].coordinate(domain), edges[1, second].coordinate(domain)))
     for name, coordinates in named.items():
         if name in places:
-            raise InputError(f"field 'points.{name}': this name belongs to an edge or corner")
+            raise InputError(f"field 'points.{name}': this name belongs to an edge, a corner or the surface")
         xi = domain.internal(coordinates)
         if not domain.contains(np.asarray(xi)):
             raise InputError(f"field 'points.{name}': {list(coordinates)} lies outside the domain of the surface")

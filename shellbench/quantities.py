@@ -20,7 +20,8 @@ class Quantity(Model):
     open_finding
         By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
     at
-        Time, s, or load factor.
+        Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
+        (see `shellbench.path.Path`).
     """
 
     name: Name
@@ -90,7 +91,42 @@ class TorqueQuantity(Quantity):
     unit: str = "N m"
 
 
+class LoadQuantity(Quantity):
+    """The load at which the path's displacement first is `at`: the load factor times `scale`, N."""
+
+    kind: Literal["load"]
+    scale: Finite = 1.0
+    unit: str = "N"
+
+
+class LimitPoint(Quantity):
+    """A turning point of the path, counted from rest.
+
+    Attributes
+    ----------
+    turning
+        What has an extremum there: the load at a limit point, the displacement where the path snaps back.
+    number
+        Which one, from 1.
+    gives
+        Its load, the load factor times `scale` (N), or the path's displacement there (m).
+    """
+
+    kind: Literal["limit_point"]
+    turning: Literal["load", "displacement"] = "load"
+    number: int = Field(1, ge=1)
+    gives: Literal["load", "displacement"] = "load"
+    scale: Finite = 1.0
+    unit: str = "N"
+
+
 QuantityModel = Annotated[
-    DisplacementQuantity | LargestDisplacement | EnergyQuantity | ReactionQuantity | TorqueQuantity,
+    DisplacementQuantity
+    | LargestDisplacement
+    | EnergyQuantity
+    | ReactionQuantity
+    | TorqueQuantity
+    | LoadQuantity
+    | LimitPoint,
     Field(discriminator="kind"),
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.places import Edge
+from shellbench.places import Edge, Point
 from shellbench.surface import Surface
 
 if TYPE_CHECKING:
@@ -66,8 +66,10 @@ def free_motions(case: Case) -> Array:
             domain = case.surface.domain
             running = 1 - place.axis
             points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
-        else:
+        elif isinstance(place, Point):
             points = np.asarray([place.xi])
+        else:
+            points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
         modes = rigid_modes(case.surface, points, order=1)
         rows.append(modes[0, 0][:, components].reshape(-1, 6))
         if support.holds_slope and isinstance(place, Edge):

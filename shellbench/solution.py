@@ -21,6 +21,7 @@ from shellbench.model import Model
 
 Array = NDArray[np.float64]
 Device = Literal["cpu", "cuda"]
+Phase = Literal["solve", "path"]
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
 """Names that `Solution.evaluate` knows.
@@ -85,7 +86,13 @@ class Step:
     gap
         Quadrature gap of this step, |C_train/C_fine - 1|; None where it was not measured.
     quantities
-        The case's quantities at this step, by name, in SI; may be empty.
+        The case's quantities at this step, by name, in SI; may be empty. Of a step of a path, its displacement
+        quantities at the state of this step, whatever state they are asked for.
+    phase
+        "path": one equilibrium state of the final discretisation on its way from rest, in order: the
+        load-displacement curve; "solve": anything else.
+    iterations
+        Iterations that this step took; None where that says nothing.
     """
 
     iteration: int
@@ -95,6 +102,8 @@ class Step:
     at: float = 1.0
     gap: float | None = None
     quantities: Mapping[str, float] = field(default_factory=dict)
+    phase: Phase = "solve"
+    iterations: int | None = None
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ class BaselineValue(Model):
     case: Name
     solver: str
     quantity: Name
-    at: Finite
+    at: Finite | None
     values: Annotated[dict[str, Finite], Field(min_length=1)]
 
     @property
@@ -114,7 +114,7 @@ def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline 
     records
         The records behind them.
     """
-    values: dict[tuple[str, str, str, float], dict[str, float]] = {}
+    values: dict[tuple[str, str, str, float | None], dict[str, float]] = {}
     for row in rows:
         if row.value is not None:
             seed = "none" if row.seed is None else str(row.seed)
@@ -125,7 +125,7 @@ def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline 
     kept_values = [v for v in (old.values if old else ()) if (v.case, v.solver) not in moved]
     kept_costs = [c for c in (old.costs if old else ()) if (c.case, c.solver) not in moved]
     return Baseline(
-        values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity, v.at))),
+        values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity))),
         costs=tuple(sorted((*kept_costs, *costs.values()), key=lambda c: (c.case, c.solver))),
     )
 
@@ -156,7 +156,12 @@ def regression_finding(baseline: Baseline, row: Row) -> Finding | None:
     change = row.value - known.mean
     said = f"{change / abs(known.mean):+.2e}" if known.mean else f"{change:+.2e} {row.unit}"
     allowed = f"{known.band / abs(known.mean):.2g}" if known.mean else f"{known.band:.2g} {row.unit}"
-    good = math.isfinite(row.value) and abs(change) <= known.band
+    if row.tolerance_is_absolute and row.tolerance:  # what is left of zero is rounding, and no property of the solver
+        band = max(known.band, row.tolerance)
+        said, allowed = f"{change:+.2e} {row.unit}", f"{band:.2g} {row.unit}"
+    else:
+        band = known.band
+    good = math.isfinite(row.value) and abs(change) <= band
     return Finding(row, "green" if good else "red", f"changed by {said}, {allowed} allowed")
 
 

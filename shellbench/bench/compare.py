@@ -16,6 +16,7 @@ from typing import Any
 from shellbench import catalog
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
 from shellbench.bench.identity import GATED_DTYPE
+from shellbench.bench.marks import mark_of, telling_mark
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.case import Case
@@ -86,7 +87,7 @@ def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:
         seed=identity.seed,
         quantity=quantity.name,
         primary=quantity.primary,
-        at=quantity.at,
+        at=mark_of(quantity),
         value=measured.value if measured else None,
         status=record.status,
         seconds=record.seconds,
@@ -106,6 +107,7 @@ def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:
         dtype=identity.dtype,
         unit=quantity.unit,
         description=quantity.description,
+        mark=telling_mark(run.case, quantity),
         uncertainty=measured.uncertainty if measured else None,
         extrapolated=measured.extrapolated if measured else None,
         energy_gap=float(gap) if isinstance(gap, int | float) else None,

@@ -16,6 +16,7 @@ from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, re
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
 from shellbench.bench.finding import Finding
+from shellbench.bench.marks import mark_of, telling_mark
 from shellbench.bench.plan import declared_runs, declines
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.row import Row
@@ -172,7 +173,7 @@ class _Expected:
             seed=self.seed,
             quantity=quantity.name,
             primary=quantity.primary,
-            at=quantity.at,
+            at=mark_of(quantity),
             value=None,
             status=status,
             tolerance=quantity.tolerance.get(self.solver),
@@ -182,6 +183,7 @@ class _Expected:
             declared=True,
             unit=quantity.unit,
             description=quantity.description,
+            mark=telling_mark(self.case, quantity),
             open_finding=finding,
             reason=reason,
         )

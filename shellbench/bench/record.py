@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from shellbench.model import Model
+from shellbench.solution import Phase
 
 SCHEMA = 1
 Status = Literal["ok", "failed", "timeout"]
@@ -55,6 +56,22 @@ class HistoryStep(Model):
     at: float = 1.0
     gap: float | None = None
     quantities: dict[str, float] = Field(default_factory=dict)
+    phase: Phase = "solve"
+    iterations: int | None = None
+
+
+class StateEnergies(Model):
+    """The strain energy of one kept state of a path, J, in its membrane and bending parts.
+
+    Attributes
+    ----------
+    at
+        The state's mark (see `shellbench.path.Path`).
+    """
+
+    at: float
+    membrane: float
+    bending: float
 
 
 class ResolutionStep(Model):
@@ -112,8 +129,11 @@ class Record(Model):
         Largest resident memory of the solving process; `idle_memory_bytes` is what it held before the solve.
     values
         By name of quantity; empty for a failed run that left nothing.
+    energies
+        Of each kept state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
     fields_file
-        npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres.
+        npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; of a
+        non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision.
     solution_file
         The solution as its solver keeps it, beside the record.
     """
@@ -138,6 +158,7 @@ class Record(Model):
     diagnostics: dict[str, Any] = Field(default_factory=dict)
     history: tuple[HistoryStep, ...] = ()
     resolution: tuple[ResolutionStep, ...] = ()
+    energies: tuple[StateEnergies, ...] = ()
     environment: Environment
     fields_file: str | None = None
     solution_file: str | None = None

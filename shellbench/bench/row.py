@@ -27,7 +27,9 @@ class Row(Model):
     seed
         None for a deterministic solver.
     quantity, primary, at
-        What was measured; whether it is the case's headline; time, s, or load factor.
+        What was measured; whether it is the case's headline; time, s, load factor, or displacement that marks the
+        state (see `shellbench.path.Path`); None for a turning point of a path. `mark` says it in words, where the
+        case's figures belong to several states.
     value
         In the quantity's `unit`; None if the run left none.
     reference, reference_uncertainty, reference_theory, reference_source
@@ -74,7 +76,7 @@ class Row(Model):
     seed: int | None
     quantity: str
     primary: bool
-    at: float
+    at: float | None
     value: float | None
     reference: float | None = None
     reference_uncertainty: float | None = None
@@ -104,6 +106,7 @@ class Row(Model):
     dtype: str = "float64"
     unit: str = ""
     description: str = ""
+    mark: str = ""
     tolerance_is_absolute: bool = False
     open_finding: str | None = None
     literature_theory: str | None = None

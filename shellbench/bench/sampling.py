@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.record import ResolutionStep
+from shellbench.bench.record import ResolutionStep, StateEnergies
 from shellbench.case import Case
+from shellbench.errors import InputError
 from shellbench.places import Point
 from shellbench.solution import Solution
 from shellbench.surface import Domain
@@ -16,15 +18,52 @@ from shellbench.surface import Domain
 Array = NDArray[np.float64]
 
 PICTURE = 61  # points a side of the grid that pictures are drawn from
+PICTURE_TYPE = np.float32  # of the states of a path beside the last one: nothing but pictures is made of them
 RESOLUTIONS = (10, 25, 50, 100, 200)  # points a side
 PROBES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 """Where the same material point is asked for in every grid, in fractions of the sides; off all the grids but one."""
 
 
-def write_fields(solution: Solution, case: Case, path: Path) -> None:
-    """Write points, positions and displacements on a regular grid as npz; see `Record.fields_file`."""
+def write_fields(solution: Solution, case: Case, path: Path) -> bool:
+    """Write points, positions and displacements on a regular grid as npz; see `Record.fields_file`.
+
+    Returns whether there was a finite field to write: a path that failed at once has no state.
+    """
     xi = case.surface.domain.grid(PICTURE, PICTURE)
-    np.savez_compressed(path, xi=xi, position=case.surface.position(xi), displacement=solution.displacement(xi))
+    try:
+        displacement = solution.displacement(xi)
+    except InputError:
+        return False
+    if not np.all(np.isfinite(displacement)):
+        return False
+    fields: dict[str, NDArray[Any]] = {"xi": xi, "position": case.surface.position(xi), "displacement": displacement}
+    if not case.linear:
+        states = {mark: field for mark in case.states if (field := _state(solution, xi, mark)) is not None}
+        stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
+        fields |= {"marks": np.array(list(states)), "displacements": stacked}
+    np.savez_compressed(path, **fields)  # type: ignore[arg-type] # its stub takes them for its own options
+    return True
+
+
+def _state(solution: Solution, xi: Array, mark: float) -> Array | None:
+    try:
+        field = solution.displacement(xi, at=mark)
+    except InputError:
+        return None
+    return field if np.all(np.isfinite(field)) else None
+
+
+def energies_of_states(solution: Solution, case: Case) -> tuple[StateEnergies, ...]:
+    """Return the energies of each kept state of a non-linear case; states that were not reached are left out."""
+    found: list[StateEnergies] = []
+    for mark in () if case.linear else case.states:
+        try:
+            membrane, bending = solution.energies(mark)
+        except InputError:
+            continue
+        if np.isfinite(membrane) and np.isfinite(bending):
+            found.append(StateEnergies(at=mark, membrane=float(membrane), bending=float(bending)))
+    return tuple(found)
 
 
 def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ...]:

@@ -10,28 +10,24 @@ import math
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import psutil
 
 from shellbench.bench.identity import current_source
-from shellbench.bench.record import HistoryStep, Measured, Record
+from shellbench.bench.measuring import finite, measured, pass_on_full_disk, said
+from shellbench.bench.record import Record
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
-from shellbench.bench.sampling import resolution_study, write_fields
 from shellbench.bench.task import Task
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.measure import measure
 from shellbench.solution import Progress, Solution, Solver
 
 RECORD = "record.json"
 REFUSED = "refused.txt"
 DISK_FULL = "disk_full"
-FIELDS = "fields.npz"
-SOLUTION = "solution"
 CHECKPOINT = "checkpoint"  # the setting, see `shellbench.solution.Settings`
 CHECKPOINTS = "checkpoints"  # folder in the store
 PAUSE = 0.1  # seconds between two words on progress
@@ -77,27 +73,21 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         reason = "the solve ran out of memory"
         traceback.print_exc()
     except Exception as error:
-        _pass_on_full_disk(error)
-        reason = f"the solver stopped unexpectedly: {_said(error)}"
+        pass_on_full_disk(error)
+        reason = f"the solver stopped unexpectedly: {said(error)}"
         traceback.print_exc()
     seconds = time.perf_counter() - start
     if solution is not None and solution.history:  # of a solve that went on from a checkpoint, all of it
-        seconds = max(seconds, _finite(solution.history[-1].seconds) or 0.0)
+        seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
         "seconds": seconds,
         "idle_memory_bytes": idle,
         "peak_memory_bytes": peak_memory(idle),
     }
     if solution is not None:
-        try:
-            result |= _measured(solution, case, folder)
-        except Exception as error:
-            _pass_on_full_disk(error)
-            reason = reason or f"the solution can't be measured: {_said(error)}"
-            traceback.print_exc()
-        lost = [q.name for q in case.quantities if q.name not in result.get("values", {})]
-        if lost and reason is None:
-            reason = f"the solution has no finite value for {', '.join(lost)}"
+        found, why_not_whole = measured(solution, case, folder)
+        result |= found
+        reason = reason or why_not_whole
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
     status = "ok" if reason is None else "failed"
@@ -118,72 +108,6 @@ def with_checkpoints(task: Task, solver: Solver, folder: Path) -> dict[str, Any]
     if CHECKPOINT in solver.settings_type.model_fields:
         given.setdefault(CHECKPOINT, str(folder.parent / CHECKPOINTS))
     return given
-
-
-def _measured(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Return what a record says of a solution, and put its fields and itself into the folder."""
-    values = {q.name: measure(solution, q) for q in case.quantities}
-    result: dict[str, Any] = {
-        "values": {
-            name: Measured(
-                value=value,
-                uncertainty=_finite(solution.uncertainty.get(name)),
-                extrapolated=_finite(solution.extrapolated.get(name)),
-            )
-            for name, value in values.items()
-            if math.isfinite(value)
-        },
-        "parameters": int(solution.parameters),
-        "storage_bytes": int(solution.storage_bytes),
-        "diagnostics": json_only(dict(solution.diagnostics)),
-        "history": history_of(solution),
-    }
-    if len(result["values"]) < len(values):
-        return result
-    write_fields(solution, case, folder / FIELDS)
-    saved = solution.save(folder / SOLUTION)
-    return result | {
-        "resolution": resolution_study(solution, case),
-        "fields_file": FIELDS,
-        "solution_file": saved.name,
-    }
-
-
-def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
-    """Return the history as a record keeps it; a step whose energy is not finite ends it."""
-    kept: list[HistoryStep] = []
-    for step in solution.history:
-        if not math.isfinite(step.energy):
-            break
-        kept.append(
-            HistoryStep(
-                iteration=int(step.iteration),
-                seconds=float(step.seconds),
-                energy=float(step.energy),
-                unknowns=int(step.unknowns),
-                at=float(step.at),
-                gap=_finite(step.gap),
-                quantities={k: float(v) for k, v in step.quantities.items() if math.isfinite(v)},
-            )
-        )
-    return tuple(kept)
-
-
-def json_only(data: Any) -> Any:
-    """Return diagnostics as JSON data: arrays as lists, figures that are not finite as None."""
-    match data:
-        case Mapping():
-            return {str(key): json_only(value) for key, value in data.items()}
-        case list() | tuple() | set():
-            return [json_only(value) for value in data]
-        case np.ndarray() | np.generic():
-            return json_only(data.tolist())
-        case float():
-            return _finite(data)
-        case None | bool() | int() | str():
-            return data
-        case _:
-            return str(data)
 
 
 def peak_memory(idle: int) -> int | None:
@@ -211,17 +135,3 @@ def sparing(tell: Tell) -> Tell:
             tell(progress)
 
     return told
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
-def _said(error: Exception) -> str:
-    said = " ".join(str(error).split())
-    return f"{type(error).__name__}: {said}" if said else type(error).__name__
-
-
-def _pass_on_full_disk(error: Exception) -> None:
-    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
-        raise error

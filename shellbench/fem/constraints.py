@@ -28,7 +28,7 @@ from shellbench.errors import InputError
 from shellbench.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
 from shellbench.fem.hermite import KINDS, Derivative
 from shellbench.fem.mesh import TensorMesh
-from shellbench.places import Edge, Place
+from shellbench.places import Edge, Place, Point
 from shellbench.surface import Domain
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
         for name in support.on:
             place = case.places[name]
             edge = place if isinstance(place, Edge) else None
-            nodes = np.array([mesh.node_at(place.xi)]) if not isinstance(place, Edge) else mesh.edge_nodes(place)
+            nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
             motion = _motion(case, support, place, mesh.domain, points, states)
             rows, values = _held(support, edge, motion)
@@ -96,6 +96,17 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
                 across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
                 acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
             yield Conditions(number, nodes, rows, values, acting)
+
+
+def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
+    """Return the nodes (n,) of a place."""
+    match place:
+        case Edge():
+            return mesh.edge_nodes(place)
+        case Point():
+            return np.array([mesh.node_at(place.xi)])
+        case _:
+            return np.arange(mesh.node_count)
 
 
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)

@@ -1,4 +1,4 @@
-"""Multifrontal Cholesky factorisation on the nested dissection of a tensor mesh.
+"""Multifrontal factorisation on the nested dissection of a tensor mesh.
 
 A tensor mesh tells its own good elimination order: halve the rectangle by a line of nodes, again and again, and
 eliminate the halves before the line (George 1973). Each part is then one dense matrix, a *front*, of the nodes that
@@ -16,9 +16,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 
@@ -28,6 +30,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Range = tuple[int, int]
 
+SINGULAR = 1e-15  # ratio of eigenvalues of a pivot block below which it can't be eliminated
 LEAF_NODES = 8  # a part of so few nodes is not halved any more (measured: 4 to 16 are alike)
 
 
@@ -141,56 +144,134 @@ def _halve(first: Range, second: Range, seams: tuple[bool, bool]) -> Iterator[_R
         yield _Region(first, second, ((1, middle),), children=2)
 
 
+Definiteness = Literal["required", "reported", "imposed"]
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """The pivot block of a part that is positive definite, A = R^T R."""
+
+    upper: Array
+    negative: int = 0
+
+    @property
+    def size(self) -> int:
+        """Numbers kept."""
+        return self.upper.size
+
+    def forward(self, right: Array) -> Array:
+        """Return R^-T right."""
+        return np.asarray(dtrsm(1.0, self.upper.T, right, lower=1))
+
+    def signed(self, right: Array) -> Array:
+        """Return S right; here S is the identity."""
+        return right
+
+    def backward(self, right: Array) -> Array:
+        """Return R^-1 right."""
+        return np.asarray(dtrsm(1.0, self.upper.T, right, lower=1, trans_a=1))
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The pivot block of a part that is indefinite, A = R^T S R by its eigenvectors, S = +-1.
+
+    Attributes
+    ----------
+    vectors
+        (n, n) by columns.
+    roots, signs
+        (n,) square roots of the eigenvalues' magnitudes, and S.
+    negative
+        Number of negative eigenvalues, also where S was made positive.
+    """
+
+    vectors: Array
+    roots: Array
+    signs: Array
+    negative: int
+
+    @property
+    def size(self) -> int:
+        """Numbers kept."""
+        return self.vectors.size
+
+    def forward(self, right: Array) -> Array:
+        """Return R^-T right."""
+        return np.asarray((self.vectors.T @ right) / self.roots[:, None])
+
+    def signed(self, right: Array) -> Array:
+        """Return S right."""
+        return right * self.signs[:, None]
+
+    def backward(self, right: Array) -> Array:
+        """Return R^-1 right."""
+        return np.asarray(self.vectors @ (right / self.roots[:, None]))
+
+
 @dataclass(frozen=True)
 class Factor:
-    """A Cholesky factorisation K = R^T R in fronts.
+    """A factorisation K = R^T S R in fronts, S = 1 where the matrix is positive definite.
 
     Attributes
     ----------
     dissection
         The elimination order.
-    diagonal, coupling
-        By part: the triangle R (n, n) of its own unknowns, and the rows of R (n, m) that couple them to its ring.
+    pivots, coupling
+        By part: its own block, and the rows of R (n, m) that couple its unknowns to its ring.
     block
         Unknowns of a node.
     """
 
     dissection: Dissection
-    diagonal: tuple[Array, ...]
+    pivots: tuple[Triangle | Spectrum, ...]
     coupling: tuple[Array, ...]
     block: int
 
     @property
     def nonzeros(self) -> int:
         """Numbers kept in R."""
-        return sum(d.size for d in self.diagonal) + sum(c.size for c in self.coupling)
+        return sum(p.size for p in self.pivots) + sum(c.size for c in self.coupling)
+
+    @property
+    def negative(self) -> int:
+        """Number of negative eigenvalues of K (Sylvester's law of inertia), before any was made positive."""
+        return sum(pivot.negative for pivot in self.pivots)
 
     def solve(self, right: Array) -> Array:
         """Solve K x = right for (nodes, block, n) right-hand sides."""
         columns = right.shape[-1]
         x = np.ascontiguousarray(right[self.dissection.order]).reshape(-1, self.block, columns)
-        for part, triangle, coupling in zip(self.dissection.parts, self.diagonal, self.coupling, strict=True):
+        parts = list(zip(self.dissection.parts, self.pivots, self.coupling, strict=True))
+        for part, pivot, coupling in parts:
             own = x[slice(*part.own)].reshape(-1, columns)
-            own[...] = dtrsm(1.0, triangle.T, own, lower=1)
+            own[...] = pivot.signed(pivot.forward(own))
             x[part.ring] -= (coupling.T @ own).reshape(-1, self.block, columns)
-        for part, triangle, coupling in zip(
-            self.dissection.parts[::-1], self.diagonal[::-1], self.coupling[::-1], strict=True
-        ):
+        for part, pivot, coupling in parts[::-1]:
             own = x[slice(*part.own)].reshape(-1, columns)
-            own -= coupling @ x[part.ring].reshape(-1, columns)
-            own[...] = dtrsm(1.0, triangle.T, own, lower=1, trans_a=1)
+            own -= pivot.signed(coupling @ x[part.ring].reshape(-1, columns))
+            own[...] = pivot.backward(own)
         result = np.empty_like(x)
         result[self.dissection.order] = x
         return result
 
 
-def factorise(matrix: BlockMatrix, dissection: Dissection) -> Factor:
-    """Factorise a symmetric positive definite matrix.
+def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definiteness = "required") -> Factor:
+    """Factorise a symmetric matrix.
+
+    Parameters
+    ----------
+    matrix, dissection
+        The matrix, and in which order to eliminate.
+    definiteness
+        "required": the matrix must be positive definite. "reported": it need not be; a part whose pivot block is
+        indefinite is eliminated by its eigenvectors, and `Factor.negative` counts the negative eigenvalues.
+        "imposed": so, but negative pivots are taken for positive ones, which makes a descent direction of any step.
 
     Raises
     ------
     NotPositiveDefiniteError
-        If a pivot is not positive, or the matrix is not finite.
+        If a pivot is not positive and must be, or is zero, or the matrix is not finite.
     MemoryError
         If the fronts do not fit.
     """
@@ -200,17 +281,17 @@ def factorise(matrix: BlockMatrix, dissection: Dissection) -> Factor:
     rank[-1] = -1  # so that the neighbour -1 beyond the mesh's end has the place -1
     columns = rank[matrix.columns[dissection.order]]
     schur: dict[int, Array] = {}
-    diagonal, coupling = [], []
+    pivots, coupling = [], []
     for number, part in enumerate(dissection.parts):
         front = _Front(part, block)
         nodes = dissection.order[slice(*part.own)]
         front.add_rows(matrix.blocks[nodes], columns[slice(*part.own)])
         for child in part.children:
             front.add_schur(schur.pop(child), dissection.parts[child].ring)
-        schur[number] = front.eliminate()
-        diagonal.append(front.own)
+        pivot, schur[number] = front.eliminate(definiteness)
+        pivots.append(pivot)
         coupling.append(front.coupling)
-    return Factor(dissection, tuple(diagonal), tuple(coupling), block)
+    return Factor(dissection, tuple(pivots), tuple(coupling), block)
 
 
 class _Front:
@@ -255,15 +336,36 @@ class _Front:
                 source = schur[rows, columns]
                 target[r : r + source.shape[0], c : c + source.shape[1]] += source
 
-    def eliminate(self) -> Array:
-        """Eliminate the part's own unknowns in place and return the Schur complement on the ring."""
+    def eliminate(self, definiteness: Definiteness) -> tuple[Triangle | Spectrum, Array]:
+        """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
+        kept = None if definiteness == "required" else np.triu(self.own)
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied
         _, info = dpotrf(self.own.T, lower=1, clean=0, overwrite_a=1)
+        pivot: Triangle | Spectrum = Triangle(self.own)
         if info != 0 or not np.all(np.isfinite(np.diagonal(self.own))):
-            raise NotPositiveDefiniteError
-        if self.coupling.size == 0:
-            return self.rest
-        dtrsm(1.0, self.own.T, self.coupling.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-        dsyrk(-1.0, self.coupling.T, beta=1.0, c=self.rest.T, lower=1, overwrite_c=1)
+            if kept is None or not np.all(np.isfinite(kept)):
+                raise NotPositiveDefiniteError
+            pivot = _spectrum(kept, definiteness == "imposed")
+            self.own = np.empty((0, 0))
         rest, self.rest = self.rest, np.empty((0, 0))
-        return rest
+        if self.coupling.size == 0:
+            return pivot, rest
+        if isinstance(pivot, Triangle):
+            dtrsm(1.0, self.own.T, self.coupling.T, side=1, lower=1, trans_a=1, overwrite_b=1)
+            dsyrk(-1.0, self.coupling.T, beta=1.0, c=rest.T, lower=1, overwrite_c=1)
+            return pivot, rest
+        self.coupling = pivot.forward(self.coupling)
+        for sign in (1.0, -1.0):
+            rows = np.ascontiguousarray(self.coupling[pivot.signs == sign])
+            if len(rows):
+                dsyrk(-sign, rows.T, beta=1.0, c=rest.T, lower=1, overwrite_c=1)
+        return pivot, rest
+
+
+def _spectrum(upper: Array, imposed: bool) -> Spectrum:
+    """Return the eigenvectors of the symmetric matrix whose upper triangle is given."""
+    values, vectors = eigh(upper, lower=False)
+    if np.abs(values).min() <= SINGULAR * np.abs(values).max():
+        raise NotPositiveDefiniteError
+    signs = np.ones_like(values) if imposed else np.sign(values)
+    return Spectrum(vectors, np.sqrt(np.abs(values)), signs, int(np.count_nonzero(values < 0)))

@@ -19,8 +19,8 @@ SAME = 1e-9  # coordinates that differ by less of the side are the same
 
 
 def singular_points(case: Case) -> list[tuple[float, float]]:
-    """Return the points where a concentrated force acts: point loads and point supports."""
-    names = [name for load in case.loads if isinstance(load, PointLoad) for name in load.on]
+    """Return the points where a concentrated force acts, point loads and point supports, and the case's focus."""
+    names = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
     places = [case.places[name] for name in names] + [place for _, place in case.supported_places()]
     return sorted({place.xi for place in places if isinstance(place, Point)})
 

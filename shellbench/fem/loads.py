@@ -19,6 +19,8 @@ from shellbench.fem.assembly import COMPONENTS, Quadrature, basis_scales, chunks
 from shellbench.fem.hermite import CORNERS, KINDS, kind_scales, tabulate
 from shellbench.fem.kinematics import Midsurface
 from shellbench.fem.mesh import TensorMesh
+from shellbench.fem.moments import edge_moments
+from shellbench.fem.rigid_motions import nodal_rigid_motions
 from shellbench.places import Edge, Point
 from shellbench.rigid import rigid_modes
 
@@ -29,7 +31,7 @@ EDGE_GAUSS_POINTS = 5  # a cell's side; exact to degree 9
 
 @dataclass(frozen=True)
 class Loading:
-    """All loads of a case on a mesh.
+    """All loads of a case on a mesh; in the non-linear theory all but the moments, which depend on the deformation.
 
     Attributes
     ----------
@@ -57,6 +59,8 @@ class Loading:
                     build.add_edge_load(load, place, states)
                 elif isinstance(load, PointLoad) and isinstance(place, Point):
                     build.add_point_load(load, place, states)
+        if case.linear:
+            build.add_moments(states)
         return cls(build.nodal, build.resultant, build.magnitude)
 
 
@@ -117,6 +121,16 @@ class _Builder:
     def add_point_load(self, load: PointLoad, point: Point, states: Sequence[float]) -> None:
         points = np.array([point.xi])
         self._add_forces(points, np.stack([self.case.evaluate(load.force, points, t)[0, 0] for t in states], axis=-1))
+
+    def add_moments(self, states: Sequence[float]) -> None:
+        """Add the forces that moments exert on the undeformed shell."""
+        rest = np.zeros(self.nodal.shape[:2])
+        for moment in edge_moments(self.case, self.mesh):
+            forces = np.stack([moment.forces(rest, t) for t in states], axis=-1)
+            self.nodal += forces
+            modes = nodal_rigid_motions(self.case, self.mesh)
+            self.resultant += np.einsum("pcm,pcs->ms", modes, forces)
+            self.magnitude += np.einsum("pcm,pcs->m", np.abs(modes), np.abs(forces))
 
     def _add_forces(self, points: Array, forces: Array) -> None:
         """Add forces (n, 3, states) at points (n, 2)."""

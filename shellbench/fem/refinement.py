@@ -14,13 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.case import Case
+from shellbench.errors import SolveFailure
 from shellbench.fem.assembly import NODE_DOFS
 from shellbench.fem.convergence import Estimate, estimate
 from shellbench.fem.equilibrium import Equilibrium
 from shellbench.fem.grading import FEWEST
 from shellbench.fem.solution import FemSolution
 from shellbench.places import Point
-from shellbench.quantities import DisplacementQuantity, EnergyQuantity, LargestDisplacement, QuantityModel
+from shellbench.quantities import (
+    DisplacementQuantity,
+    EnergyQuantity,
+    LargestDisplacement,
+    LimitPoint,
+    LoadQuantity,
+    QuantityModel,
+)
 
 Array = NDArray[np.float64]
 Cells = tuple[int, int]
@@ -33,6 +41,7 @@ ENERGY_RATE = 4  # order of the element's energy error in the mesh size, twice t
 IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
+UNSTRAINED = 1e-6  # square of a strain that is none: it measures the energy of a shell that is only moved
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
@@ -97,15 +106,22 @@ def levels(
     meshes: Iterator[Cells],
     solve: Callable[[Cells], Equilibrium],
     measure: Callable[[FemSolution], Mapping[str, float]],
+    forgiven: int = 0,
 ) -> Iterator[Level]:
-    """Yield the answers on ever finer meshes."""
+    """Yield the answers on ever finer meshes; as many of the first ones as are `forgiven` may fail."""
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     resolutions: list[float] = []
     before: FemSolution | None = None
     for cells in meshes:
-        equilibrium = solve(cells)
-        solution = equilibrium.solution
-        quantities = measure(solution)
+        try:
+            equilibrium = solve(cells)
+            solution = equilibrium.solution
+            quantities = measure(solution)
+        except SolveFailure:
+            if before is not None or forgiven == 0:
+                raise
+            forgiven -= 1
+            continue
         resolutions.append(float(np.sqrt(np.prod(solution.mesh.cells))))
         for name, value in quantities.items():
             values[name].append(value)
@@ -126,7 +142,10 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     tiny = float(np.finfo(float).tiny)
     match quantity:
         case EnergyQuantity():
-            return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), tiny)
+            unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
+            return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
+        case LoadQuantity() | LimitPoint():
+            return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():
             largest = float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(quantity.at)], axis=1).max())
             return max(value, NEGLIGIBLE * largest, tiny)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.fem.assembly import Quadrature, chunks, derivative_on_cells
+from shellbench.fem.deformation import Deformation
 from shellbench.fem.hermite import Derivative, kind_scales, tabulate
 from shellbench.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
 from shellbench.fem.mesh import TensorMesh
@@ -83,7 +84,7 @@ class FemSolution:
         nearest = int(np.argmin(np.abs(np.asarray(self.states) - at)))
         if abs(self.states[nearest] - at) > 1e-9 * max(1.0, abs(at)):
             known = ", ".join(f"{s:g}" for s in self.states)
-            raise InputError(f"{self.case.name}: solved at t = {known}, not at {at:g}")
+            raise InputError(f"{self.case.name}: solved at {known}, not at {at:g}")
         return nearest
 
     def displacement(
@@ -120,12 +121,25 @@ class FemSolution:
         `gradients` (n, 3, 5) are the derivatives of the displacement in the order of `DERIVATIVES`.
         """
         surface = Midsurface.at(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
-        operator = strain_operator(surface).reshape(len(points), 6, -1)
-        strains = (operator @ gradients.reshape(len(points), -1, 1)).reshape(-1, 2, 3)
+        if self.case.linear:
+            operator = strain_operator(surface).reshape(len(points), 6, -1)
+            strains = (operator @ gradients.reshape(len(points), -1, 1)).reshape(-1, 2, 3)
+        else:
+            strains = Deformation.of(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
         material = self.case.material
         stiffness = np.array([material.membrane_stiffness, material.bending_stiffness])
         stresses = strains @ elasticity(surface, material.poissons_ratio)
         return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1), surface.area
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the midsurface, m^2."""
+        quadrature, total = Quadrature.of_order(self.mesh, self.quadrature_order), 0.0
+        for cells in chunks(self.mesh):
+            points, weights = quadrature.on_cells(self.mesh, cells)
+            surface = Midsurface.at(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
+            total += float(weights.ravel() @ surface.area)
+        return total
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""
@@ -150,7 +164,8 @@ class FemSolution:
     ) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
-        Both are the work of the nodal forces on the interpolant of a rigid motion of the support.
+        Both are the work of the nodal forces on the interpolant of a rigid motion of the support: of the undeformed
+        one in linear theory, of the deformed one in the non-linear theory.
         """
         names = [s.name for s in self.case.supports]
         if support not in names:
@@ -159,6 +174,8 @@ class FemSolution:
         points = self.mesh.domain.wrap(self.mesh.node_points[self.support_nodes])
         x = self.case.surface.derivatives(points, order=2)
         arms = np.stack([x[0, 0] - np.asarray(centre, dtype=float), x[1, 0], x[0, 1], x[1, 1]], axis=1)
+        if not self.case.linear:
+            arms = arms + np.swapaxes(self.coefficients[self.support_nodes, ..., self.state(at)], 1, 2)
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))
         return forces[:, :, 0].sum(axis=0), moment
 

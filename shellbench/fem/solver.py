@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -14,16 +14,26 @@ from pydantic import Field, PositiveInt
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.fem import equilibrium
+from shellbench.fem import equilibrium, large_displacement
+from shellbench.fem.assembly import NODE_DOFS
 from shellbench.fem.grading import graded_mesh, singular_points
 from shellbench.fem.linear_solve import Method
 from shellbench.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
 from shellbench.fem.solution import FemSolution
 from shellbench.measure import measure_all
+from shellbench.places import Whole
+from shellbench.quantities import EnergyQuantity
 from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
+LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
+MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
+FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
+FORGIVEN = 2  # meshes at the start of a sequence that may be too coarse to follow a path to its end
+SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
+
+OnMesh = Callable[[Cells], equilibrium.Equilibrium]
 
 
 class FemSettings(Settings):
@@ -33,9 +43,9 @@ class FemSettings(Settings):
     ----------
     tolerance
         Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
-        force acts at a point.
+        force acts at a point; in the non-linear theory 4e-6 and 5e-4.
     max_unknowns
-        No mesh with more degrees of freedom is tried.
+        No mesh with more degrees of freedom is tried. None: 120,000, or 40,000 in the non-linear theory.
     cells
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.
@@ -44,11 +54,12 @@ class FemSettings(Settings):
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
-        "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection".
+        "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
+        theory always takes "dissection", which counts negative eigenvalues.
     """
 
     tolerance: float | None = Field(None, gt=0, lt=1)
-    max_unknowns: int = Field(120_000, ge=100)
+    max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
     grading: float = Field(2.0, ge=1, le=3)
     quadrature_order: int = Field(7, ge=5, le=19)
@@ -60,7 +71,7 @@ class FemSolver:
 
     name: ClassVar[str] = "fem"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear",), label="C1 finite elements (BFS), exact geometry"
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
 
@@ -68,7 +79,7 @@ class FemSolver:
         """Return why the solver can't take this case, or None."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
-        return None
+        return None if case.linear else large_displacement.declined(case)
 
     def solve(
         self,
@@ -93,23 +104,20 @@ class FemSolver:
         if refusal:
             raise InputError(f"fem can't take {case.name}: {refusal}")
         began = time.perf_counter()
-        states = tuple(sorted({quantity.at for quantity in case.quantities}))
-
-        def on_mesh(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(case, cells, chosen.grading)
-            return equilibrium.solve(case, mesh, states, chosen.quadrature_order, chosen.direct_solver)
-
-        tolerance = chosen.tolerance or (SINGULAR_TOLERANCE if singular_points(case) else SMOOTH_TOLERANCE)
+        on_mesh, trial = _solves(case, chosen, progress or (lambda _: None))
+        tolerance = chosen.tolerance or usual_tolerance(case)
+        largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
         steps: list[Step] = []
         differences: list[dict[str, Any]] = []
         solution: FemSolution | None = None
         try:
-            for level in levels(case, _meshes(case, chosen, on_mesh), on_mesh, measure_all):
+            meshes = _meshes(case, chosen, trial)
+            for level in levels(case, meshes, on_mesh, _measured, forgiven=0 if case.linear else FORGIVEN):
                 seconds = time.perf_counter() - began
                 found = level.equilibrium
                 unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
                 steps.append(
-                    Step(len(steps), seconds, found.potential_energy, unknowns, states[-1], None, level.quantities)
+                    Step(len(steps), seconds, found.potential_energy, unknowns, case.states[-1], None, level.quantities)
                 )
                 if level.difference is not None:
                     differences.append({"cells": cells, "largest_difference": level.difference})
@@ -117,10 +125,10 @@ class FemSolver:
                 solution = _finished(level, tuple(steps), differences, tolerance, chosen)
                 if progress:
                     progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
-                if converged or 2 * unknowns > chosen.max_unknowns:
+                if converged or 2 * NODE_DOFS * found.solution.mesh.node_count > largest:
                     break
         except SolveFailure as failure:
-            raise SolveFailure(str(failure), partial=solution) from None
+            raise SolveFailure(str(failure), partial=solution or failure.partial) from None
         except MemoryError:
             raise SolveFailure("the next mesh does not fit into memory", partial=solution) from None
         except np.linalg.LinAlgError:
@@ -133,13 +141,68 @@ class FemSolver:
         return FemSolution.load(path)
 
 
-def _meshes(case: Case, settings: FemSettings, on_mesh: Callable[[Cells], equilibrium.Equilibrium]) -> Iterator[Cells]:
+def usual_tolerance(case: Case) -> float:
+    """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
+    if case.linear:
+        return SINGULAR_TOLERANCE if singular_points(case) else SMOOTH_TOLERANCE
+    return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
+
+
+def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tuple[OnMesh, OnMesh]:
+    """Return how a case is solved on a mesh, and how a trial is made that shares out the cells."""
+
+    def linear(of: Case) -> OnMesh:
+        def solve(cells: Cells) -> equilibrium.Equilibrium:
+            mesh = graded_mesh(of, cells, settings.grading)
+            return equilibrium.solve(of, mesh, of.states, settings.quadrature_order, settings.direct_solver)
+
+        return solve
+
+    if case.linear:
+        return linear(case), linear(case)
+    if any(isinstance(place, Whole) for _, place in case.supported_places()):
+
+        def interpolate(cells: Cells) -> equilibrium.Equilibrium:
+            mesh = graded_mesh(case, cells, settings.grading)
+            return large_displacement.prescribed(case, mesh, settings.quadrature_order)
+
+        return interpolate, interpolate
+
+    def nonlinear(of: Case, first_step: float) -> OnMesh:
+        trail: FemSolution | None = None
+
+        def follow(cells: Cells) -> equilibrium.Equilibrium:
+            nonlocal trail
+            mesh = graded_mesh(of, cells, settings.grading)
+
+            def tell(t: float) -> None:
+                progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
+
+            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, first_step, trail, tell)
+            return found
+
+        return follow
+
+    ends = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
+    if case.path.control == "load":  # a trial needs the end of the path only
+        ends = ends.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
+    return nonlinear(case, FIRST_STEP), nonlinear(ends, TRIAL_STEP)
+
+
+def _measured(solution: FemSolution) -> Mapping[str, float]:
+    try:
+        return measure_all(solution)
+    except ValueError as error:  # the path lacks a point that a quantity is asked at
+        raise SolveFailure(str(error), partial=solution) from None
+
+
+def _meshes(case: Case, settings: FemSettings, trial: OnMesh) -> Iterator[Cells]:
     """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
     if settings.cells:
         yield settings.cells
         return
     first = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count)
-    share = balanced_share(on_mesh, first - 1)
+    share = balanced_share(trial, first - 1)
     for level in itertools.count(first):
         yield level_cells(level, share)
 
@@ -153,9 +216,12 @@ def _finished(
 ) -> FemSolution:
     found = level.equilibrium
     known = {name: e for name, e in level.estimates.items() if len(steps) > 1}
+    path = found.solution.history
+    began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was taken up
+    states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
     return replace(
         found.solution,
-        history=steps,
+        history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
         diagnostics={

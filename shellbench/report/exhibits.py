@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import Literal
 
-from matplotlib.figure import Figure
-
+from shellbench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.convergence import (
@@ -20,71 +15,22 @@ from shellbench.report.convergence import (
     iteration_figure,
     refinement_figure,
 )
-from shellbench.report.digits import quoted
-from shellbench.report.notation import MARKDOWN
+from shellbench.report.exhibit import Exhibit
 from shellbench.report.palette import inks, style
+from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.rates import fitted_rate
 from shellbench.report.scene import courses, pictured, shell
-from shellbench.report.shells import Shell, course_figure, shell_figure
+from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure
+from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title
 
-PRINT_DPI, SCREEN_DPI = 300, 160
 MOST_TOGETHER = 6  # shells in one row of the composite
 COMPOSITE, PICTURE, CONVERGENCE = "course_", "shell_", "convergence_"  # how names of figures begin
-Format = Literal["pdf", "png", "svg"]
 
 
-@dataclass(frozen=True)
-class Exhibit:
-    """One figure.
-
-    Attributes
-    ----------
-    name
-        Stem of its files.
-    drawing
-        Whether it is lines and letters alone, and so goes into the page as SVG.
-    """
-
-    name: str
-    title: str
-    caption: str
-    description: str
-    figure: Figure
-    run_ids: tuple[str, ...]
-    drawing: bool
-
-    @property
-    def inches(self) -> float:
-        """Width in print."""
-        return float(self.figure.get_figwidth())
-
-    def save(self, folder: Path) -> str:
-        """Write it as PDF and PNG, drawings as SVG too; return it as a data URI for the page."""
-        with style():
-            self.figure.draw_without_rendering()  # lays it out, once for all formats
-            self.figure.set_layout_engine(None)
-            (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
-            png = self._rendered("png", SCREEN_DPI)
-            (folder / f"{self.name}.png").write_bytes(png)
-            if not self.drawing:
-                return _data_uri("image/png", png)
-            svg = self._rendered("svg", SCREEN_DPI)
-            (folder / f"{self.name}.svg").write_bytes(svg)
-            return _data_uri("image/svg+xml", svg)
-
-    def _rendered(self, format: Format, dpi: int) -> bytes:
-        buffer = BytesIO()
-        undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
-        self.figure.savefig(buffer, format=format, dpi=dpi, metadata=undated[format])
-        return buffer.getvalue()
-
-
-def _data_uri(kind: str, data: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
-
-
-def exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> list[Exhibit]:
+def exhibits(
+    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known = catalog.known_values
+) -> list[Exhibit]:
     """Return the figures of the report.
 
     Parameters
@@ -95,9 +41,15 @@ def exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -
         That compare them.
     folder
         Where the records' files are.
+    known
+        Known values by name of case.
     """
     with style():
-        return [*_pictures(records, rows, folder), *_convergence(records, rows)]
+        return [
+            *_pictures(records, rows, folder),
+            *path_exhibits(records, rows, folder, known),
+            *_convergence(records, rows),
+        ]
 
 
 def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[Exhibit]:
@@ -120,11 +72,10 @@ def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) 
                 drawing=False,
             )
     for one in drawn.values():
-        magnified = MARKDOWN.number(quoted(one.scale))
         yield Exhibit(
             name=f"{PICTURE}{one.case}",
             title=one.title,
-            caption=f"Deformed shell, displacement magnified {magnified} times. {_solved_by([one])}",
+            caption=f"Deformed shell, {scale_words(one)}. {_solved_by([one])}",
             description=_shape(one),
             figure=shell_figure(one),
             run_ids=(one.run_id,),
@@ -156,8 +107,8 @@ def _solved_by(shells: Sequence[Shell]) -> str:
 
 
 def _shape(shell: Shell) -> str:
-    coloured = shell.coloured
-    return f"{shell.title}: displacement from {coloured.min():.3g} m to {coloured.max():.3g} m"
+    low, high = shell.coloured.min(), shell.coloured.max()
+    return f"{shell.title}: displacement from {low:.3g} {shell.unit} to {high:.3g} {shell.unit}"
 
 
 def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -79,11 +79,19 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
 
 @dataclass(frozen=True)
 class Fields:
-    """What a run kept of its solution: points (n, n, 2), positions and displacements (n, n, 3) in metres."""
+    """What a run kept of its solution: points (n, n, 2), positions and displacements (n, n, 3) in metres.
+
+    Attributes
+    ----------
+    marks, displacements
+        Of the kept states of a path, (k,) and (k, n, n, 3); none for a linear case.
+    """
 
     xi: Array
     position: Array
     displacement: Array
+    marks: Array = field(default_factory=lambda: np.empty(0))
+    displacements: Array = field(default_factory=lambda: np.empty((0, 0, 0, 3)))
 
 
 def read_fields(record: Record, folder: Path) -> Fields | None:
@@ -92,11 +100,16 @@ def read_fields(record: Record, folder: Path) -> Fields | None:
         return None
     try:
         with np.load(folder / record.fields_file, allow_pickle=False) as stored:
-            arrays = [np.asarray(stored[name], dtype=float) for name in ("xi", "position", "displacement")]
+            xi, position, displacement = (
+                np.asarray(stored[name], dtype=float) for name in ("xi", "position", "displacement")
+            )
+            marks = np.asarray(stored.get("marks", []), dtype=float)
+            states = stored["displacements"] if len(marks) else np.empty((0, *displacement.shape))
+            fields = Fields(xi, position, displacement, marks, np.asarray(states, dtype=float))
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
-    fields = Fields(*arrays)
-    whole = fields.position.shape == fields.displacement.shape and all(np.all(np.isfinite(a)) for a in arrays)
+    fits = position.shape == displacement.shape and fields.displacements.shape == (len(marks), *displacement.shape)
+    whole = fits and all(np.all(np.isfinite(a)) for a in (xi, position, displacement, marks, fields.displacements))
     return fields if whole else None
 
 

@@ -16,12 +16,16 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.report.bibliography import Source, read_bibliography
+from shellbench.report.effort import effort_table
 from shellbench.report.exhibits import exhibits
 from shellbench.report.fields import field_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
+from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.resolution import mesh_table, resolution_table
 from shellbench.report.solutions import Known
+from shellbench.report.strains import strain_table
+from shellbench.report.strains import words as strain_words
 from shellbench.report.suites import rows_at_home
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
@@ -36,17 +40,24 @@ class Tables:
 
     displacements: list[Table]
     resolution: list[Table]
+    paths: list[Table]
+    strains: list[Table]
     quantities: list[Table]
 
     @property
     def printed(self) -> list[Table]:
         """Those that fit a printed page."""
-        return [*self.displacements, *self.resolution]
+        return [*self.displacements, *self.paths, *self.strains, *self.resolution]
+
+    @property
+    def apart(self) -> list[Table]:
+        """Those with columns of their own, each a file of its own."""
+        return [*self.paths, *self.strains, *self.resolution]
 
     @property
     def all(self) -> list[Table]:
         """All of them, in the order of the page."""
-        return [*self.displacements, *self.resolution, *self.quantities]
+        return [*self.printed, *self.quantities]
 
 
 def write_report(
@@ -85,23 +96,26 @@ def write_report(
     tables = Tables(
         displacements=displacement_tables(rows, known),
         resolution=[table for table in studies if table is not None],
+        paths=[table for table in (effort_table(by_id, rows),) if table is not None],
+        strains=[table for table in (strain_table(rows),) if table is not None],
         quantities=quantity_tables(rows, known),
     )
     try:
         figures = out / "figures"
         shutil.rmtree(figures, ignore_errors=True)
         figures.mkdir(parents=True)
-        shown = [(exhibit, exhibit.save(figures)) for exhibit in exhibits(by_id, rows, store.folder)]
+        shown = [(exhibit, exhibit.save(figures)) for exhibit in exhibits(by_id, rows, store.folder, known)]
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         sources = read_bibliography(bibliography)
         facts = _facts(by_id, rows, tables, sources)
         facts["exhibits"] = shown
+        facts["paths_shown"] = tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit, _ in shown)
         _write(out / "index.html", _page("page.html.j2", HTML, tables, facts))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, tables, facts))
         _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
         _write(out / "table.tex", "\n".join(table.write("latex") for table in tables.printed))
         _write(out / "table.json", render(rows, "json"))
-        for table in tables.resolution:
+        for table in tables.apart:
             _write(out / f"{table.name}.csv", table.write("csv"))
         if bibliography.is_file():
             shutil.copyfile(bibliography, out / BIBLIOGRAPHY)
@@ -120,13 +134,14 @@ def _facts(
         "rows": rows,
         "verdict": overall(rows),
         "short": shortfalls(rows),
+        "strain_words": strain_words(rows) if tables.strains else [],
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
         "newest": max((record.created for record in records.values()), default=None),
         "sources": [(key, sources.get(key)) for key in cited],
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
-        + [f"{table.name}.csv" for table in tables.resolution]
+        + [f"{table.name}.csv" for table in tables.apart]
         + ([BIBLIOGRAPHY] if sources else []),
     }
 

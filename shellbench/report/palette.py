@@ -13,7 +13,8 @@ import matplotlib as mpl
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
 MARKERS = ("P", "v", "X", "D", "^", "s", "o")
-DASHES: tuple[str | tuple[float, tuple[float, ...]], ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
+Dashes = str | tuple[float, tuple[float, ...]]
+DASHES: tuple[Dashes, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 
 STYLE: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -46,10 +47,11 @@ STYLE: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Ink:
-    """Colour and marker of a solver."""
+    """Colour and marker of a solver, and the dashes of its lines."""
 
     colour: str
     marker: str
+    dashes: Dashes = "-"
 
 
 @contextmanager

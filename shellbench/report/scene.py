@@ -7,15 +7,17 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
+from shellbench.bench.marks import mark_words
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.case import Case
 from shellbench.conditions import PointLoad
 from shellbench.places import Edge, Point
+from shellbench.quantities import DisplacementQuantity
 from shellbench.report.convergence import Course
-from shellbench.report.fields import read_fields
+from shellbench.report.fields import Fields, read_fields
+from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
 from shellbench.report.shells import Shell
 from shellbench.report.solutions import variant_name
@@ -24,11 +26,12 @@ Array = NDArray[np.float64]
 
 
 def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
-    """Return the history of each run whose headline quantity has a known value."""
+    """Return the history of each run whose headline quantity has a known value; the states of a path are no part."""
     found = []
     for row in rows:
         record = records.get(row.run_id or "")
-        if record is None or not row.primary or not row.reference or not record.history:
+        steps = tuple(step for step in record.history if step.phase == "solve") if record else ()
+        if record is None or not row.primary or not row.reference or not steps:
             continue
         found.append(
             Course(
@@ -40,7 +43,7 @@ def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
                 quantity=row.quantity,
                 reference=row.reference,
                 uncertainty=row.reference_uncertainty or 0.0,
-                steps=record.history,
+                steps=steps,
                 run_id=record.run_id,
             )
         )
@@ -52,29 +55,49 @@ def shell(record: Record, folder: Path) -> Shell | None:
     fields = read_fields(record, folder)
     if fields is None:
         return None
-    try:
-        case = Case.model_validate(record.case)
-    except ValidationError:
+    case = case_of(record)
+    if case is None:
         return None
+    return _drawn(record, case, fields, fields.displacement)
+
+
+def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
+    """Return the deformed shell at each state of its path that a run kept, with the words for its mark."""
+    fields, case = read_fields(record, folder), case_of(record)
+    if fields is None or case is None:
+        return []
+    return [
+        (mark_words(case, float(mark)), _drawn(record, case, fields, displacement))
+        for mark, displacement in zip(fields.marks, fields.displacements, strict=True)
+    ]
+
+
+def _drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Shell:
     picture = case.picture
     return Shell(
         case=record.case_name,
         title=case.title,
         solver=record.identity.solver,
         position=fields.position,
-        displacement=fields.displacement,
+        displacement=displacement,
         scale=picture.scale,
         camera=Camera(*picture.view, picture.up),
         direction=picture.direction,
         held=held_edges(case, fields.position),
         forces=point_forces(case, fields.xi, fields.position),
         run_id=record.run_id,
+        unit=unit_of_length(case),
     )
 
 
+def unit_of_length(case: Case) -> str:
+    """Return the unit of the case's displacements."""
+    return next((q.unit for q in case.quantities if isinstance(q, DisplacementQuantity)), "m")
+
+
 def held_edges(case: Case, position: Array) -> tuple[Array, ...]:
-    """Return the held edges as polylines (n, 3) of the grid of positions (n1, n2, 3)."""
-    edges = [place for _, place in case.supported_places() if isinstance(place, Edge)]
+    """Return the held edges as polylines (n, 3) of the grid of positions (n1, n2, 3); planes of symmetry hold none."""
+    edges = [place for support, place in case.supported_places() if isinstance(place, Edge) and not support.symmetry]
     return tuple(np.take(position, 0 if edge.side == "min" else -1, axis=edge.axis) for edge in edges)
 
 

@@ -14,7 +14,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shellbench.report.digits import order_of
+from shellbench.report.digits import order_of, quoted
+from shellbench.report.notation import MARKDOWN
 from shellbench.report.projection import Camera, facet_means, facets, refined, shading, wires
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Shell:
     Attributes
     ----------
     position, displacement
-        (n1, n2, 3), metres.
+        (n1, n2, 3), in `unit`.
     scale
         Factor of the displacement in the picture.
     direction
@@ -58,10 +59,11 @@ class Shell:
     held: tuple[Array, ...] = field(default=())
     forces: tuple[tuple[Array, Array], ...] = field(default=())
     run_id: str = ""
+    unit: str = "m"
 
     @property
     def size(self) -> float:
-        """Largest extent of the reference surface along an axis, metres."""
+        """Largest extent of the reference surface along an axis."""
         return float(np.ptp(self.position.reshape(-1, 3), axis=0).max())
 
     @property
@@ -71,7 +73,7 @@ class Shell:
 
     @property
     def coloured(self) -> Array:
-        """What the colour shows, (n1, n2), metres."""
+        """What the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
         along = np.asarray(self.direction) / np.linalg.norm(self.direction)
@@ -105,15 +107,19 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
     return figure
 
 
-def draw_deformed(axes: Axes, shell: Shell) -> None:
-    """Draw the deformed surface, coloured and shaded, and the reference surface as a wire."""
+def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = ()) -> None:
+    """Draw the deformed surface, coloured and shaded, and the reference surface as a wire.
+
+    Colours and the frame are common with the shells that it stands among.
+    """
+    together = among or (shell,)
     smooth = replace(
         shell, position=refined(shell.position, CELLS), displacement=refined(shell.displacement, CELLS), held=()
     )
-    colours = colormaps[_map(shell)](_norm(shell)(facet_means(smooth.coloured)))[:, :3]
+    colours = colormaps[_map(together)](_norm(together)(facet_means(smooth.coloured)))[:, :3]
     behind = Strokes(wires(smooth.position, FEW_WIRES), (0.45, 0.45, 0.45, 0.6), 0.4, -1.5)
     _paint(axes, shell.camera, smooth.deformed, colours, [behind])
-    _frame(axes, [shell.camera.look(grid) for grid in (shell.position, shell.deformed)])
+    _frame(axes, [shell.camera.look(grid) for one in together for grid in (one.position, one.deformed)])
 
 
 def draw_reference(axes: Axes, shell: Shell) -> None:
@@ -137,19 +143,21 @@ def draw_reference(axes: Axes, shell: Shell) -> None:
     _draw_triad(axes, shell.camera)
 
 
-def colour_bar(figure: Figure, axes: Axes, shell: Shell) -> None:
-    """Draw the colour bar below the axes, labelled with what it shows and its unit."""
-    norm = _norm(shell)
+def colour_bar(
+    figure: Figure, axes: Axes | Sequence[Axes], *shells: Shell, shrink: float = 0.85, aspect: float = 22
+) -> None:
+    """Draw the colour bar of shells below their axes, labelled with what it shows and its unit."""
+    norm = _norm(shells)
     largest = max(abs(norm.vmin or 0.0), abs(norm.vmax or 0.0))
     order = order_of(largest) if largest > 0 else 0
     order = 0 if order in PLAIN_ORDERS else order
     factor = 10.0**-order
-    shown = ScalarMappable(Normalize((norm.vmin or 0.0) * factor, (norm.vmax or 0.0) * factor), colormaps[_map(shell)])
-    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=0.85, aspect=22, pad=0.02)
+    shown = ScalarMappable(Normalize((norm.vmin or 0.0) * factor, (norm.vmax or 0.0) * factor), colormaps[_map(shells)])
+    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=shrink, aspect=aspect, pad=0.02)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    unit = "m" if not order else rf"$10^{{{order}}}$ m"
-    bar.set_label(f"{what_is_coloured(shell)} ({unit})", fontsize=7.5)
+    unit = shells[0].unit if not order else rf"$10^{{{order}}}$ {shells[0].unit}"
+    bar.set_label(f"{what_is_coloured(shells[0])} ({unit})", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
 
@@ -173,6 +181,13 @@ def times(scale: float) -> str:
     if -3 <= order <= 3:
         return rf"$\times$ {scale:g}"
     return rf"$\times\;{scale / 10.0**order:g} \cdot 10^{{{order}}}$"
+
+
+def scale_words(shell: Shell) -> str:
+    """Say in words how the picture shows the displacement."""
+    if shell.scale == 1:
+        return "at its true scale"
+    return f"displacement magnified {MARKDOWN.number(quoted(shell.scale))} times"
 
 
 def plain(text: str) -> str:
@@ -242,19 +257,23 @@ def _draw_triad(axes: Axes, camera: Camera) -> None:
         corner.text(1.4 * tip[0], 1.4 * tip[1], f"${name}$", fontsize=6.5, ha="center", va="center", color="#444444")
 
 
-def _map(shell: Shell) -> str:
-    return DIVERGING if _signed(shell) else SEQUENTIAL
+def _map(shells: Sequence[Shell]) -> str:
+    return DIVERGING if _signed(shells) else SEQUENTIAL
 
 
-def _signed(shell: Shell) -> bool:
-    low, high = float(shell.coloured.min()), float(shell.coloured.max())
+def _range(shells: Sequence[Shell]) -> tuple[float, float]:
+    return min(float(one.coloured.min()) for one in shells), max(float(one.coloured.max()) for one in shells)
+
+
+def _signed(shells: Sequence[Shell]) -> bool:
+    low, high = _range(shells)
     return low < 0 < high and min(-low, high) > BOTH_SIGNS * max(-low, high)
 
 
-def _norm(shell: Shell) -> Normalize:
-    low, high = float(shell.coloured.min()), float(shell.coloured.max())
-    if _signed(shell):
+def _norm(shells: Sequence[Shell]) -> Normalize:
+    low, high = _range(shells)
+    if _signed(shells):
         largest = max(-low, high)
         return Normalize(-largest, largest)
-    low = 0.0 if shell.direction is None else low
+    low = 0.0 if shells[0].direction is None else low
     return Normalize(low, high if high > low else low + 1.0)

@@ -18,7 +18,7 @@ from shellbench.bench.row import Row
 from shellbench.reference import KnownValue, KnownValues
 
 Known = Callable[[str], KnownValues]
-Block = tuple[str, bool, str, float]
+Block = tuple[str, bool, str, float | None]
 T = TypeVar("T")
 
 THEORIES = {
@@ -35,6 +35,7 @@ COLUMNS = (
     "case",
     "quantity",
     "at",
+    "mark",
     "unit",
     "kind",
     "solution",
@@ -81,7 +82,7 @@ def theory_words(theory: str | None) -> str:
 
 
 def block_of(row: Row) -> Block:
-    """Return what a row is a figure of: case, whether it is a user's own, quantity, and time or load factor."""
+    """Return what a row is a figure of: case, whether it is a user's own, quantity, and the mark of its state."""
     return row.case, row.own_case, row.quantity, row.at
 
 
@@ -89,7 +90,7 @@ def heading(row: Row) -> str:
     """Return the words that head a block."""
     what = row.description or row.quantity.replace("_", " ")
     unit = f" ({row.unit})" if row.unit else ""
-    at = f" at {row.at:g}" if row.at != 1.0 else ""
+    at = f" at {row.mark}" if row.mark else ""
     return f"{row.case_title or row.case}: {what}{unit}{at}"
 
 
@@ -145,7 +146,14 @@ def comparison(rows: Sequence[Row], known: Known) -> pd.DataFrame:
     lines: list[dict[str, Any]] = []
     for (case, own, quantity, _), of_block in grouped(rows, block_of).items():
         first = of_block[0]
-        common = {"block": heading(first), "case": case, "quantity": quantity, "at": first.at, "unit": first.unit}
+        common = {
+            "block": heading(first),
+            "case": case,
+            "quantity": quantity,
+            "at": first.at,
+            "mark": first.mark,
+            "unit": first.unit,
+        }
         judge = next((row for row in of_block if row.reference is not None), None)
         labels = {variant_name(row) for row in of_block}
         values = KnownValues() if own else known(case)

@@ -11,7 +11,7 @@ import pytest
 
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
-from shellbench.report import exhibits, shells
+from shellbench.report import exhibit, shells
 from shellbench.report.page import write_report
 from shellbench.report.provenance import command
 from shellbench.report.suites import rows_at_home, rows_of, suites_of
@@ -25,8 +25,8 @@ VOID = {"meta", "img", "br", "link", "hr"}
 @pytest.fixture(scope="module")
 def report(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as coarse:  # the figures' fineness is no matter here, and takes its time
-        coarse.setattr(exhibits, "PRINT_DPI", 40)
-        coarse.setattr(exhibits, "SCREEN_DPI", 40)
+        coarse.setattr(exhibit, "PRINT_DPI", 40)
+        coarse.setattr(exhibit, "SCREEN_DPI", 40)
         coarse.setattr(shells, "CELLS", 8)
         return write_report(Records(store.folder), store.rows, tmp_path_factory.mktemp("report"), store.known_values)
 

@@ -1,0 +1,170 @@
+"""What a record says of a solution.
+
+Each part is measured by itself: what can't be measured, such as a quantity at a state that a failed solve did not
+reach, costs nothing of the rest.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shellbench.bench.record import HistoryStep, Measured
+from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
+from shellbench.case import Case
+from shellbench.errors import InputError
+from shellbench.measure import measure
+from shellbench.solution import Solution
+
+FIELDS = "fields.npz"
+SOLUTION = "solution"
+UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
+
+Part = Callable[[Solution, Case, Path], dict[str, Any]]
+
+
+def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, Any], str | None]:
+    """Measure a solution, and put its fields and itself into the folder.
+
+    Returns
+    -------
+    tuple
+        Fields of a record, and why it is not whole, in one sentence; None if it is.
+    """
+    values, lost = values_of(solution, case)
+    result: dict[str, Any] = {"values": values}
+    why = without_values(lost) if lost else None
+    for part in (cost, course, states, samples):
+        try:
+            result |= part(solution, case, folder)
+        except Exception as error:
+            pass_on_full_disk(error)
+            why = why or f"the solution can't be measured: {said(error)}"
+            traceback.print_exc()
+    return result, why
+
+
+def values_of(solution: Solution, case: Case) -> tuple[dict[str, Measured], dict[str, str]]:
+    """Return the finite values of the case's quantities, and of the others why there is none (empty: not finite)."""
+    values: dict[str, Measured] = {}
+    lost: dict[str, str] = {}
+    for quantity in case.quantities:
+        name = quantity.name
+        try:
+            value = measure(solution, quantity)
+        except Exception as error:
+            pass_on_full_disk(error)
+            lost[name] = said(error)
+            if not isinstance(error, UNREACHED):
+                traceback.print_exc()
+            continue
+        if not math.isfinite(value):
+            lost[name] = ""
+            continue
+        values[name] = Measured(
+            value=value,
+            uncertainty=finite(solution.uncertainty.get(name)),
+            extrapolated=finite(solution.extrapolated.get(name)),
+        )
+    return values, lost
+
+
+def without_values(lost: Mapping[str, str]) -> str:
+    """Say which quantities have no value, and why the first of them that has a reason has none."""
+    why = next(filter(None, lost.values()), "")
+    return f"the solution has no finite value for {', '.join(lost)}" + (f": {why}" if why else "")
+
+
+def cost(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what the solution takes, and what the solver says of it."""
+    return {
+        "parameters": int(solution.parameters),
+        "storage_bytes": int(solution.storage_bytes),
+        "diagnostics": json_only(dict(solution.diagnostics)),
+    }
+
+
+def course(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return how the solution came about."""
+    return {"history": history_of(solution)}
+
+
+def states(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what is known of each kept state of a path."""
+    return {"energies": energies_of_states(solution, case)}
+
+
+def samples(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Sample the field, and keep the solution itself; nothing if the field is not finite or has no state yet."""
+    if not write_fields(solution, case, folder / FIELDS):
+        return {}
+    saved = solution.save(folder / SOLUTION)
+    return {
+        "resolution": resolution_study(solution, case),
+        "fields_file": FIELDS,
+        "solution_file": saved.name,
+    }
+
+
+def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
+    """Return the history as a record keeps it; a step whose energy is not finite ends it."""
+    kept: list[HistoryStep] = []
+    for step in solution.history:
+        if not math.isfinite(step.energy):
+            break
+        kept.append(
+            HistoryStep(
+                iteration=int(step.iteration),
+                seconds=float(step.seconds),
+                energy=float(step.energy),
+                unknowns=int(step.unknowns),
+                at=float(step.at),
+                gap=finite(step.gap),
+                quantities={k: float(v) for k, v in step.quantities.items() if math.isfinite(v)},
+                phase=step.phase,
+                iterations=None if step.iterations is None else int(step.iterations),
+            )
+        )
+    return tuple(kept)
+
+
+def json_only(data: Any) -> Any:
+    """Return diagnostics as JSON data: arrays as lists, figures that are not finite as None."""
+    match data:
+        case Mapping():
+            return {str(key): json_only(value) for key, value in data.items()}
+        case list() | tuple() | set():
+            return [json_only(value) for value in data]
+        case np.ndarray() | np.generic():
+            return json_only(data.tolist())
+        case float():
+            return finite(data)
+        case None | bool() | int() | str():
+            return data
+        case _:
+            return str(data)
+
+
+def finite(value: Any) -> float | None:
+    """Return a figure; None if there is none or it is not finite."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def said(error: Exception) -> str:
+    """Return what an error says, in one line; those that are not meant for a reader with their kind."""
+    words = " ".join(str(error).split())
+    if words and isinstance(error, UNREACHED):
+        return words
+    return f"{type(error).__name__}: {words}" if words else type(error).__name__
+
+
+def pass_on_full_disk(error: Exception) -> None:
+    """Raise the error again if it says that the disk is full: that is no fault of the solver."""
+    if isinstance(error, OSError) and error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        raise error

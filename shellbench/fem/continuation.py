@@ -1,0 +1,183 @@
+"""Following the path of equilibrium from rest: load steps, displacement control, and arc length.
+
+Load steps are as long as Newton's method takes them, and cut where it does not. Under displacement control and arc
+length the load factor is an unknown: the additional equation prescribes the path's displacement, or lies in the plane
+normal to the path's tangent (Riks 1979), so that limit points and snap-backs are passed. Marks (`Case.states`) are
+always landed on, by load or by displacement.
+
+Riks (1979), An incremental approach to the solution of snapping and buckling problems, IJSS 15.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.fem.assembly import COMPONENTS
+from shellbench.fem.hermite import KINDS, kind_scales, tabulate
+from shellbench.fem.problem import Constraint, NotConvergedError, Problem, State
+from shellbench.measure import unit
+from shellbench.places import Point
+from shellbench.quantities import DisplacementQuantity
+
+Array = NDArray[np.float64]
+
+EASY = 6  # iterations after which the next step may be longer
+GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did not converge
+SMALLEST_STEP = 1e-4  # of the whole path
+PATH_STEPS = 48  # steps of a path that is followed by displacement, and of its length by arc
+LONGEST_ARC = 1.5  # arc in units of the first one
+MOST_STEPS = 2000  # of a path, whatever its control
+
+
+class PathEndsError(Exception):
+    """The path can't be followed further; the message is a clause that says why."""
+
+
+def load_steps(problem: Problem, marks: Sequence[float], first: float, start: State | None = None) -> Iterator[State]:
+    """Yield the states of equilibrium on the way from rest to the last of increasing load factors.
+
+    Parameters
+    ----------
+    problem
+        What is solved.
+    marks
+        Load factors that are landed on.
+    first
+        Length of the first step.
+    start
+        A state to go on from; rest if None.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further, or a state is no minimum.
+    """
+    state, step, end = start or problem.rest(), first, marks[-1]
+    for mark in (m for m in marks if m > (start.t if start else 0.0)):
+        while state.t < mark:
+            remaining = mark - state.t
+            parts = np.ceil(remaining / step * (1 - 1e-9))
+            target = mark if parts <= 1 else state.t + remaining / parts
+            try:
+                found = problem.equilibrium(state, target)
+                reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
+            except NotConvergedError:
+                found, reason = state, f"no equilibrium was found at load factor {target:.6g}"
+            if reason:
+                step = (target - state.t) * CUT
+                if step < SMALLEST_STEP * end:
+                    raise PathEndsError(reason)
+                continue
+            if found.iterations <= EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def functional(problem: Problem, quantity: DisplacementQuantity) -> Array:
+    """Return the row (nodes, 12) whose product with q is a displacement quantity."""
+    mesh, case = problem.mesh, problem.case
+    places = [case.places[name] for name in quantity.points]
+    points = np.array([place.xi for place in places if isinstance(place, Point)])
+    directions = np.array([unit(d) for d in quantity.directions])
+    nodes, local, sizes = mesh.locate(points)
+    basis = tabulate(local, (0, 0)) * kind_scales(sizes)[:, None] / mesh.node_scales[nodes]
+    row = np.zeros((mesh.node_count, COMPONENTS, len(KINDS)))
+    for p in range(len(points)):
+        row[nodes[p]] += np.einsum("ak,c->ack", basis[p], directions[p]) / len(points)
+    return row.reshape(mesh.node_count, -1)
+
+
+def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end: float) -> Iterator[State]:
+    """Yield the states at increasing values of the displacement row . q, the load factor unknown.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further.
+    """
+    state = problem.rest()
+    step = longest = end / PATH_STEPS
+    value = 0.0
+    for mark in sorted({*marks, end}):
+        while value < mark:
+            remaining = mark - value
+            parts = np.ceil(remaining / step * (1 - 1e-9))
+            target = mark if parts <= 1 else value + remaining / parts
+            try:
+                state, value = _to_displacement(problem, state, row, value, target), target
+            except NotConvergedError:
+                step = (target - value) * CUT
+                if step < SMALLEST_STEP * end:
+                    raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
+                continue
+            yield state
+            step = min(longest, step * GROWTH) if state.iterations <= EASY else step
+
+
+def _to_displacement(problem: Problem, state: State, row: Array, value: float, target: float) -> State:
+    drift = problem.drift(state)
+    rate = float(np.sum(row * drift))
+    if rate == 0.0:
+        raise NotConvergedError
+    change = (target - value) / rate
+    return problem.on_path(state, Constraint(row, 0.0, target), (change * drift, change))
+
+
+def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: float) -> Iterator[State]:
+    """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
+
+    Between steps the marks are landed on at the displacement's first passage.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further, or the path does not get there.
+    """
+    weights = np.zeros(row.shape)
+    weights[:, :: len(KINDS)] = 1.0 / len(row)  # the mean square of the nodes' displacements
+    state, value, highest = problem.rest(), 0.0, 0.0
+    waiting = sorted({*marks, end})
+    drift = problem.drift(state)
+    arc = longest = 0.0
+    before: Array | None = None
+    for _ in range(MOST_STEPS):
+        length = float(np.sqrt(np.sum(weights * drift**2)))
+        if before is None:  # the first arc moves the displacement by its share of the path
+            rate = float(np.sum(row * drift))
+            arc = end / PATH_STEPS / abs(rate) * length
+            longest, sign = LONGEST_ARC * arc, float(np.sign(rate))
+        else:
+            sign = float(np.sign(np.sum(weights * before * drift)))
+        change = sign * arc / length
+        row_of_arc = weights * drift * sign / length
+        target = float(np.sum(row_of_arc * state.q)) + arc
+        try:
+            found = problem.on_path(state, Constraint(row_of_arc, 0.0, target), (change * drift, change))
+            drift_found = problem.drift(found)
+        except NotConvergedError:
+            arc *= CUT
+            if arc < SMALLEST_STEP * longest:
+                raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
+            continue
+        reached = float(np.sum(row * found.q))
+        near, at = state, value
+        while waiting and reached >= waiting[0] > highest:
+            try:
+                near = _to_displacement(problem, near, row, at, waiting[0])
+            except NotConvergedError:
+                raise PathEndsError(f"the state at a displacement of {waiting[0]:.6g} was not found") from None
+            at = waiting.pop(0)
+            yield near
+        if not waiting:
+            return
+        if reached != at:
+            yield found
+        before = found.q - state.q
+        state, value, highest = found, reached, max(highest, reached)
+        drift = drift_found
+        arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
+    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")

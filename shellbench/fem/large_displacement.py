@@ -1,0 +1,242 @@
+"""A case of the non-linear theory on one mesh: its path from rest, and what of it is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.case import Case
+from shellbench.conditions import Translation
+from shellbench.errors import SolveFailure
+from shellbench.fem.assembly import COMPONENTS, Quadrature
+from shellbench.fem.continuation import (
+    PathEndsError,
+    arc_length_steps,
+    displacement_steps,
+    functional,
+    load_steps,
+)
+from shellbench.fem.equilibrium import Equilibrium, check_balance
+from shellbench.fem.hermite import KINDS
+from shellbench.fem.loads import Loading
+from shellbench.fem.mesh import TensorMesh
+from shellbench.fem.problem import NotConvergedError, Problem, State
+from shellbench.fem.rigid_motions import mean_rigid_motion
+from shellbench.fem.solution import FemSolution
+from shellbench.places import Edge
+from shellbench.quantities import DisplacementQuantity
+from shellbench.rigid import RIGID_MOTIONS, free_motions
+from shellbench.solution import Step
+
+Array = NDArray[np.float64]
+
+STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
+EDGE_SAMPLES = 17  # points of an edge at which its normal is looked at
+RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
+
+
+def declined(case: Case) -> str | None:
+    """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
+    for support, place in case.supported_places():
+        if support.clamped and isinstance(place, Edge):
+            if not (support.motion is None or isinstance(support.motion, Translation)):
+                return f"it can't turn the clamped support '{support.name}' by finite angles"
+            normals = _normals(case, place)
+            if np.ptp(normals, axis=0).max() > STRAIGHT:
+                return f"it can't clamp '{place.name}' at finite strain, because the normal turns along it"
+    loose = free_motions(case)
+    if loose.size and np.abs(loose[3:]).max() > RIGID:
+        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
+        return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def _normals(case: Case, edge: Edge) -> Array:
+    domain, running = case.surface.domain, 1 - edge.axis
+    points = edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
+    x = case.surface.derivatives(points, order=1)
+    normal = np.cross(x[1, 0], x[0, 1])
+    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def solve(
+    case: Case,
+    mesh: TensorMesh,
+    quadrature_order: int,
+    first_step: float,
+    trail: FemSolution | None = None,
+    tell: Callable[[float], None] | None = None,
+) -> tuple[Equilibrium, FemSolution]:
+    """Follow the path of a case on a mesh.
+
+    Parameters
+    ----------
+    case, mesh, quadrature_order
+        What is solved, on what, and the degree to which a cell's Gauss rule is exact.
+    first_step
+        The load step to begin with, as a part of the path.
+    trail
+        All states of the path on another mesh: under load control they are corrected one by one.
+    tell
+        Called with the load factor of each new state.
+
+    Returns
+    -------
+    tuple
+        The answer at the case's marks, and all states of the path.
+
+    Raises
+    ------
+    InputError
+        If supports contradict each other.
+    SolveFailure
+        If the path ends early; the states up to there come with it.
+    """
+    began = time.perf_counter()
+    problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
+    loading = Loading.of(case, mesh, problem.quadrature, (1.0,))
+    check_balance(loading, free_motions(case))
+    quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    controlled = quantities.get(case.path.quantity or "")
+    states: list[State] = []
+    seconds: list[float] = []
+    reason: str | None = None
+    try:
+        for state in _path(problem, controlled, first_step, trail):
+            states.append(state)
+            seconds.append(time.perf_counter() - began)
+            if tell:
+                tell(state.t)
+    except PathEndsError as error:
+        reason = str(error)
+    except NotConvergedError:
+        reason = "the tangent stiffness is singular"
+    if not states:
+        raise SolveFailure(f"{reason}: no state beyond rest converged")
+    marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
+    history = tuple(
+        Step(
+            iteration=number,
+            seconds=after,
+            energy=problem.potential(state),
+            unknowns=_unknowns(problem),
+            at=state.t,
+            quantities={name: float(np.sum(row * state.q)) for name, row in quantities.items()},
+            phase="path",
+            iterations=state.iterations,
+        )
+        for number, (state, after) in enumerate(zip(states, seconds, strict=True))
+    )
+    kept = _kept(case, marks, complete=reason is None)
+    solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
+    if reason is not None:
+        raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
+    last = states[-1]
+    equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1], 0.0)
+    return equilibrium, _solution(problem, quadrature_order, states, marks, ())
+
+
+def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
+    """Return the interpolant of a displacement that the case prescribes everywhere, at its marks."""
+    support, place = next(case.supported_places())
+    points = mesh.domain.wrap(mesh.node_points)
+    motions = [case.motion(support, place, points, t, order=2) for t in case.states]
+    coefficients = np.stack([np.stack([m[kind] for kind in KINDS], axis=-1) for m in motions], axis=-1)
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=case.states,
+        support_nodes=np.arange(mesh.node_count),
+        support_forces=np.zeros((1, *coefficients.shape)),
+        quadrature_order=quadrature_order,
+        parameters=0,
+    )
+    return Equilibrium(solution, sum(solution.energies()), 0.0, 0.0)
+
+
+def _path(problem: Problem, controlled: Array | None, first_step: float, trail: FemSolution | None) -> Iterator[State]:
+    case = problem.case
+    match case.path.control:
+        case "load":
+            if trail is None:
+                yield from load_steps(problem, case.states, first_step * case.path.until)
+            else:
+                yield from _corrected(problem, trail)
+        case "displacement":
+            assert controlled is not None
+            yield from displacement_steps(problem, controlled, case.states, case.path.until)
+        case "arc_length":
+            assert controlled is not None
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until)
+
+
+def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
+    """Yield the states at the load factors of a trail, each from its own displacement there."""
+    before: State | None = None
+    for t in trail.states:
+        near = before or problem.rest()
+        guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
+        try:
+            state = problem.equilibrium(guess, t)
+        except NotConvergedError:
+            state = guess
+        if state is guess or not state.stable:
+            for state in load_steps(problem, (t,), t - near.t, before):  # noqa: B007
+                pass
+        before = state
+        yield state
+
+
+def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
+    points = mesh.domain.wrap(mesh.node_points)
+    nodal = np.stack([solution.derivative(points, kind, at) for kind in KINDS], axis=-1)
+    return np.asarray((nodal * mesh.node_scales[:, None, :]).reshape(mesh.node_count, -1))
+
+
+def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
+    """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
+    kept = []
+    for mark in case.states:
+        there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+        kept += there[:1]
+    if not complete and len(marks) - 1 not in kept:
+        kept.append(len(marks) - 1)
+    return kept
+
+
+def _unknowns(problem: Problem) -> int:
+    return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
+
+
+def _solution(
+    problem: Problem, quadrature_order: int, states: Sequence[State], marks: Sequence[float], history: tuple[Step, ...]
+) -> FemSolution:
+    case, mesh = problem.case, problem.mesh
+    shape = (COMPONENTS, len(KINDS), len(states))
+    scales = mesh.node_scales[:, None, :, None]
+    coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
+    ties = [problem.ties(state.t) for state in states]
+    nodes = ties[0].nodes
+    shares = [
+        tie.shares((state.strained.forces - problem.forces(state.q, state.t))[nodes][..., None])
+        for tie, state in zip(ties, states, strict=True)
+    ]
+    forces = np.concatenate(shares, axis=-1).reshape(len(case.supports), len(nodes), *shape)
+    loose = free_motions(case)
+    if loose.size:
+        coefficients = coefficients - mean_rigid_motion(case, mesh, problem.quadrature, coefficients, loose)
+    return FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=tuple(marks),
+        support_nodes=nodes,
+        support_forces=forces * scales[nodes],
+        quadrature_order=quadrature_order,
+        parameters=_unknowns(problem),
+        history=history,
+    )

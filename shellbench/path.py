@@ -1,0 +1,42 @@
+"""Paths: how a static case is loaded from rest, and which of its states are kept."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from shellbench.conditions import Name
+from shellbench.model import Model, Positive
+
+
+class Path(Model):
+    """How the load factor t goes from rest, where t = 0, and which states are kept.
+
+    Attributes
+    ----------
+    control
+        "load": t is prescribed and grows to `until`. "displacement": the displacement quantity grows to `until`, and
+        t follows from equilibrium. "arc_length": the path is followed through turning points of both, until the
+        displacement quantity first reaches `until`.
+    quantity
+        Name of that displacement quantity.
+    until
+        End of the path: a load factor, or a displacement in metres.
+    states
+        Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
+        the displacement quantity at its first passage.
+    """
+
+    control: Literal["load", "displacement", "arc_length"] = "load"
+    quantity: Name | None = None
+    until: Positive = 1.0
+    states: tuple[Positive, ...] = ()
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if (self.control == "load") != (self.quantity is None):
+            raise ValueError("a path names its displacement quantity if, and only if, its control is not 'load'")
+        if any(state > self.until for state in self.states):
+            raise ValueError(f"the path ends at {self.until:g}, but a state beyond it is to be kept")
+        return self

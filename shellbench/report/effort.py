@@ -1,0 +1,94 @@
+"""The table of effort: what the way along each path took, in states, iterations and seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from statistics import fmean
+from typing import Any
+
+import pandas as pd
+
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.digits import duration
+from shellbench.report.notation import Notation
+from shellbench.report.paths import runs_by_case
+from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.table import Column, Line, Note, Show, Table, present
+
+COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns")
+
+
+def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+    """Return the table of path states, iterations and seconds; None if no run followed a path."""
+    lines: list[dict[str, Any]] = []
+    notes: list[Note] = []
+    headline = [row for row in rows if row.primary]
+    for runs in runs_by_case(records, headline).values():
+        by_record = {record.run_id: record for _, record in runs}
+        for name, of_solver in grouped((row for row, _ in runs), solution_name).items():
+            made = [by_record[row.run_id or ""] for row in of_solver]
+            followed = [record for record in made if any(step.phase == "path" for step in record.history)]
+            if not followed:
+                continue
+            title = of_solver[0].case_title or of_solver[0].case
+            lines.append({"block": title, "case": of_solver[0].case, "solution": name} | effort(followed))
+            for reason, alike in grouped_reasons(followed).items():
+                seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
+                words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
+                notes.append(Note(words, reason))
+    if not lines:
+        return None
+    return Table(
+        name="effort",
+        title="Iterations and seconds",
+        caption="Converged states of the path, Newton iterations that they took in all and at most in one step, and"
+        " wall time of the whole solve, in which there may be other discretisations too. Of several seeds: the most"
+        " states, iterations and unknowns, and the mean time. Runs that failed are counted up to their failure.",
+        data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
+        columns=(
+            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
+            Column("Runs", _count("seeds")),
+            Column("States", _count("states")),
+            Column("Iterations", _count("iterations")),
+            Column("Most in a step", _count("most_in_a_step")),
+            Column("Unknowns", _count("unknowns")),
+            Column("Time (s)", _seconds),
+        ),
+        notes=tuple(notes),
+    )
+
+
+def effort(records: Sequence[Record]) -> dict[str, Any]:
+    """Return what the paths of runs took."""
+    paths = [[step for step in record.history if step.phase == "path"] for record in records]
+    counted = [[step.iterations for step in path if step.iterations is not None] for path in paths]
+    return {
+        "seeds": len(records),
+        "states": max(map(len, paths)),
+        "iterations": max((sum(counts) for counts in counted if counts), default=None),
+        "most_in_a_step": max((max(counts) for counts in counted if counts), default=None),
+        "unknowns": max(step.unknowns for path in paths for step in path),
+        "seconds": fmean(record.seconds for record in records),
+        "run_ids": " ".join(record.run_id for record in records),
+    }
+
+
+def grouped_reasons(records: Sequence[Record]) -> dict[str, list[Record]]:
+    """Return the runs that did not end well by the reason."""
+    found: dict[str, list[Record]] = {}
+    for record in records:
+        if record.status != "ok":
+            found.setdefault(record.reason or record.status, []).append(record)
+    return found
+
+
+def _count(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        return str(int(line[name])) if present(line[name]) else notation.missing
+
+    return show
+
+
+def _seconds(line: Line, notation: Notation) -> str:
+    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing

@@ -1,0 +1,200 @@
+"""The ablation of strain measures: linear, published (Kairanda et al., eq. (30)) and exact, side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.digits import quoted, rounded
+from shellbench.report.notation import Notation
+from shellbench.report.solutions import STATUS_WORDS, grouped
+from shellbench.report.suites import rows_of, suite_title
+from shellbench.report.table import Column, Line, Note, Show, Table, present
+
+SUITE = "strain_ablation"
+STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
+EXACT = "exact"
+RIGID = "rigid_rotation"
+VANISHES = math.acos((1 - math.sqrt(5)) / 2)  # root of cos + sin^2: no published curvature there, 128.17 degrees
+FIGURES = 6  # significant digits of a value without a known one beside it
+
+
+def strain_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of the ablation."""
+    return [row for row in rows_of(rows, SUITE) if row.label in STRAINS]
+
+
+def strain_table(rows: Sequence[Row]) -> Table | None:
+    """Return answers and energies under each strain with their errors; None if there is nothing to compare."""
+    lines: list[dict[str, Any]] = []
+    notes: list[Note] = []
+    shown = strain_rows(rows)
+    for (case, quantity), of_quantity in grouped(shown, lambda row: (row.case, row.quantity)).items():
+        by_strain = {row.label: row for row in of_quantity}
+        first = of_quantity[0]
+        exact = by_strain[EXACT].value if EXACT in by_strain else None
+        mark = f" at {first.mark}" if first.mark and "_" not in first.mark else ""
+        line: dict[str, Any] = {
+            "block": first.case_title or case,
+            "case": case,
+            "quantity": quantity,
+            "what": f"{(first.description or quantity.replace('_', ' '))}{mark}",
+            "at": first.at,
+            "unit": first.unit,
+            "reference": next((row.reference for row in of_quantity if row.reference is not None), None),
+            "reference_uncertainty": first.reference_uncertainty,
+        }
+        for strain in STRAINS:
+            line |= _under(strain, by_strain.get(strain), exact)
+        lines.append(line)
+    for row in shown:
+        if row.status not in ("ok", "declined") and row.reason:
+            notes.append(Note(f"{row.case_title or row.case}, {row.label} ({STATUS_WORDS[row.status]})", row.reason))
+    if not lines:
+        return None
+    return Table(
+        name="strains",
+        title=suite_title(SUITE).partition(";")[0],
+        caption="The same solver with each measure of strain. Errors are relative to the known value of non-linear"
+        " Kirchhoff–Love theory; those marked † to the exact measure's own figure, where no value is known, and those"
+        " with a unit are absolute.",
+        data=pd.DataFrame(lines),
+        columns=(
+            Column("Quantity", _what, right=False),
+            Column("Known value", _known),
+            *(
+                column
+                for strain in STRAINS
+                for column in (Column(strain.capitalize(), _value(strain)), Column("Error", _error(strain)))
+            ),
+        ),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
+def _under(strain: str, row: Row | None, exact: float | None) -> dict[str, Any]:
+    """Return value and error under one strain; without a known value, the departure from the exact strain's."""
+    found: dict[str, Any] = dict.fromkeys(
+        f"{strain}{part}" for part in ("", "_error", "_absolute_error", "_departure", "_status", "_run_id")
+    )
+    if row is None:
+        return found | {f"{strain}_status": "missing"}
+    found |= {strain: row.value, f"{strain}_status": row.status, f"{strain}_run_id": row.run_id}
+    found |= {f"{strain}_error": row.relative_error, f"{strain}_absolute_error": row.absolute_error}
+    if row.reference is None and strain != EXACT and exact and row.value is not None:
+        found[f"{strain}_departure"] = row.value / exact - 1
+    return found
+
+
+def words(rows: Sequence[Row]) -> list[str]:
+    """Explain what the ablation shows, in paragraphs of plain words."""
+    degrees = math.degrees(VANISHES)
+    paragraphs = [
+        "Equation (30) of Kairanda et al. measures bending with the deformed normal to first order in the gradient of"
+        " the displacement, but multiplies it by second derivatives that are not small: the terms that it drops are as"
+        " large as those it keeps.",
+        "Derivation, for a plate of length L rolled to the angle θ: at ξ¹ the normal has turned by φ = θ ξ¹/L, so"
+        " u,₁₁ = (θ/L)(−sin φ, 0, cos φ). With the true normal, (−sin φ, 0, cos φ), the exact curvature is"
+        " κ = −θ/L. Equation (30) has (−sin φ, 0, 1) in its place: κ = −(θ/L)(cos φ + sin² φ). The linear measure has"
+        " (0, 0, 1): κ = −(θ/L) cos φ.",
+        "So the published bending stiffness of a point is (cos φ + sin² φ)² times the true one. It vanishes where"
+        f" cos φ = (1 − √5)/2, at φ = {degrees:.2f}°, and beyond that the curvature has the wrong sign. The whole"
+        " plate's energy, a mean of this over φ from 0 to θ, is 7/8 + (2/3 sin³ θ + 1/32 sin 4θ)/θ times the true one:"
+        f" {published_energy(math.pi / 2):.2f} at 90°.",
+    ]
+    if turned := _turned(rows):
+        paragraphs.append(turned)
+    return paragraphs
+
+
+def published_energy(theta: float) -> float:
+    """Return the published bending energy of a plate rolled to an angle (rad), relative to the true one.
+
+    The mean of (cos + sin^2)^2 over [0, theta].
+    """
+    return 7 / 8 + (2 / 3 * math.sin(theta) ** 3 + math.sin(4 * theta) / 32) / theta if theta else 1.0
+
+
+def linear_energy(theta: float) -> float:
+    """Return the linear bending energy of a plate rolled to an angle (rad), relative to the true one.
+
+    The mean of cos^2 over [0, theta].
+    """
+    return 1 / 2 + math.sin(2 * theta) / (4 * theta) if theta else 1.0
+
+
+def _turned(rows: Sequence[Row]) -> str:
+    """Say what a rigid rotation costs under each strain; empty if no run tells."""
+    turned = [row for row in strain_rows(rows) if row.case == RIGID and row.primary and row.value is not None]
+    if not turned:
+        return ""
+    by_strain = {row.label: row for row in turned}
+    told = [
+        f"{_plainly(row.value)} {row.unit} in the {strain} measure"
+        for strain in reversed(STRAINS)
+        if (row := by_strain.get(strain)) is not None and row.value is not None
+    ]
+    what = turned[0].description or turned[0].quantity
+    return (
+        "Nor is the published measure objective: a piece of a cylinder that is turned as a rigid body, and so not"
+        f" strained at all, has a {what} of {', '.join(told)}."
+    )
+
+
+def _plainly(value: float) -> str:
+    digits = quoted(float(f"{value:.3g}"))
+    return digits.mantissa + (f" · 10^{digits.exponent}" if digits.exponent else "")
+
+
+def bending_energies(records: Mapping[str, Record], rows: Sequence[Row], case: str) -> dict[str, dict[float, float]]:
+    """Return the bending energy under each strain by mark, J, of the runs of a case in the ablation."""
+    found: dict[str, dict[float, float]] = {}
+    for row in strain_rows(rows):
+        record = records.get(row.run_id or "")
+        if row.case == case and record is not None and record.energies:
+            found.setdefault(row.label, {state.at: state.bending for state in record.energies})
+    return found
+
+
+def _what(line: Line, notation: Notation) -> str:
+    unit = f" ({line['unit']})" if present(line["unit"]) else ""
+    return notation.escape(f"{line['what']}{unit}")
+
+
+def _known(line: Line, notation: Notation) -> str:
+    value, uncertainty = line["reference"], line["reference_uncertainty"]
+    if not present(value):
+        return notation.missing
+    return notation.strong_number(
+        rounded(value, uncertainty if present(uncertainty) else None, show_uncertainty=present(uncertainty))
+    )
+
+
+def _value(strain: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        value, status = line[strain], line[f"{strain}_status"]
+        if status in STATUS_WORDS:
+            words = notation.strong(notation.escape(STATUS_WORDS[status]))
+            return f"{words} ({notation.number(rounded(value))})" if present(value) else words
+        return notation.number(rounded(value)) if present(value) else notation.missing
+
+    return show
+
+
+def _error(strain: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        relative, absolute = line[f"{strain}_error"], line[f"{strain}_absolute_error"]
+        if present(relative):
+            return notation.error(relative)
+        if present(absolute):
+            return notation.number(quoted(float(f"{absolute:.2g}"))) + " " + notation.escape(line["unit"])
+        if present(line[f"{strain}_departure"]):
+            return notation.error(line[f"{strain}_departure"]) + notation.escape("†")
+        return notation.missing
+
+    return show
