@@ -54,10 +54,40 @@ class KnownValue(Model):
     note: str = ""
 
 
+class KnownCurve(Model):
+    """A tabulated load-displacement curve of one quantity of a case.
+
+    Attributes
+    ----------
+    loads, values
+        Load factors and the quantity in its own unit, in the order of the path; as many of one as of the other.
+    label
+        What a figure calls it; the source if empty.
+    """
+
+    quantity: Name
+    role: Literal["origin", "literature", "published"] = "literature"
+    theory: KnownTheory
+    origin: str
+    source: str
+    locator: str = ""
+    label: str = ""
+    note: str = ""
+    loads: tuple[Finite, ...] = Field(min_length=1)
+    values: tuple[Finite, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _pairs(self) -> KnownCurve:
+        if len(self.loads) != len(self.values):
+            raise ValueError(f"the curve of {self.quantity} has {len(self.loads)} loads but {len(self.values)} values")
+        return self
+
+
 class KnownValues(Model):
-    """All known values of a case."""
+    """All known values and tabulated curves of a case."""
 
     values: tuple[KnownValue, ...] = ()
+    curves: tuple[KnownCurve, ...] = ()
 
     def judge(self, quantity: str, theory: str) -> KnownValue | None:
         """Return the value that decides on a quantity under a theory, if there is one."""

@@ -207,7 +207,7 @@ def _points(case: Case, known: KnownValues, series: Series) -> Iterator[KnownPat
 
 def _curves(known: KnownValues, series: Series) -> Iterator[KnownPath]:
     names = {quantity.name for quantity in series.quantities}
-    for curve in getattr(known, "curves", ()):
+    for curve in known.curves:
         if curve.quantity in names:
             label = words_of(curve.label, curve.source, curve.theory)
             yield KnownPath(label, False, np.asarray(curve.values, dtype=float), np.asarray(curve.loads, dtype=float))
