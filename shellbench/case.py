@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.conditions import (
+    COMPONENTS,
     EdgeLoad,
     Formula,
     Load,
@@ -262,8 +263,15 @@ class Case(Model):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
-            if isinstance(place, Whole) and (support.motion is None or len(self.supports) > 1):
-                raise ValueError(f"support '{support.name}' on the whole surface needs a motion, and no other support")
+            if isinstance(place, Whole):
+                if support.motion is None or len(self.supports) > 1 or len(support.on) > 1:
+                    raise ValueError(
+                        f"support '{support.name}' on the surface needs a motion, and no other place or support"
+                    )
+                if len(support.held) < len(COMPONENTS):
+                    raise ValueError(
+                        f"support '{support.name}' on the surface holds all components, not {support.held}"
+                    )
             for component in support.held:
                 if (place.name, component) in held:
                     raise ValueError(f"component {component} on '{place.name}' is held by two supports")

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 FEWEST = 4  # points through which a cubic spline without further conditions is drawn
 ROUNDING = 1e-9  # relative
+TOGETHER = 1e-6  # relative distance of two states below which only one counts: a spline would turn over their errors
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,17 @@ class Curve:
         """
         steps = [step for step in history if step.phase == "path" and quantity in step.quantities]
         points = np.array([(0.0, 0.0), *((step.at, step.quantities[quantity]) for step in steps)])
-        moved = np.concatenate([[True], np.any(np.diff(points, axis=0) != 0, axis=1)])
-        points = points[moved]
-        if len(points) < FEWEST:
-            raise ValueError(f"the history has too few states of the path for a curve ({len(points) - 1})")
-        return cls(points[:, 0], points[:, 1])
+        largest = np.abs(points).max(axis=0)
+        scaled = points / np.where(largest > 0, largest, 1.0)
+        kept = [0]
+        for number in range(1, len(points)):
+            if np.linalg.norm(scaled[number] - scaled[kept[-1]]) > TOGETHER:
+                kept.append(number)
+            elif len(kept) > 1 and number == len(points) - 1:
+                kept[-1] = number  # the path's end stays
+        if len(kept) < FEWEST:
+            raise ValueError(f"the history has too few states of the path for a curve ({len(kept) - 1})")
+        return cls(points[kept, 0], points[kept, 1])
 
     @cached_property
     def _spline(self) -> CubicSpline:

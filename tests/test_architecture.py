@@ -64,7 +64,9 @@ def test_imports_run_down(path):
 def test_the_bench_and_the_core_need_no_solver_library(path):
     for name in imports(path):
         root = name.split(".")[0]
-        assert root not in HEAVY - ({"scipy"} if layer(path) in {"report", "load_curve"} else set()), f"{path.name} imports {name}"
+        assert root not in HEAVY - ({"scipy"} if layer(path) in {"report", "load_curve"} else set()), (
+            f"{path.name} imports {name}"
+        )
 
 
 def test_the_bench_knows_no_solver_by_name():

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from shellbench import catalog
-from shellbench.measure import largest_displacement, mean_displacement
+from shellbench.measure import curve, largest_displacement, mean_displacement, measure
+from shellbench.solution import Step
 
 
 class ClosedFormField:
@@ -45,3 +46,56 @@ def test_directions_are_normalised_and_points_averaged():
     case = catalog.named_case("pinched_cylinder_free")
     pinch = ClosedFormField(case, lambda p: np.stack([0 * p[..., 0], 0 * p[..., 0], -np.sin(p[..., 0]) * 2.0], axis=-1))
     assert mean_displacement(pinch, case.primary) == pytest.approx(2.0)
+
+
+class SnappingPath:
+    """A solution of the thick roof that is known by its path alone: t = w^3 - 4.5 w^2 + 6 w, w in units of 10 mm."""
+
+    def __init__(self, case, end=3.0, states=60):
+        self.case = case
+        w = np.linspace(0, end, states + 1)[1:]
+        path = (
+            Step(n, 0.0, 0.0, 1, at=x**3 - 4.5 * x**2 + 6 * x, quantities={"deflection": 10 * x}, phase="path")
+            for n, x in enumerate(w, start=2)
+        )
+        refinements = (Step(n, 0.0, 0.0, 1, at=30.0, quantities={"deflection": 30.0}) for n in (0, 1))
+        self.history = (*refinements, *path)
+
+
+def test_loads_and_limit_points_are_read_off_the_path():
+    solution = SnappingPath(catalog.named_case("hinged_roof_thick"))
+    expected = {"limit_load": 2500, "limit_deflection": 10, "valley_load": 2000, "load_20": 2000}
+    for name, value in expected.items():
+        assert measure(solution, solution.case.quantity(name)) == pytest.approx(value, rel=1e-4)
+    half = solution.case.quantity("load_20").model_copy(update={"at": 5.0, "scale": -2.0})
+    assert measure(solution, half) == pytest.approx(-2 * 2.0, rel=1e-5)
+
+
+def test_a_snap_back_is_read_off_the_path():
+    case = catalog.named_case("hinged_roof_thin")
+    s = np.linspace(0, 1.5 * np.pi, 200)[1:]
+    solution = SnappingPath(case)
+    solution.history = tuple(
+        Step(n, 0.0, 0.0, 1, at=t, quantities={"deflection": w}, phase="path")
+        for n, (t, w) in enumerate(zip(np.sin(2 * s), s + 2 * np.sin(s), strict=True))
+    )
+    turn = 2 * np.pi / 3
+    displacement = measure(solution, case.quantity("snap_back_deflection"))
+    assert displacement == pytest.approx(turn + 2 * np.sin(turn), rel=1e-5)
+    assert measure(solution, case.quantity("snap_back_load")) == pytest.approx(1000 * np.sin(2 * turn), rel=1e-3)
+
+
+def test_what_the_path_does_not_reach_is_said():
+    short = SnappingPath(catalog.named_case("hinged_roof_thick"), end=0.9)
+    with pytest.raises(ValueError, match="has 0 turning points of the load, not 1"):
+        measure(short, short.case.quantity("limit_load"))
+    with pytest.raises(ValueError, match="does not reach the displacement 20"):
+        measure(short, short.case.quantity("load_20"))
+    with pytest.raises(ValueError, match="too few states"):
+        measure(SnappingPath(short.case, states=2), short.case.quantity("load_20"))
+
+
+def test_a_case_without_a_path_quantity_has_no_curve():
+    solution = SnappingPath(catalog.named_case("cantilever_shear"))
+    with pytest.raises(ValueError, match="has no displacement quantity"):
+        curve(solution)

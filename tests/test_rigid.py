@@ -68,3 +68,26 @@ def test_a_plane_of_symmetry_holds_its_normal_and_two_rotations():
     supports = [{"name": "mirror", "on": ["xi1_min"], "symmetry": "x"}]
     removed = ["translation_y", "translation_z", "rotation_x"]
     assert free_motions(build_case(plate(supports, removed), "p", "p")).shape == (6, 3)
+
+
+def test_what_is_prescribed_everywhere_leaves_nothing_free():
+    for name in ("rolled_plate", "rigid_rotation"):
+        assert free_motions(catalog.named_case(name)).shape == (6, 0)
+    mould = [{"name": "mould", "on": ["surface"], "motion": {"kind": "translation", "vector": ["t", 0, 0]}}]
+    assert free_motions(build_case(plate(mould), "p", "p")).shape == (6, 0)
+    with pytest.raises(InputError, match="already hold"):
+        build_case(plate(mould, ["translation_x"]), "p", "p")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("square_plate_nonlinear", 0), ("scordelis_lo_nonlinear", 1), ("cantilever_shear", 0), ("cantilever_moment", 0),
+        ("slit_annular_plate", 0), ("cylinder_pull_out", 0), ("hinged_roof_thick", 0), ("hinged_roof_thin", 0),
+    ],
+)  # fmt: skip
+def test_of_the_non_linear_suite_the_roof_on_diaphragms_alone_can_slide(name, expected):
+    free = free_motions(catalog.named_case(name))
+    assert free.shape == (6, expected)
+    if expected:
+        assert np.allclose(np.abs(free[:, 0]), [0, 0, 1, 0, 0, 0], atol=1e-12)

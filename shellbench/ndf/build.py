@@ -17,6 +17,7 @@ from shellbench.ndf.lengths import LAYER, edge_layers, foci
 from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import Network
 from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
+from shellbench.ndf.strain_measures import StrainName
 
 Components = Literal["cartesian", "covariant"]
 
@@ -42,6 +43,8 @@ class FieldSpec(Model):
         Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
     t
         Load factor.
+    strain
+        Strain measure.
     """
 
     activation: str = "sine"
@@ -52,6 +55,7 @@ class FieldSpec(Model):
     edge_stretched: bool = False
     multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
     t: float = 1.0
+    strain: StrainName = "linear"
 
 
 def build_inputs(case: Case, spec: FieldSpec) -> Inputs:

@@ -13,6 +13,7 @@ from shellbench.errors import InputError
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
+from shellbench.ndf.large_displacement import why_not_followed
 from shellbench.ndf.network import random_features
 from shellbench.ndf.reaction import virtual_edges
 from shellbench.ndf.supports import EdgeSupport, edge_samples, edge_supports
@@ -27,8 +28,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
 
     `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
     """
-    if not case.linear:
-        return "it solves linear theory only"
+    if not case.linear and (reason := why_not_followed(case)):
+        return reason
     try:
         for quantity in case.quantities:
             if isinstance(quantity, ReactionQuantity | TorqueQuantity):

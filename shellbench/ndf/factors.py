@@ -37,7 +37,7 @@ from shellbench.ndf.jets import (
     sine,
 )
 from shellbench.ndf.supports import TANGENTIAL, EdgeSupport, edge_supports, even_sides
-from shellbench.places import SIDES, Edge
+from shellbench.places import SIDES, Edge, Whole
 from shellbench.surface import Domain
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
@@ -84,11 +84,17 @@ class BoundaryFactors:
     covariant: bool = False
 
     @cached_property
+    def _all_held(self) -> bool:
+        return any(isinstance(place, Whole) for _, place in self.case.supported_places())
+
+    @cached_property
     def _supports(self) -> tuple[EdgeSupport, ...]:
         return edge_supports(self.case)
 
     def matrix(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
+        if self._all_held:
+            return constant(placement.tensor(np.zeros((len(points), 3, 3))))
         even = even_sides(self._supports)
         domain = self.case.surface.domain
         held = [{s.edge for s in self._supports if c in s.held} for c in range(3)]

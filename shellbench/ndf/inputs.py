@@ -96,6 +96,13 @@ class Inputs:
         flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
         return tuple(flags[k] for k in self.kept)
 
+    @property
+    def axes(self) -> tuple[int | None, ...]:
+        """For each input, the coordinate that it is, None for a stretched one."""
+        turns = self.case.surface.domain.periodic if self.periodic else (False, False)
+        plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
+        return tuple(plain[k] if k < len(plain) else None for k in self.kept)
+
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, n) of the inputs at points (N, 2), angles in radians."""
         columns = self._columns(points, placement)

@@ -47,8 +47,8 @@ class Focus:
 
 
 def foci(case: Case, layer: float = LAYER) -> tuple[Focus, ...]:
-    """Return the points of a case that carry a force: point loads and point supports."""
-    loaded = [name for load in case.loads if isinstance(load, PointLoad) for name in load.on]
+    """Return the points of a case that carry a force: point loads, point supports, and those that it names a focus."""
+    loaded = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
     places = [case.places[name] for name in loaded] + [s.point for s in point_supports(case)]
     distinct = {place.xi: place for place in places if isinstance(place, Point)}
     return tuple(_focus(case, xi, layer) for xi in distinct)

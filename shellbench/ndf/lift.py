@@ -29,7 +29,7 @@ from shellbench.ndf.jets import (
     product,
 )
 from shellbench.ndf.supports import edge_supports
-from shellbench.places import Edge
+from shellbench.places import Edge, Whole
 
 Moved = list[tuple[Edge, Support]]
 
@@ -61,13 +61,20 @@ class Lift:
         x, y, z = ([(s.edge, s.held[c]) for s in supports if c in s.held] for c in range(3))
         return x, y, z
 
+    @cached_property
+    def _whole(self) -> tuple[Support, Whole] | None:
+        found = [(s, place) for s, place in self.case.supported_places() if isinstance(place, Whole)]
+        return found[0] if found else None
+
     @property
     def moves(self) -> bool:
         """Whether any edge is moved at all."""
-        return any(support.motion for edges in self._edges for _, support in edges)
+        return self._whole is not None or any(support.motion for edges in self._edges for _, support in edges)
 
     def jet(self, points: Array, placement: Placement) -> Tensor:
         """Return the jet (6, N, 3) of the lift at points (N, 2)."""
+        if self._whole is not None:
+            return from_derivatives(self.case.motion(*self._whole, points, self.t, 2), placement)
         zero = constant(placement.tensor(np.zeros(len(points))))
         columns = [
             self._component(c, edges, points, placement) if any(s.motion for _, s in edges) else zero

@@ -40,13 +40,14 @@ from shellbench.ndf.field import Ansatz, Field
 from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.loads import check_balance
+from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.published_factors import PublishedFactors, published_ansatz
 from shellbench.ndf.published_loss import Sampler, usual_modulus_factor
 from shellbench.ndf.published_network import InputScale, Siren, check_like, initial_siren
 from shellbench.ndf.published_training import LossNotFinite, Plan, beginning, train
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.resolution import resolution
-from shellbench.ndf.solution import NdfSolution, load_solution
+from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
 from shellbench.solution import Capabilities, ProgressCallback, SeededSettings, Solution
@@ -97,7 +98,7 @@ class PublishedSolver:
             return "its boundary functions hold edges, not single points"
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution:
+    def load(self, path: Path) -> NdfSolution | PathSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
         return load_solution(path, self.name, published_ansatz)
 

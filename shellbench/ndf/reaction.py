@@ -15,13 +15,14 @@ from shellbench.conditions import Support
 from shellbench.errors import InputError
 from shellbench.ndf.energy import BATCH
 from shellbench.ndf.field import Field
-from shellbench.ndf.geometry import geometry
 from shellbench.ndf.jets import VALUE, Array, Placement, constant, from_derivatives, product
 from shellbench.ndf.lift import edge_weight
 from shellbench.ndf.loads import concentrated_forces, force_density
+from shellbench.ndf.moments import edge_moments
 from shellbench.ndf.quadrature import RuleSpec, area_rule
-from shellbench.ndf.strain import apply_rows, energy_rows
+from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import edge_supports, point_supports
+from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.places import Edge
 
 
@@ -52,26 +53,41 @@ def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edg
     return result
 
 
-def edge_reaction(field: Field, support: Support, centre: Array, spec: RuleSpec, focal: Array, held: Array) -> Array:
+def edge_reaction(
+    field: Field,
+    support: Support,
+    centre: Array,
+    spec: RuleSpec,
+    focal: Array,
+    held: Array,
+    measure: StrainName = "linear",
+) -> Array:
     """Return force and moment (6,), N and N m, that a support exerts through its edges.
 
-    `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well.
+    `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. At
+    finite strain the arms of forces are those of the deformed shell.
     """
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
     edges = virtual_edges(case, support)
     if not any(own for own, _ in edges):
         return np.zeros(6)
+
+    def moved(u: Tensor) -> Tensor | None:
+        return None if measure == "linear" else u
+
     rule = area_rule(case.surface.domain, focal, spec)
     total = placement.tensor(np.zeros(6))
     for start in range(0, len(rule.points), BATCH):
         points = rule.points[start : start + BATCH]
-        reference = geometry(case.surface, points, placement)
-        weights = placement.tensor(rule.weights[start : start + BATCH]) * reference.jacobian
-        rows = energy_rows(reference, case.material) * weights[:, None, None, None].sqrt()
+        surface = Undeformed.of(case.surface, points, placement)
+        weights = placement.tensor(rule.weights[start : start + BATCH]) * surface.geometry.jacobian
         force = placement.tensor(force_density(case, points, t)) * weights[:, None]
-        strain = apply_rows(rows, field.jet(points))
-        for k, v in enumerate(virtual_motions(case, edges, points, centre, placement)):
-            total[k] += (strain * apply_rows(rows, v)).sum() - (force * v[VALUE]).sum()
+        u = field.jet(points)
+        strained = surface.strained(measure, surface.gradients(u))
+        stress = stresses(surface.elasticity(case.material), strained.strains) * weights[:, None]
+        conjugate = (stress[:, None] @ strained.variation)[:, 0]
+        for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):
+            total[k] += (conjugate * surface.gradients(v).flatten(1)).sum() - (force * v[VALUE]).sum()
     points, forces = concentrated_forces(case, spec, focal, t)
     at = point_supports(case, t)
     points = np.concatenate([points, np.array([p.point.xi for p in at]).reshape(-1, 2)])
@@ -79,16 +95,32 @@ def edge_reaction(field: Field, support: Support, centre: Array, spec: RuleSpec,
     fixed[np.arange(len(at)), [p.component for p in at]] = held
     forces = np.concatenate([forces, fixed])
     if len(points):
-        for k, v in enumerate(virtual_motions(case, edges, points, centre, placement)):
+        u = field.jet(points)
+        for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):
             total[k] -= (placement.tensor(forces) * v[VALUE]).sum()
+    for moment in edge_moments(field.ansatz, field.features, spec, focal, measure != "linear"):
+        u = field.jet(moment.sampled.points)
+        rows = moment.rows(moment.sampled.undeformed.gradients(u)) * moment.moments(t)[:, None]
+        for k, v in enumerate(virtual_motions(case, edges, moment.sampled.points, centre, placement, moved(u))):
+            total[k] -= (rows * moment.sampled.undeformed.gradients(v)[:, :2].flatten(1)).sum()
     return np.asarray(total.cpu().numpy())
 
 
 def virtual_motions(
-    case: Case, edges: list[tuple[set[Edge], set[Edge]]], points: Array, centre: Array, placement: Placement
+    case: Case,
+    edges: list[tuple[set[Edge], set[Edge]]],
+    points: Array,
+    centre: Array,
+    placement: Placement,
+    displacement: Tensor | None = None,
 ) -> list[Tensor]:
-    """Return the jets (6, N, 3) of three translations and three rotations about `centre`, weighted by edges."""
+    """Return the jets (6, N, 3) of three translations and three rotations about `centre`, weighted by edges.
+
+    `displacement` (6, N, 3) is the jet of the shell's, where its arms are those of the deformed shell.
+    """
     x = from_derivatives(case.surface.derivatives(points, 2), placement)
+    if displacement is not None:
+        x = x + displacement
     arm = x - constant(placement.tensor(np.broadcast_to(centre, (len(points), 3))))
     weights = torch.stack([_weight(case, own, others, points, placement) for own, others in edges], dim=-1)
     motions = []

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -21,23 +22,28 @@ from pydantic import Field as PydanticField
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.conditions import MomentLoad
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
+from shellbench.ndf import large_displacement
 from shellbench.ndf.build import Components, FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
 from shellbench.ndf.energy import NormalEquations, concentrated, normal_equations
 from shellbench.ndf.field import Ansatz, Features, Field
 from shellbench.ndf.jets import VALUE, Placement, activation
+from shellbench.ndf.large_displacement import Rung
 from shellbench.ndf.lengths import LAYER
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.network import random_features
+from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
-from shellbench.ndf.resolution import Resolution, resolution
+from shellbench.ndf.resolution import RUNGS, Resolution, resolution, rung
 from shellbench.ndf.singular import MULTIPLIERS
-from shellbench.ndf.solution import NdfSolution, load_solution
+from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.solve import OutputLayer, solve_output
+from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
 from shellbench.solution import Capabilities, Progress, ProgressCallback, SeededSettings, Solution, Step
@@ -61,6 +67,7 @@ class RitzSettings(SeededSettings):
     panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
     order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
+    strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ class RitzSolver:
 
     name: ClassVar[str] = "ndf-ritz"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear",),
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: fixed random sine layer, output layer solved for (Ritz); trains nothing",
         devices=("cpu", "cuda"),
     )
@@ -79,7 +86,7 @@ class RitzSolver:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution:
+    def load(self, path: Path) -> NdfSolution | PathSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
         return load_solution(path, self.name)
 
@@ -89,13 +96,14 @@ class RitzSolver:
         settings: RitzSettings,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> NdfSolution:
+    ) -> NdfSolution | PathSolution:
         """Solve a case; `start` is of no use to a direct solve and is ignored.
 
         Raises
         ------
         SolveFailure
-            If the energies on the two quadratures disagree by more than the largest admissible gap.
+            If the energies on the two quadratures disagree by more than the largest admissible gap, or the path of a
+            non-linear case ends early.
         InputError
             If the case or the settings can't be solved with.
         """
@@ -108,20 +116,52 @@ class RitzSolver:
             layer=settings.layer,
             edge_stretched=settings.stretched,
             multipliers=settings.singular,
+            strain=strain_of(case, settings.strain),
         )
         with torch.no_grad():
             reason = why_declined(case, spec)
             if reason:
                 raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-            return _solve(case, spec, settings, progress or (lambda _: None))
+            if case.linear and not any(isinstance(load, MomentLoad) for load in case.loads):
+                return _solve(case, spec, settings, progress or (lambda _: None))
+            return _follow(case, spec, settings, progress or (lambda _: None))
+
+
+def strain_of(case: Case, strain: StrainName | None) -> StrainName:
+    """Return the strain measure of a case.
+
+    Raises
+    ------
+    InputError
+        If another one than the linear is asked for in the linear theory.
+    """
+    if case.linear and strain not in (None, "linear"):
+        raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
+    return strain or ("linear" if case.linear else "exact")
+
+
+def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> PathSolution:
+    """Follow the path of a case with one rung, if a setting fixes its width, or several."""
+    placement, focal, inputs = Placement.on(settings.device), graded_points(case, spec), build_inputs(case, spec)
+
+    def build(number: int) -> Rung:
+        chosen = _resolution(rung(case, number), settings)
+        scales = placement.tensor(chosen.scales(inputs))
+        network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
+        features = build_features(case, spec, network, placement, inputs)
+        return Rung(features, chosen.rule, chosen.fine, focal)
+
+    numbers = range(RUNGS) if settings.neurons is None else [RUNGS - 1]
+    builds = [partial(build, number) for number in numbers]
+    return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
 
 
 def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
     begin = time.perf_counter()
     placement, focal = Placement.on(settings.device), graded_points(case, spec)
-    chosen = _resolution(case, settings)
+    chosen = _resolution(resolution(case), settings)
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
-    scales = placement.tensor(np.where(inputs.stretched, chosen.stretched_scale, chosen.scale))
+    scales = placement.tensor(chosen.scales(inputs))
     network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
     features = build_features(case, spec, network, placement, inputs)
 
@@ -184,8 +224,7 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
     return solution
 
 
-def _resolution(case: Case, settings: RitzSettings) -> Resolution:
-    usual = resolution(case)
+def _resolution(usual: Resolution, settings: RitzSettings) -> Resolution:
     rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
     return replace(
         usual,

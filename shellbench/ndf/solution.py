@@ -19,13 +19,12 @@ from shellbench.errors import InputError
 from shellbench.model import one_sentence
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.field import Ansatz, Field
-from shellbench.ndf.geometry import geometry
 from shellbench.ndf.jets import Array, Placement
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.reaction import edge_reaction
-from shellbench.ndf.strain import apply_rows, energy_rows, strain_rows
 from shellbench.ndf.supports import point_supports
-from shellbench.ndf.weights import Header, network_of, network_tensors, read, write
+from shellbench.ndf.undeformed import Undeformed, stresses
+from shellbench.ndf.weights import Header, StateHeader, network_of, network_tensors, read, write
 from shellbench.solution import FIELDS, Step
 
 QUERY = 4096  # points that are evaluated at once
@@ -69,7 +68,7 @@ class NdfSolution:
     @property
     def storage_bytes(self) -> int:
         """Bytes of the tensors that the field is made of."""
-        return sum(t.numel() * t.element_size() for t in self._tensors().values())
+        return sum(t.numel() * t.element_size() for t in self.tensors().values())
 
     def displacement(
         self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
@@ -84,12 +83,12 @@ class NdfSolution:
         part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
 
         def strain(xi: Array) -> Tensor:
-            reference = geometry(self.case.surface, xi, self.field.features.placement)
+            surface = Undeformed.of(self.case.surface, xi, self.field.features.placement)
+            strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
             if name.endswith("strain"):
-                rows = strain_rows(reference)
-                return apply_rows(rows, self.field.jet(xi))[:, part] * rows.new_tensor([1.0, 1.0, 0.5])
-            rows = energy_rows(reference, self.case.material)
-            return 0.5 * (apply_rows(rows, self.field.jet(xi))[:, part] ** 2).sum(-1)
+                return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
+            work = strains * stresses(surface.elasticity(self.case.material), strains)
+            return 0.5 * work[:, part].sum(-1)
 
         return self._at(points, strain)
 
@@ -112,18 +111,23 @@ class NdfSolution:
             raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
         origin = np.asarray(centre, dtype=float)
         held = np.asarray(self.point_forces)
-        total = edge_reaction(self.field, found[0], origin, self.rule, graded_points(self.case, self.spec), held)
+        focal = graded_points(self.case, self.spec)
+        total = edge_reaction(self.field, found[0], origin, self.rule, focal, held, self.spec.strain)
         force, moment = total[:3], total[3:]
         for at_point, magnitude in zip(point_supports(self.case, self.spec.t), held, strict=True):
             if at_point.support.name == support:
                 push = magnitude * np.eye(3)[at_point.component]
-                arm = self.case.surface.position(np.asarray(at_point.point.xi)) - origin
+                point = np.asarray(at_point.point.xi)
+                arm = self.case.surface.position(point) - origin
+                if self.spec.strain != "linear":
+                    arm = arm + self.displacement(point)
                 force, moment = force + push, moment + np.cross(arm, push)
         return force, moment
 
-    def save(self, path: Path) -> Path:
-        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
-        header = Header(
+    @property
+    def header(self) -> Header:
+        """All that a file says beside its tensors."""
+        return Header(
             solver=self.solver,
             case_name=self.case.name,
             case=self.case.model_dump(mode="json", exclude={"name"}),
@@ -139,9 +143,13 @@ class NdfSolution:
             extrapolated=dict(self.extrapolated),
             point_forces=tuple(self.point_forces),
         )
-        return write(path, header, self._tensors())
 
-    def _tensors(self) -> dict[str, Tensor]:
+    def save(self, path: Path) -> Path:
+        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        return write(path, self.header, self.tensors())
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the tensors that the field is made of, by the names they have in a file."""
         layers = network_tensors(self.field.features.network)
         return {**layers, "output": self.field.output, "rigid": self.field.rigid}
 
@@ -154,10 +162,10 @@ class NdfSolution:
         return np.asarray(values.reshape(*xi.shape[:-1], *values.shape[1:]))
 
 
-def load_solution(
+def read_solution(
     path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
-) -> NdfSolution:
-    """Read what `NdfSolution.save` wrote; `ansatz_of` builds the supports in as the recipe does.
+) -> tuple[Header, list[NdfSolution]]:
+    """Read a file: one field, or those of all states of a path; `ansatz_of` builds the supports in as the recipe does.
 
     Raises
     ------
@@ -172,24 +180,41 @@ def load_solution(
         placement = Placement(torch.device("cpu"), network.weights[0].dtype)
         features = build_features(case, header.spec, network, placement, inputs)
         output, rigid = tensors.get("output"), tensors.get("rigid")
-        if output is None or rigid is None or output.shape != (3, features.count) or rigid.shape != (6,):
+        many = (len(header.states),) if header.states else ()
+        expected = (*many, 3, features.count), (*many, 6)
+        if output is None or rigid is None or (output.shape, rigid.shape) != expected:
             raise ValueError("its tensors do not fit each other")
     except ValidationError as error:
         raise InputError(f"{path}: is damaged: its case is none: {one_sentence(error)}") from None
     except (ValueError, ArithmeticError) as error:
         raise InputError(f"{path}: is damaged: {str(error).splitlines()[0]}") from None
-    return NdfSolution(
-        case=case,
-        solver=header.solver,
-        spec=header.spec,
-        field=Field(ansatz_of(case, header.spec), features, output, rigid),
-        rule=header.rule,
+    one = StateHeader(
+        mark=header.spec.t,
+        t=header.spec.t,
         membrane=header.membrane,
         bending=header.bending,
-        parameters=header.parameters,
-        history=header.history,
-        diagnostics=header.diagnostics,
-        uncertainty=header.uncertainty,
-        extrapolated=header.extrapolated,
         point_forces=header.point_forces,
     )
+    solutions = []
+    for state, weights, motion in zip(
+        header.states or (one,), output.view(-1, 3, features.count), rigid.view(-1, 6), strict=True
+    ):
+        spec = header.spec.model_copy(update={"t": state.t})
+        solutions.append(
+            NdfSolution(
+                case=case,
+                solver=header.solver,
+                spec=spec,
+                field=Field(ansatz_of(case, spec), features, weights, motion),
+                rule=header.rule,
+                membrane=state.membrane,
+                bending=state.bending,
+                parameters=header.parameters,
+                history=header.history,
+                diagnostics=header.diagnostics,
+                uncertainty=header.uncertainty,
+                extrapolated=header.extrapolated,
+                point_forces=state.point_forces,
+            )
+        )
+    return header, solutions

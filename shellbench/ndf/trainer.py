@@ -27,9 +27,10 @@ from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import Placement, activation
 from shellbench.ndf.loads import check_balance
+from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
 from shellbench.ndf.ritz import LARGEST_GAP, point_constraints
-from shellbench.ndf.solution import NdfSolution, load_solution
+from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.training import (
     CERTIFICATE,
@@ -86,7 +87,7 @@ class NdfSolver:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution:
+    def load(self, path: Path) -> NdfSolution | PathSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
         return load_solution(path, self.name)
 

@@ -24,6 +24,16 @@ from shellbench.solution import Step
 HEADER = "shellbench"
 
 
+class StateHeader(Model):
+    """What a file says of one state of a path; see `shellbench.ndf.path_solution.PathSolution`."""
+
+    mark: Finite
+    t: Finite
+    membrane: Finite
+    bending: Finite
+    point_forces: tuple[Finite, ...]
+
+
 class Header(Model):
     """All that a file says beside its tensors; see `shellbench.ndf.solution.NdfSolution` for the fields."""
 
@@ -42,6 +52,7 @@ class Header(Model):
     uncertainty: dict[str, float]
     extrapolated: dict[str, float]
     point_forces: tuple[Finite, ...]
+    states: tuple[StateHeader, ...] = ()
 
     def read_case(self) -> Case:
         """Return the case; ValidationError if it is not one."""

@@ -28,6 +28,8 @@ ERROR_LABEL = "relative error (%)"
 GAP_LABEL = "quadrature gap (%)"
 WIDTH, HEIGHT = 2.0, 1.9  # inches a panel: four of them fill a page's width
 MARGIN = 0.75  # inches for the legend
+MOST_IN_A_ROW = 4  # panels; more cases go on below
+NARROW = 5.0  # ratio of an axis' ends below which its labels are plain steps
 SURFACE_DIMENSION = 2  # unknowns grow as the square of 1/h, h the mesh width
 
 
@@ -65,7 +67,8 @@ class Course:
     @property
     def is_field(self) -> bool:
         """Whether it iterates at a fixed size, or is checked for exploiting its quadrature."""
-        return not self.refines or any(step.gap is not None for step in self.steps)
+        iterates = len(self.steps) > 1 and not self.refines
+        return iterates or any(step.gap is not None for step in self.steps)
 
     @property
     def floor(self) -> float:
@@ -95,13 +98,14 @@ def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Fig
     have no h. Returns None if no solver refines.
     """
     courses = [course for course in courses if not course.is_field]
-    if not courses:
+    if not any(course.refines for course in courses):
         return None
-    figure, panels = _panels(courses, rows=2, share_abscissa=False)
     rows: tuple[Abscissa, Abscissa] = ("unknowns", "seconds")
+    figure, panels = _panels(courses, len(rows), share_abscissa=False)
     for row, abscissa in enumerate(rows):
-        for column, of_case in enumerate(_by_case(courses).values()):
-            axes = panels[row][column]
+        for place, of_case in enumerate(_by_case(courses).values()):
+            band, column = divmod(place, MOST_IN_A_ROW)
+            axes = panels[len(rows) * band + row][column]
             for course in of_case:
                 x, errors = course.errors(abscissa)
                 _draw(axes, x, errors, course, inks)
@@ -126,14 +130,16 @@ def iteration_figure(courses: Sequence[Course], inks: Mapping[str, Ink], absciss
         return None
     if abscissa != "iteration":
         fields = [course for course in measured if course.is_field or course.case in _by_case(fields)]
-    figure, panels = _panels(fields, rows=2, share_abscissa=True)
-    measures: tuple[tuple[str, Callable[[Course], tuple[list[float], list[float]]]], ...] = (
-        (ERROR_LABEL, lambda course: course.errors(abscissa)),
-        (GAP_LABEL, lambda course: course.gaps(abscissa)),
-    )
+    measures: list[tuple[str, Callable[[Course], tuple[list[float], list[float]]]]] = [
+        (ERROR_LABEL, lambda course: course.errors(abscissa))
+    ]
+    if any(course.gaps(abscissa)[0] for course in fields):
+        measures.append((GAP_LABEL, lambda course: course.gaps(abscissa)))
+    figure, panels = _panels(fields, len(measures), share_abscissa=True)
     for row, (label, measure) in enumerate(measures):
-        for column, of_case in enumerate(_by_case(fields).values()):
-            axes = panels[row][column]
+        for place, of_case in enumerate(_by_case(fields).values()):
+            band, column = divmod(place, MOST_IN_A_ROW)
+            axes = panels[len(measures) * band + row][column]
             for course in of_case:
                 x, values = measure(course)
                 last_only = abscissa == "unknowns" and not course.refines
@@ -201,10 +207,21 @@ def _by_case(courses: Sequence[Course]) -> dict[str, list[Course]]:
 
 
 def _panels(courses: Sequence[Course], rows: int, *, share_abscissa: bool) -> tuple[Figure, list[list[Axes]]]:
-    columns = len(_by_case(courses))
-    figure = Figure(figsize=(max(3.4, WIDTH * columns), HEIGHT * rows + MARGIN), layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False, sharex="col" if share_abscissa else False, sharey="row")
-    return figure, [list(row) for row in grid]
+    """Return axes row by row: `rows` of them for each band of `MOST_IN_A_ROW` cases."""
+    cases = len(_by_case(courses))
+    columns, bands = min(cases, MOST_IN_A_ROW), -(-cases // MOST_IN_A_ROW)
+    size = (max(3.4, WIDTH * columns), HEIGHT * rows * bands + MARGIN)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.add_gridspec(rows * bands, columns)
+    panels: list[list[Axes]] = []
+    for row in range(rows * bands):
+        panels.append([])
+        for column in range(min(columns, cases - columns * (row // rows))):
+            above = panels[row - row % rows][column] if share_abscissa and row % rows else None
+            axes = figure.add_subplot(grid[row, column], sharex=above, sharey=panels[row][0] if column else None)
+            axes.tick_params(labelleft=column == 0, labelbottom=not share_abscissa or row % rows == rows - 1)
+            panels[row].append(axes)
+    return figure, panels
 
 
 def _label(axes: Axes, abscissa: Abscissa, ordinate: str, title: str, *, first: bool) -> None:
@@ -219,9 +236,12 @@ def _label(axes: Axes, abscissa: Abscissa, ordinate: str, title: str, *, first: 
 
 
 def _tick(axis: Axis) -> None:
-    """Label decades, or 1, 2 and 5 where fewer than two decades are in view."""
+    """Label decades, or 1, 2 and 5 where fewer than two decades are in view, or few plain steps."""
     low, high = sorted(axis.get_view_interval())
-    if high / low < 100:
+    if high / low < NARROW:
+        axis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    elif high / low < 100:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 20 else (1.0, 3.0), numticks=12))
         axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     else:

@@ -6,6 +6,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -20,6 +21,7 @@ CROWDED = 40  # states of a path, above which their markers shrink
 CROSSES = ("x", "+", "1", "2", "3", "4")  # of figures from elsewhere, one for each source
 ELSEWHERE = "#555555"
 TITLE = 34  # characters a line
+LETTER, HANDLE = 0.066, 0.6  # inches of a legend's mean letter, and of what stands before its words
 
 
 @dataclass(frozen=True)
@@ -78,10 +80,18 @@ def curve_figure(
         words = panel.series.description
         axes.set_title(textwrap.fill(words[:1].upper() + words[1:], TITLE), loc="left", fontsize=7.5)
         axes.axhline(0, color="#999999", linewidth=0.5, zorder=0)
-    figure.legend(
-        entries.values(), entries.keys(), loc="outside lower center", ncols=min(3 if columns > 1 else 2, len(entries))
-    )
+    columns = _legend_columns(list(entries), size[0])
+    figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
     return figure
+
+
+def _legend_columns(labels: Sequence[str], width: float) -> int:
+    """Return how many columns of a legend fit into so many inches; each is as wide as its longest label."""
+    for columns in range(min(3, len(labels)), 1, -1):
+        widest = [max(map(len, column)) for column in np.array_split(labels, columns)]
+        if sum(HANDLE + LETTER * letters for letters in widest) <= width:
+            return columns
+    return 1
 
 
 def _draw_run(
@@ -115,7 +125,7 @@ def _draw_run(
         (end,) = axes.plot(
             displacements[-1:], loads[-1:], linestyle="none", marker="X", markersize=8, color=ink.colour, zorder=4
         )
-        entries.setdefault(f"{run.name}: the run failed here".replace("$", r"\$"), end)
+        entries.setdefault(f"{run.name}: end of what a failed run left".replace("$", r"\$"), end)
     if turning and (found := run.limit_points(series.name)):
         (mark,) = axes.plot(
             [displacement for _, displacement in found],

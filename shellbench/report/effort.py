@@ -10,13 +10,13 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import duration
+from shellbench.report.digits import byte_size, duration
 from shellbench.report.notation import Notation
 from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 
-COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns")
+COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns", "peak_memory_bytes")
 
 
 def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
@@ -43,8 +43,9 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         name="effort",
         title="Iterations and seconds",
         caption="Converged states of the path, Newton iterations that they took in all and at most in one step, and"
-        " wall time of the whole solve, in which there may be other discretisations too. Of several seeds: the most"
-        " states, iterations and unknowns, and the mean time. Runs that failed are counted up to their failure.",
+        " wall time and largest memory of the whole solve, in which there may be other discretisations too. Of several"
+        " seeds: the most states, iterations, unknowns and memory, and the mean time. Runs that failed are counted up"
+        " to their failure.",
         data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
         columns=(
             Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
@@ -54,6 +55,7 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
             Column("Most in a step", _count("most_in_a_step")),
             Column("Unknowns", _count("unknowns")),
             Column("Time (s)", _seconds),
+            Column("Memory", _memory),
         ),
         notes=tuple(notes),
     )
@@ -70,6 +72,7 @@ def effort(records: Sequence[Record]) -> dict[str, Any]:
         "most_in_a_step": max((max(counts) for counts in counted if counts), default=None),
         "unknowns": max(step.unknowns for path in paths for step in path),
         "seconds": fmean(record.seconds for record in records),
+        "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
         "run_ids": " ".join(record.run_id for record in records),
     }
 
@@ -92,3 +95,8 @@ def _count(name: str) -> Show:
 
 def _seconds(line: Line, notation: Notation) -> str:
     return duration(line["seconds"]) if present(line["seconds"]) else notation.missing
+
+
+def _memory(line: Line, notation: Notation) -> str:
+    memory = line["peak_memory_bytes"]
+    return notation.escape(byte_size(memory)) if present(memory) else notation.missing

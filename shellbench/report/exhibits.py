@@ -24,7 +24,7 @@ from shellbench.report.shells import Shell, course_figure, scale_words, shell_fi
 from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title
 
-MOST_TOGETHER = 6  # shells in one row of the composite
+MOST_TOGETHER = 15  # shells in one composite
 COMPOSITE, PICTURE, CONVERGENCE = "course_", "shell_", "convergence_"  # how names of figures begin
 
 
@@ -60,12 +60,13 @@ def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) 
             drawn.setdefault(one.case, one)
         if len(shells) > 1:
             shown = shells[:MOST_TOGETHER]
+            left_out = f" {len(shown)} of {len(shells)} cases." if len(shown) < len(shells) else ""
             yield Exhibit(
                 name=f"{COMPOSITE}{suite}",
                 title=suite_title(suite),
                 caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
                 " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
-                " reference surface as a wire. " + _solved_by(shown),
+                " reference surface as a wire. " + _solved_by(shown) + left_out,
                 description="; ".join(map(_shape, shown)),
                 figure=course_figure(shown),
                 run_ids=tuple(shell.run_id for shell in shown),

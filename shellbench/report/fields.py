@@ -29,7 +29,11 @@ Array = NDArray[np.float64]
 def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
     """Return the table of differences between fields; None if there are no two to compare."""
     lines: list[dict[str, Any]] = []
-    headline = [row for row in rows if row.primary and row.default_settings and row.run_id in records]
+    headline = [
+        row
+        for row in rows
+        if row.primary and row.default_settings and row.status == "ok" and row.run_id in records  # the same load
+    ]
     for (case, _), of_case in grouped(headline, lambda row: (row.case, row.own_case)).items():
         certain = {row.run_id: row for row in of_case if row.seed is None}
         if len(certain) != 1:

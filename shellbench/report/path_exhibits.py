@@ -7,6 +7,7 @@ from pathlib import Path
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.case import Case
 from shellbench.reference import KnownValues
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.exhibit import Exhibit
@@ -115,14 +116,15 @@ def _states(runs: Sequence[tuple[Row, Record]], folder: Path) -> Exhibit | None:
 def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -> Iterator[Exhibit]:
     shown = strain_rows(rows)
     energies = bending_energies(records, rows, ROLLED)
-    if (figure := rolled_figure(energies)) is not None:
-        ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == ROLLED and row.run_id))
+    ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == ROLLED and row.run_id))
+    case = case_of(records[ids[0]]) if ids and ids[0] in records else None
+    if case is not None and (figure := rolled_figure(energies, rolling_stiffness(case))) is not None:
         yield Exhibit(
             name=f"{STRAIN}{ROLLED}",
             title="Bending energy of a rolled plate",
-            caption="Left, the bending energy of a plate that is rolled to an angle, under each measure of strain and"
-            " relative to the exact one; lines are the closed forms. Right, the curvature that each measure sees at a"
-            " point, relative to the true one: its square is the ratio of the bending stiffnesses.",
+            caption="Left, the bending energy of a plate that is rolled to an angle, under each measure of strain, and"
+            " in the middle relative to the exact one; lines are the closed forms. Right, the curvature that each"
+            " measure sees at a point, relative to the true one: its square is the ratio of the bending stiffnesses.",
             description="; ".join(
                 f"{strain}: " + ", ".join(f"{180 * at:.0f} degrees {value:.4g} J" for at, value in by_mark.items())
                 for strain, by_mark in energies.items()
@@ -137,3 +139,9 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
         values = KnownValues() if own else known(name)
         if len(paths) > 1 and (exhibit := _curves(f"{STRAIN}{name}", paths, values, INKS, "the strain measures")):
             yield exhibit
+
+
+def rolling_stiffness(case: Case) -> float:
+    """Return B A / L^2 of a plate that is rolled along xi1, J: its bending energy is half of it times theta^2."""
+    length, width = case.surface.domain.size
+    return case.material.bending_stiffness * width / length

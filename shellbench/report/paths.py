@@ -21,7 +21,7 @@ from shellbench.bench.row import Row
 from shellbench.case import Case
 from shellbench.load_curve import Curve
 from shellbench.quantities import DisplacementQuantity, LimitPoint, LoadQuantity
-from shellbench.reference import KnownValues, Role
+from shellbench.reference import KnownValue, KnownValues, Role
 from shellbench.report.solutions import theory_words
 
 Array = NDArray[np.float64]
@@ -78,7 +78,9 @@ class PathRun:
 
     def limit_points(self, series: str) -> list[tuple[float, float]]:
         """Return load factor and displacement at each extremum of the load."""
-        curve = Curve(self.factors, self.displacements[series])
+        path = np.stack([self.factors, self.displacements[series]], axis=1)
+        moved = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0, axis=1)])
+        curve = Curve(*path[moved].T)
         points: list[tuple[float, float]] = []
         with contextlib.suppress(ValueError):  # there are no more, or too few states for a curve
             for number in range(1, len(self.factors)):
@@ -184,7 +186,7 @@ def _points(case: Case, known: KnownValues, series: Series) -> Iterator[KnownPat
                 if judges and value.theory != case.theory:
                     continue
                 factor = quantity.at if case.path.quantity is None else _load_at(case, known, quantity.at)
-                if factor is not None:
+                if factor is not None and not _tabulated(value, factor, known):
                     label = "known value" if judges else words_of(value.label, value.source, value.theory)
                     found.setdefault((label, judges), []).append((value.value, factor))
         if controlling:
@@ -203,6 +205,15 @@ def _points(case: Case, known: KnownValues, series: Series) -> Iterator[KnownPat
         if points:
             displacements, factors = np.array(points).T
             yield KnownPath(label, judges, displacements, factors)
+
+
+def _tabulated(value: KnownValue, factor: float, known: KnownValues) -> bool:
+    """Tell whether a value is a point of a curve of the same source, which is drawn anyway."""
+    return value.role != "judge" and any(
+        (curve.quantity, curve.source) == (value.quantity, value.source)
+        and (factor, value.value) in zip(curve.loads, curve.values, strict=True)
+        for curve in known.curves
+    )
 
 
 def _curves(known: KnownValues, series: Series) -> Iterator[KnownPath]:

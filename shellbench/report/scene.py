@@ -26,11 +26,14 @@ Array = NDArray[np.float64]
 
 
 def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
-    """Return the history of each run whose headline quantity has a known value; the states of a path are no part."""
+    """Return the history of each run whose headline quantity has a known value.
+
+    The states of a path are no part of it, and where nothing was solved for nothing converged.
+    """
     found = []
     for row in rows:
         record = records.get(row.run_id or "")
-        steps = tuple(step for step in record.history if step.phase == "solve") if record else ()
+        steps = tuple(step for step in record.history if step.phase == "solve" and step.unknowns) if record else ()
         if record is None or not row.primary or not row.reference or not steps:
             continue
         found.append(

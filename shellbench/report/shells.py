@@ -27,6 +27,7 @@ CELLS = 96  # facets a side, at least: stored fields are refined to it for a smo
 STONE = (0.87, 0.88, 0.90)  # the reference surface
 PLAIN_ORDERS = range(-2, 4)  # orders of magnitude that a colour bar shows without a power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
+MOST_IN_A_ROW = 5  # shells of a suite
 ARROW = 0.22  # length of a point load's arrow, in sizes of the shell
 
 
@@ -94,15 +95,19 @@ def shell_figure(shell: Shell) -> Figure:
 
 def course_figure(shells: Sequence[Shell]) -> Figure:
     """Draw reference surfaces with supports and loads above deformed ones (after Kairanda et al., figure 6)."""
-    figure = Figure(figsize=(1.85 * max(2, len(shells)), 4.0), layout="constrained")
-    panels = figure.subplots(2, len(shells), squeeze=False)
-    for column, shell in enumerate(shells):
-        above, below = panels[0, column], panels[1, column]
+    columns, bands = min(len(shells), MOST_IN_A_ROW), -(-len(shells) // MOST_IN_A_ROW)
+    figure = Figure(figsize=(1.85 * max(2, columns), 4.0 * bands), layout="constrained")
+    panels = figure.subplots(2 * bands, columns, squeeze=False)
+    for unused in panels[-2:, len(shells) - columns * (bands - 1) :].flat:
+        unused.set_axis_off()
+    for place, shell in enumerate(shells):
+        band, column = divmod(place, columns)
+        above, below = panels[2 * band, column], panels[2 * band + 1, column]
         draw_reference(above, shell)
         draw_deformed(below, shell)
         colour_bar(figure, below, shell)
         title = plain(shell.title).replace(", ", ",\n", 1)
-        above.set_title(f"({LETTERS[column % len(LETTERS)]}) {title}" + ("" if "\n" in title else "\n"), loc="left")
+        above.set_title(f"({LETTERS[place % len(LETTERS)]}) {title}" + ("" if "\n" in title else "\n"), loc="left")
         below.set_title(times(shell.scale), fontsize=7.5, pad=2)
     return figure
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.palette import DASHES, OKABE_ITO, Ink
-from shellbench.report.strains import EXACT, STRAINS, VANISHES, linear_energy, published_energy
+from shellbench.report.strains import STRAINS, VANISHES, linear_energy, published_energy
 
 HALF_TURN = 180.0  # degrees: the plate is rolled by t half turns
-SIZE = (6.4, 2.9)  # inches
+SIZE = (7.2, 2.9)  # inches
 FINE = 181  # points of a closed form
 
 INKS: Mapping[str, Ink] = {
@@ -33,45 +33,57 @@ CURVATURE: Mapping[str, Callable[[float], float]] = {
 }
 
 
-def rolled_figure(energies: Mapping[str, Mapping[float, float]]) -> Figure | None:
-    """Draw the bending energy of a rolled plate against its angle, relative to the exact measure's; None without it.
+def rolled_figure(energies: Mapping[str, Mapping[float, float]], stiffness: float) -> Figure | None:
+    """Draw the bending energy of a rolled plate against its angle, as it is and relative to the exact one.
 
     Parameters
     ----------
     energies
-        By strain and by t, the angle in half turns: bending energy, J.
+        By strain and by t, the angle in half turns: bending energy, J. None is drawn if it is empty.
+    stiffness
+        Exact bending energy over half the square of the angle, J: B A / L^2, with B the bending stiffness, A the
+        area and L the length that is rolled.
     """
-    exact = energies.get(EXACT, {})
-    if not exact:
+    if not any(energies.values()):
         return None
     figure = Figure(figsize=SIZE, layout="constrained")
-    left, right = figure.subplots(1, 2)
+    left, middle, right = figure.subplots(1, 3)
     angles = np.linspace(0.0, HALF_TURN, FINE)
     for strain in STRAINS:
-        _closed_form(left, angles, ENERGY[strain], INKS[strain], strain)
-        _closed_form(right, angles, CURVATURE[strain], INKS[strain], strain)
-        computed = {at: value / exact[at] for at, value in energies.get(strain, {}).items() if exact.get(at)}
-        left.plot(
-            [HALF_TURN * at for at in computed],
-            list(computed.values()),
-            linestyle="none",
-            marker=INKS[strain].marker,
-            markersize=4.5,
-            color=INKS[strain].colour,
-            label=f"{strain}, computed",
-        )
-    left.set_xlabel(r"angle $\theta$ to which the plate is rolled (degrees)")
-    left.set_ylabel("bending energy / exact")
-    left.set_ylim(bottom=0.0)
-    right.set_xlabel(r"angle $\varphi$ by which the normal has turned (degrees)")
+        ink, ratio = INKS[strain], ENERGY[strain]
+        _closed_form(left, angles, lambda theta, r=ratio: r(theta) * exact_energy(theta, stiffness), ink, strain)
+        _closed_form(middle, angles, ratio, ink, strain)
+        _closed_form(right, angles, CURVATURE[strain], ink, strain)
+        marks = energies.get(strain, {})
+        turned, computed = [HALF_TURN * at for at in marks], list(marks.values())
+        exact = [exact_energy(math.pi * at, stiffness) for at in marks]
+        if not marks:
+            continue
+        _computed(left, turned, computed, ink, strain)
+        _computed(middle, turned, [a / b for a, b in zip(computed, exact, strict=True)], ink, strain)
+    left.set_ylabel("bending energy (J)")
+    middle.set_ylabel("bending energy / exact")
+    for axes in (left, middle):
+        axes.set_xlabel(r"rolled to $\theta$ (degrees)")
+        axes.set_ylim(bottom=0.0)
+    right.set_xlabel(r"normal turned by $\varphi$ (degrees)")
     right.set_ylabel("curvature / exact")
     right.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
     _mark_zero(right)
-    for axes in (left, right):
+    for axes in (left, middle, right):
         axes.set_xticks(np.arange(0.0, HALF_TURN + 1, 45.0))
     handles, labels = left.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return figure
+
+
+def exact_energy(theta: float, stiffness: float) -> float:
+    """Return the exact bending energy of a plate rolled to an angle (rad): kappa = theta/L everywhere, J."""
+    return stiffness * theta**2 / 2
+
+
+def _computed(axes: Axes, x: Sequence[float], y: Sequence[float], ink: Ink, strain: str) -> None:
+    axes.plot(x, y, linestyle="none", marker=ink.marker, markersize=4.0, color=ink.colour, label=f"{strain}, computed")
 
 
 def _closed_form(axes: Axes, angles: np.ndarray, form: Callable[[float], float], ink: Ink, strain: str) -> None:
@@ -94,11 +106,11 @@ def _mark_zero(axes: Axes) -> None:
     axes.annotate(
         f"published stiffness\nvanishes at {degrees:.2f}°",
         (degrees, 0.0),
-        xytext=(-8, -26),
-        textcoords="offset points",
-        ha="right",
+        xytext=(0.02, 0.2),
+        textcoords="axes fraction",
+        ha="left",
         va="center",
-        fontsize=7.0,
+        fontsize=6.5,
         color=INKS["published"].colour,
         arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": INKS["published"].colour},
     )

@@ -341,3 +341,10 @@ def make_store(folder: Path) -> Store:
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return make_store(tmp_path_factory.mktemp("runs"))
+
+
+@pytest.fixture(scope="session")
+def nonlinear(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    from tests.report.nonlinear import make_nonlinear_store
+
+    return make_nonlinear_store(tmp_path_factory.mktemp("nonlinear"))

@@ -187,3 +187,90 @@ def test_lost_or_damaged_fields_draw_nothing(store, tmp_path, content):
     if content is not None:
         (tmp_path / record.fields_file).write_bytes(content)
     assert shell(record, tmp_path) is None
+
+
+def test_many_cases_go_on_below(all_courses, colours):
+    many = [
+        course.__class__(**{**course.__dict__, "case": f"{course.case}-{i}"})
+        for i in range(2)
+        for course in all_courses
+        if course.solver == "fem"
+    ]
+    with style():
+        figure = refinement_figure(many, colours)
+        figure.draw_without_rendering()
+    axes = panels(figure)
+    assert len(axes) == 2 * len(many) == 16
+    assert figure.get_figwidth() == refinement_figure(many[:4], colours).get_figwidth()
+    boxes = [one.get_window_extent() for one in axes]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+    assert [one.get_ylabel() for one in axes].count(ERROR_LABEL) == 4  # each row says it once
+
+
+def test_tick_labels_of_a_narrow_axis_do_not_overlap(all_courses, colours):
+    narrow = [
+        course.__class__(
+            **{
+                **course.__dict__,
+                "steps": tuple(
+                    s.model_copy(update={"unknowns": n}) for s, n in zip(course.steps, (3790, 5808), strict=False)
+                ),
+            }
+        )
+        for course in all_courses
+        if course.solver == "fem"
+    ]
+    with style():
+        figure = refinement_figure(narrow, colours)
+        figure.draw_without_rendering()
+    for axes in panels(figure):
+        shown = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
+        low, high = axes.get_window_extent().intervalx
+        shown = [box for box in shown if low - 1 <= (box.x0 + box.x1) / 2 <= high + 1]
+        assert shown
+        assert not any(a.overlaps(b) for i, a in enumerate(shown) for b in shown[:i])
+
+
+def test_without_gaps_there_is_no_row_for_them(all_courses, colours):
+    fields = [
+        course.__class__(
+            **{**course.__dict__, "steps": tuple(s.model_copy(update={"gap": None}) for s in course.steps)}
+        )
+        for course in all_courses
+        if course.solver == "ndf" and course.case == COURSE[0]
+    ]
+    with style():
+        (only,) = panels(iteration_figure(fields, colours, "iteration"))
+    assert only.get_ylabel() == ERROR_LABEL
+
+
+def test_a_single_step_is_neither_a_refinement_nor_a_training(all_courses, colours):
+    alone = [
+        course.__class__(**{**course.__dict__, "steps": course.steps[-1:]})
+        for course in all_courses
+        if course.solver == "fem"
+    ]
+    assert refinement_figure(alone, colours) is None
+    for abscissa in ("unknowns", "seconds", "iteration"):
+        assert iteration_figure(alone, colours, abscissa) is None
+
+
+def test_states_of_a_path_and_solves_of_nothing_are_no_convergence(by_id, course_rows):
+    refined = by_id[course_rows[0].run_id]
+    as_path = tuple(step.model_copy(update={"phase": "path"}) for step in refined.history)
+    nothing = tuple(step.model_copy(update={"unknowns": 0}) for step in refined.history)
+    for history in (as_path, nothing):
+        assert courses({refined.run_id: refined.model_copy(update={"history": history})}, course_rows) == []
+    both = refined.model_copy(update={"history": refined.history + as_path})
+    (course,) = courses({refined.run_id: both}, course_rows)
+    assert course.steps == refined.history
+
+
+def test_a_large_suite_is_drawn_in_bands(store, by_id, course_rows):
+    drawn = [shell(records[0], store.folder) for records in pictured(by_id, course_rows).values()]
+    with style():
+        figure = course_figure([*drawn, *drawn, *drawn[:1]])
+        figure.draw_without_rendering()
+    titles = [axes.get_title(loc="left") for axes in figure.axes if axes.get_title(loc="left")]
+    assert [title[:3] for title in titles] == [f"({letter})" for letter in "abcde"] + [f"({x})" for x in "fghi"]
+    assert figure.get_figwidth() < 10

@@ -1,0 +1,161 @@
+"""The path of a field from rest: load steps, displacement control, and arc length (Riks 1979, IJSS 15).
+
+Marks are landed on, by load or by displacement. A step is as long as Newton's method takes it, and cut where it does
+not converge or, under load control, leads to a state that is no minimum of the energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.ndf.equilibrium import NotConvergedError, Problem
+from shellbench.ndf.newton import Constraint, State, drift, equilibrium, on_path
+
+EASY = 6  # iterations after which the next step may be longer
+GROWTH, CUT = 2.0, 0.5
+FIRST_STEP = 1 / 8  # of the path under load control
+SMALLEST_STEP = 1e-4  # of the path
+PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its first length by arc
+LONGEST_ARC = 1.5  # in units of the first one
+MOST_STEPS = 1000
+SAMPLES = 9  # points a side at which the length of an arc is measured
+
+
+class PathEndsError(Exception):
+    """The path can't be followed further; the message is a clause that says why."""
+
+
+def load_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
+    """Yield the states from rest to the last of increasing load factors.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further.
+    """
+    state, end = State.rest(problem), marks[-1]
+    step = FIRST_STEP * end
+    for mark in marks:
+        while state.t < mark:
+            target = _landing(state.t, mark, step)
+            try:
+                found = equilibrium(problem, state, target)
+                reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
+            except NotConvergedError:
+                found, reason = state, f"no equilibrium was found at load factor {target:.6g}"
+            if reason:
+                step = (target - state.t) * CUT
+                if step < SMALLEST_STEP * end:
+                    raise PathEndsError(reason)
+                continue
+            if found.iterations <= EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[State]:
+    """Yield the states at increasing values of the displacement row . w, the load factor unknown.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further.
+    """
+    state, value = State.rest(problem), 0.0
+    step = longest = end / PATH_STEPS
+    for mark in sorted({*marks, end}):
+        while value < mark:
+            target = _landing(value, mark, step)
+            try:
+                state, value = _to_displacement(problem, state, row, value, target), target
+            except NotConvergedError:
+                step = (target - value) * CUT
+                if step < SMALLEST_STEP * end:
+                    raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
+                continue
+            yield state
+            step = min(longest, step * GROWTH) if state.iterations <= EASY else step
+
+
+def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[State]:
+    """Yield the states along the path by arc length, until the displacement row . w first reaches `end`.
+
+    An arc is the root mean square of the displacement's change over a grid.
+
+    Raises
+    ------
+    PathEndsError
+        If a step can't be cut further, or the path does not get there.
+    """
+    measured = _samples(problem)
+    state, value, highest = State.rest(problem), 0.0, 0.0
+    waiting = sorted({*marks, end})
+    tangent = drift(problem, state)
+    arc = longest = 0.0
+    before: Tensor | None = None
+    for _ in range(MOST_STEPS):
+        seen = measured @ tangent
+        length = float(seen.norm())
+        if before is None:
+            rate = float(row @ tangent)
+            arc, sign = end / PATH_STEPS / abs(rate) * length, math.copysign(1.0, rate)
+            longest = LONGEST_ARC * arc
+        else:
+            sign = math.copysign(1.0, float((measured @ before) @ seen))
+        change = sign * arc / length
+        arc_row = measured.T @ seen * (sign / length)
+        constraint = Constraint(arc_row, float(arc_row @ state.weights) + arc)
+        try:
+            found = on_path(problem, state, constraint, (change * tangent, change))
+            tangent_found = drift(problem, found)
+        except NotConvergedError:
+            arc *= CUT
+            if arc < SMALLEST_STEP * longest:
+                raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
+            continue
+        reached = float(row @ found.weights)
+        near, at = state, value
+        while waiting and reached >= waiting[0] > highest:
+            try:
+                near = _to_displacement(problem, near, row, at, waiting[0])
+            except NotConvergedError:
+                raise PathEndsError(f"the state at a displacement of {waiting[0]:.6g} was not found") from None
+            at = waiting.pop(0)
+            yield near
+        if not waiting:
+            return
+        if reached != at:
+            yield found
+        before = found.weights - state.weights
+        state, value, highest, tangent = found, reached, max(highest, reached), tangent_found
+        arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
+    raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
+
+
+def _landing(value: float, mark: float, step: float) -> float:
+    """Return the end of the next of equal steps to a mark, none longer than `step`."""
+    parts = math.ceil((mark - value) / step * (1 - 1e-9))
+    return mark if parts <= 1 else value + (mark - value) / parts
+
+
+def _to_displacement(problem: Problem, state: State, row: Tensor, value: float, target: float) -> State:
+    tangent = drift(problem, state)
+    rate = float(row @ tangent)
+    if rate == 0.0:
+        raise NotConvergedError
+    change = (target - value) / rate
+    return on_path(problem, state, Constraint(row, target), (change * tangent, change))
+
+
+def _samples(problem: Problem) -> Tensor:
+    """Return the rows (3 n, 3 M) of the displacement on a grid of n points, divided by the root of n."""
+    points = problem.ansatz.case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+    rows = [problem.row(points[[k]], np.eye(3)[[c]]) for k in range(len(points)) for c in range(3)]
+    samples: Tensor = torch.stack(rows) / len(points) ** 0.5
+    return samples

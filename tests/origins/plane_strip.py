@@ -1,0 +1,115 @@
+r"""A strip that bends in a plane, by its potential energy in polynomials of its position: a second form of two cases.
+
+With p = x' and q = x'' along the reference length, eps = (p.p - 1) / 2 and b = (p1 q2 - p2 q1) / abs(p). The position is
+(s, 0) plus Chebyshev polynomials of s times s for x and s^2 for z, which clamps the strip at s = 0. Loads at the tip are
+a dead force across the strip and a moment, whose work is its product with the angle of p there. `elastica` and
+`roll_up` start from angle and stretch instead, and from the equations of equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+
+Array = np.ndarray
+ITERATIONS = 60
+CONVERGED = 1e-11
+"""Last correction of Newton's method relative to the position: it converges quadratically."""
+
+
+@dataclass(frozen=True)
+class PlaneStrip:
+    """Length and thickness in m, Young's modulus in Pa; polynomials a component."""
+
+    length: float
+    thickness: float
+    young: float
+    count: int = 24
+
+    def derivative(self, s: Array, order: int) -> Array:
+        """Derivative of the functions of x, then of z, at points: (2, points, count)."""
+        clamps = (Polynomial([0.0, 1.0]), Polynomial([0.0, 0.0, 1.0]))
+        line = [Chebyshev.basis(i, domain=[0.0, self.length]) for i in range(self.count)]
+        factors = [c(Chebyshev.identity(domain=[0.0, self.length]) / self.length) for c in clamps]
+        columns = [[(factor * basis).deriv(order)(s) if order else (factor * basis)(s) for basis in line] for factor in factors]  # fmt: skip
+        return np.array(columns).transpose(0, 2, 1)
+
+    @cached_property
+    def _gauss(self) -> tuple[Array, Array, Array]:
+        """Weights, and first and second derivatives at 3 count Gauss points."""
+        x, w = np.polynomial.legendre.leggauss(3 * self.count)
+        s = (1 + x) * self.length / 2
+        return w * self.length / 2, self.derivative(s, 1), self.derivative(s, 2)
+
+    def position(self, coefficients: Array, s: float) -> Array:
+        """Position at a reference length, (2,)."""
+        return np.array([s, 0.0]) + np.einsum("cpi,ci->pc", self.derivative(np.array([s]), 0), coefficients)[0]
+
+    def _energy(self, coefficients: Array) -> tuple[float, float, Array, Array]:
+        """Membrane and bending energy per width, gradient and Hessian of both together by the coefficients."""
+        weight, first, second = self._gauss
+        stretching = self.young * self.thickness
+        bending = stretching * self.thickness**2 / 12
+        p1, p2 = np.einsum("cpi,ci->cp", first, coefficients) + np.array([[1.0], [0.0]])
+        q1, q2 = np.einsum("cpi,ci->cp", second, coefficients)
+        zero, one = np.zeros_like(p1), np.ones_like(p1)
+        # derivatives by y = (p1, p2, q1, q2): b = c / r with c = p1 q2 - p2 q1, r = abs(p)
+        r, c = np.hypot(p1, p2), p1 * q2 - p2 * q1
+        strain, curvature = (r**2 - 1) / 2, c / r
+        pull = np.stack([p1, p2, zero, zero])
+        dc = np.stack([q2, -q1, -p2, p1])
+        plane = np.stack([one, one, zero, zero])[:, None] * np.eye(4)[:, :, None]
+        turn = np.zeros((4, 4, 1))
+        turn[0, 3] = turn[3, 0] = 1.0
+        turn[1, 2] = turn[2, 1] = -1.0
+        db = dc / r - c * pull / r**3
+        mixed = dc[:, None] * pull[None]
+        ddb = turn / r - (mixed + mixed.swapaxes(0, 1) + c * plane) / r**3 + 3 * c * pull[:, None] * pull[None] / r**5
+        gradient = weight * (stretching * strain * pull + bending * curvature * db)
+        hessian = stretching * (pull[:, None] * pull[None] + strain * plane)
+        hessian = weight * (hessian + bending * (db[:, None] * db[None] + curvature * ddb))
+        shapes = np.zeros((4, len(weight), 2 * self.count))
+        for k, (component, values) in enumerate(((0, first), (1, first), (0, second), (1, second))):
+            shapes[k, :, component * self.count : (component + 1) * self.count] = values[component]
+        energies = weight @ (stretching * strain**2 / 2), weight @ (bending * curvature**2 / 2)
+        force = np.einsum("kpi,kp->i", shapes, gradient)
+        stiffness = np.einsum("kpi,klp,lpj->ij", shapes, hessian, shapes, optimize=True)
+        return float(energies[0]), float(energies[1]), force, stiffness
+
+    def _work(self, coefficients: Array, force: float, moment: float) -> tuple[Array, Array]:
+        """Gradient and Hessian of the load's work per width; the angle of p is atan2(p2, p1)."""
+        end = np.array([self.length])
+        lift, slope = self.derivative(end, 0)[:, 0], self.derivative(end, 1)[:, 0]
+        shapes = np.zeros((2, 2 * self.count))
+        shapes[0, : self.count], shapes[1, self.count :] = slope
+        p1, p2 = shapes @ coefficients.ravel() + [1.0, 0.0]
+        square = p1**2 + p2**2
+        gradient = moment * np.array([-p2, p1]) / square @ shapes
+        gradient[self.count :] += force * lift[1]
+        second = np.array([[2 * p1 * p2, p2**2 - p1**2], [p2**2 - p1**2, -2 * p1 * p2]]) / square**2
+        return gradient, moment * shapes.T @ second @ shapes
+
+    def bent(self, force: float = 0.0, moment: float = 0.0, steps: int = 20) -> tuple[Array, tuple[float, float]]:
+        """Return the tip's position (2,) and the membrane and bending energy per width, the load raised in steps.
+
+        Raises
+        ------
+        RuntimeError
+            If Newton's method doesn't converge.
+        """
+        coefficients = np.zeros((2, self.count))
+        for factor in np.linspace(0, 1, steps + 1)[1:]:
+            for _ in range(ITERATIONS):
+                membrane, bending, inner, stiffness = self._energy(coefficients)
+                outer, of_load = self._work(coefficients, factor * force, factor * moment)
+                step = np.linalg.solve(stiffness - of_load, outer - inner)
+                coefficients = coefficients + step.reshape(2, -1)
+                if np.abs(step).max() < CONVERGED * self.length:
+                    break
+            else:
+                raise RuntimeError(f"no equilibrium of the strip at {factor:.3g} of its load")
+        membrane, bending = self._energy(coefficients)[:2]
+        return self.position(coefficients, self.length), (membrane, bending)

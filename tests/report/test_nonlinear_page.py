@@ -1,0 +1,134 @@
+"""The report of large displacements as a whole: its sections, its files, and one set of numbers in all of them."""
+
+import html
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+from shellbench.bench.store import Store as Records
+from shellbench.report import exhibit, shells
+from shellbench.report.effort import effort_table
+from shellbench.report.page import write_report
+from shellbench.report.strains import strain_table
+from tests.report.conftest import Store
+from tests.report.nonlinear import REASON
+from tests.report.test_page import Page
+
+FIGURES = (
+    "curve_cantilever_shear",
+    "curve_hinged_roof_thick",
+    "states_cantilever_shear",
+    "strain_rolled_plate",
+    "strain_cantilever_shear",
+)
+
+
+@pytest.fixture(scope="module")
+def report(nonlinear: Store, tmp_path_factory: pytest.TempPathFactory):
+    with pytest.MonkeyPatch.context() as coarse:
+        coarse.setattr(exhibit, "PRINT_DPI", 40)
+        coarse.setattr(exhibit, "SCREEN_DPI", 40)
+        coarse.setattr(shells, "CELLS", 8)
+        out = tmp_path_factory.mktemp("nonlinear_report")
+        return write_report(Records(nonlinear.folder), nonlinear.rows, out, nonlinear.known_values)
+
+
+def cells(text: str) -> str:
+    """Text without mark-up, numbers as they are read."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", " ", text)).split())
+
+
+def test_the_page_has_the_paths_and_the_strains(report):
+    page = Page(report.read_text(encoding="utf-8"))
+    assert not page.open
+    targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
+    assert {"paths", "strains", "effort"} <= targets
+    assert {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")} <= targets
+    pictures = [a for t, a in page.tags if t == "img"]
+    assert all(len(picture["alt"]) > 20 for picture in pictures)
+    linked = {a["href"] for t, a in page.tags if t == "a"}
+    for name in FIGURES:
+        assert f"figures/{name}.pdf" in linked
+        assert (report.parent / "figures" / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+        assert (report.parent / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    downloads = {a["href"] for t, a in page.tags if t == "a" and not a["href"].startswith(("#", "https"))}
+    assert {"effort.csv", "strains.csv"} <= downloads
+    assert all((report.parent / name).is_file() for name in downloads)
+
+
+def test_markdown_shows_every_figure_and_table(report):
+    text = (report.parent / "report.md").read_text(encoding="utf-8")
+    for name in FIGURES:
+        assert f"(figures/{name}.png)" in text
+    assert "## Iterations and seconds" in text
+    assert "## Strain measures" in text
+    assert REASON in text
+
+
+def test_each_table_stands_in_every_file_with_the_same_cells(nonlinear, report):
+    by_id = {record.run_id: record for record in nonlinear.records}
+    for table in (effort_table(by_id, nonlinear.rows), strain_table(nonlinear.rows)):
+        assert table.write("markdown") in (report.parent / "report.md").read_text(encoding="utf-8")
+        assert table.write("html") in report.read_text(encoding="utf-8")
+        assert table.write("latex") in (report.parent / "table.tex").read_text(encoding="utf-8")
+        assert (report.parent / f"{table.name}.csv").read_text(encoding="utf-8") == table.write("csv")
+
+
+def test_json_has_every_value_of_the_records(nonlinear, report):
+    found = json.loads((report.parent / "table.json").read_text(encoding="utf-8"))
+    values = {(d["run_id"], d["quantity"]): d["value"] for d in found if d["value"] is not None}
+    assert values == {
+        (record.run_id, name): measured.value
+        for record in nonlinear.records
+        for name, measured in record.values.items()
+    }
+
+
+def test_a_partly_failed_run_keeps_what_it_finished(nonlinear, report):
+    rows = {row.quantity: row for row in nonlinear.rows if row.run_id == "cantilever_shear-ndf--1"}
+    assert rows["deflection_2"].value is not None
+    assert rows["deflection_4"].value is None
+    assert {row.status for row in rows.values()} == {"failed"}
+    assert not any(row.passed for row in rows.values())
+    assert cells(report.read_text(encoding="utf-8")).count(REASON) >= 2
+
+
+def test_zero_is_judged_in_absolute_terms(nonlinear):
+    exact = next(row for row in nonlinear.rows if row.case == "rigid_rotation" and row.label == "exact" and row.primary)
+    assert (exact.reference, exact.relative_error, exact.tolerance_is_absolute) == (0.0, None, True)
+    assert exact.absolute_error == exact.value == 2e-12
+    assert exact.passed
+
+
+def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
+    rows = tmp_path / "rows.json"
+    rows.write_text(json.dumps([row.model_dump(mode="json") for row in nonlinear.rows]), encoding="utf-8")
+    code = (
+        "import json, sys; from pathlib import Path; from shellbench.report import page, exhibit, shells;"
+        "exhibit.PRINT_DPI = exhibit.SCREEN_DPI = 30; shells.CELLS = 8;"
+        "from shellbench.bench.row import Row; from shellbench.bench.store import Store;"
+        "rows = [Row.model_validate(d) for d in json.loads(Path(sys.argv[2]).read_text())];"
+        "page.write_report(Store(Path(sys.argv[1])), rows, Path(sys.argv[3]));"
+        "print([name for name in ('torch', 'skfem', 'shellbench.fem', 'shellbench.ndf') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(nonlinear.folder), str(rows), str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == "[]"
+    assert (tmp_path / "out" / "figures" / "strain_rolled_plate.pdf").is_file()
+
+
+@pytest.mark.long
+def test_the_same_records_give_the_same_report(nonlinear, tmp_path):
+    first, second = (
+        write_report(Records(nonlinear.folder), nonlinear.rows, tmp_path / name, nonlinear.known_values).parent
+        for name in "ab"
+    )
+    for path in sorted(path for path in first.rglob("*") if path.is_file()):
+        assert (second / path.relative_to(first)).read_bytes() == path.read_bytes(), path.name
