@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import zeta
 
+from tests.origins import large_displacements as large
 from tests.origins import pinched_cylinder_diaphragm, pinched_cylinder_free, scordelis_lo, square_plate, torsion
 from tests.origins import pinched_diaphragm as diaphragm
 from tests.origins import pinched_free as free
@@ -15,6 +16,7 @@ from tests.origins.cylinder import (
     strains_of_axial_harmonic,
     strains_of_double_harmonic,
 )
+from tests.origins.elastica import Cantilever, extensible
 from tests.origins.estimate import algebraic_series_sum
 from tests.origins.exponentials import (
     edge_displacement_of_roof_harmonic,
@@ -22,6 +24,10 @@ from tests.origins.exponentials import (
 )
 from tests.origins.levy_roof import CROWN, HALF_ANGLE, LOAD, roof, solve_roof
 from tests.origins.navier_plate import SquarePlate, levy, navier
+from tests.origins.roll_up import Strip as RolledStrip
+from tests.origins.roll_up import energies, rolled_strip
+from tests.origins.spline_path import Condition, State, arc_length, displacement_control, equilibrium, load_control
+from tests.origins.spline_shell import Shell, Splines, first_variation, second_variation, strains
 from tests.origins.strip import Strip
 
 
@@ -419,3 +425,176 @@ def test_uncertainty_of_a_coarse_value_covers_the_fine_one(compute, coarse):
 )
 def test_series_agree_with_finite_elements(compute, quantity, elements):
     assert compute()[quantity].value == pytest.approx(elements, rel=1e-6)
+
+
+# --- large displacements -----------------------------------------------------------------------
+
+
+def central_difference(function, x, step):
+    """Derivative of function(x) by every entry of x, its axes last."""
+    columns = []
+    for place in np.ndindex(x.shape):
+        shift = np.zeros_like(x)
+        shift[place] = step
+        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
+    return np.moveaxis(np.array(columns), 0, -1).reshape(*columns[0].shape, *x.shape)
+
+
+def test_variations_of_the_strains_are_their_derivatives():
+    rng = np.random.default_rng(0)
+    x, stress = rng.normal(size=(5, 3)), rng.normal(size=6)
+    values, gradient = first_variation(x)
+    np.testing.assert_array_equal(values, strains(x))
+    np.testing.assert_allclose(gradient, central_difference(strains, x, 1e-6), atol=1e-7)
+    hessian = second_variation(x, stress)
+    expected = central_difference(lambda y: np.einsum("i,ikc->kc", stress, first_variation(y)[1]), x, 1e-6)
+    np.testing.assert_allclose(hessian, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("surface", [large.plane, large.ring, large.cylinder(2.0, 1), large.cylinder(2.0, 2)])
+@pytest.mark.parametrize("orders", [(1, 0), (0, 1), (2, 0), (0, 2), (1, 1)])
+def test_derivatives_of_the_surfaces(surface, orders):
+    i, j = orders
+    one, two, step = np.array([0.4]), np.array([1.7]), 1e-5
+    a, b = (1, 0) if i else (0, 1)
+    expected = (surface(one + a * step, two + b * step, i - a, j - b) - surface(one - a * step, two - b * step, i - a, j - b)) / (2 * step)  # fmt: skip
+    np.testing.assert_allclose(surface(one, two, i, j), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("end", "value", "slope"), [("zero", 0, None), ("even", None, 0), ("clamped", 0, 0)])
+def test_conditions_on_the_ends_of_splines(end, value, slope):
+    splines = Splines(large.breaks(0.0, 3.0, 4, (True, True), 2), 4)
+    reduction = splines.reduction((end, end)).toarray()
+    for order, expected in ((0, value), (1, slope)):
+        at_ends = splines.matrix(splines.breaks[[0, -1]], order) @ reduction
+        assert (np.abs(at_ends).max() < 1e-12) == (expected == 0)
+    assert np.linalg.matrix_rank(reduction) == reduction.shape[1] == splines.count - {"clamped": 4}.get(end, 2)
+
+
+def free_plate(force=None):
+    """A strip of 10 x 1, clamped at xi1 = 0."""
+    splines = Splines(large.breaks(0.0, 10.0, 10), 6), Splines(large.breaks(0.0, 1.0, 1), 3)
+    free = ("free", "free")
+    ends = [(("zero", "free"), free), (("zero", "free"), free), (("clamped", "free"), free)]
+    return Shell(large.plane, splines, ends, 1.2e6, 0.0, 0.1, edge_load=force)
+
+
+def test_a_turned_plate_is_not_strained():
+    splines = Splines(large.breaks(0.0, 2.0, 3), 4)
+    shell = Shell(large.plane, (splines, splines), [(("free", "free"),) * 2] * 3, 1e6, 0.3, 0.01)
+    # coefficients of a linear function are its values at the means of degree successive knots
+    means = np.array([splines.knots[i + 1 : i + 5].mean() for i in range(splines.count)])
+    x = np.stack([*np.meshgrid(means, means, indexing="ij"), np.zeros((len(means),) * 2)])
+    turn = np.array([[0.0, 0.0, 1.0], [0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]])
+    moved = (np.einsum("ij,jab->iab", turn, x) - x).ravel()
+    stored = shell.energies(moved)
+    assert max(stored) < 1e-18
+    assert min(shell.energies(0.1 * moved)) >= 0 and sum(shell.energies(0.1 * moved)) > 1.0
+
+
+@pytest.mark.parametrize("make", [large.roof, large.pulled_cylinder, large.slit_ring])
+def test_forces_and_tangent_are_derivatives_of_the_energy(make):
+    shell = make(large.Mesh((2, 2), 3))
+    rng = np.random.default_rng(1)
+    free, direction = rng.normal(size=(2, shell.reduction.shape[1])) * 0.05
+    step = 1e-6
+    at = shell.linearised(free)
+    ahead, behind = (shell.linearised(free + sign * step * direction) for sign in (1, -1))
+    energy = sum(shell.energies(free + step * direction)) - sum(shell.energies(free - step * direction))
+    assert at.forces() @ direction == pytest.approx(energy / (2 * step), rel=1e-6)
+    change = (ahead.forces() - behind.forces()) / (2 * step)
+    np.testing.assert_allclose(at.stiffness() @ direction, change, atol=1e-6 * np.abs(change).max())
+    expected = at.stress + (ahead.stress - behind.stress) / 2
+    np.testing.assert_allclose(at.predicted_stress(step * direction), expected, atol=1e-9 * np.abs(at.stress).max())
+
+
+@pytest.mark.parametrize(
+    ("make", "mesh", "place", "direction", "linear"),
+    [
+        (large.plate, large.Mesh((5, 5), 6), (50.0, 50.0), (0, 0, -1), square_plate),
+        (large.roof, large.Mesh((8, 6), 6), (np.radians(50), 25.0), (0, -1, 0), scordelis_lo),
+    ],
+)
+def test_small_loads_give_the_linear_values(make, mesh, place, direction, linear):
+    shell, factor = make(mesh), 1e-3
+    row = shell.row(*place, direction)
+    rest = State(np.zeros_like(row), 0.0)
+    there, back = (row @ equilibrium(shell, rest, Condition(0 * row, 1.0, sign * factor))[0].free for sign in (1, -1))
+    expected = next(iter(linear().values())).value
+    assert (there - back) / (2 * factor) == pytest.approx(expected, rel=2e-6)
+
+
+def test_a_spline_shell_bends_as_the_plane_strip():
+    shell = free_plate((0.0, 0.0, 4.0))
+    *_, state = load_control(shell, [0.25, 0.5, 0.75, 1.0])
+    expected = extensible(Cantilever(), 4.0)
+    tip = shell.displacements(state.free, np.array([10.0]), np.array([0.0, 0.5, 1.0]))[0]
+    np.testing.assert_allclose(tip[:, 0], -expected.shortening, rtol=1e-6)
+    np.testing.assert_allclose(tip[:, 2], expected.deflection, rtol=1e-6)
+    np.testing.assert_allclose(tip[:, 1], 0.0, atol=1e-9)
+    np.testing.assert_allclose(shell.energies(state.free), (expected.membrane, expected.bending), rtol=1e-4)
+
+
+def test_an_equilibrium_balances_its_load_and_meets_its_condition():
+    shell = free_plate((0.0, 0.0, 4.0))
+    up = shell.row(10.0, 0.5, (0.0, 0.0, 1.0))
+    (state,) = displacement_control(shell, up, [5.0])
+    assert up @ state.free == pytest.approx(5.0, rel=1e-12)
+    unbalanced = state.factor * shell.load_vector - shell.linearised(state.free).forces()
+    assert np.abs(unbalanced).max() < 1e-8 * np.abs(shell.load_vector).max()
+    again, iterations = equilibrium(shell, state, Condition(np.zeros_like(up), 1.0, state.factor))
+    assert iterations <= 2
+    assert again.factor == pytest.approx(state.factor, rel=1e-12)
+
+
+def test_a_path_passes_limit_points_of_both_kinds():
+    path = large.Path.follow(large.hinged_roof(6.35, large.Mesh((3, 3), 4)), 28.0)
+    deflections, loads = path.points.T
+    for column in (0, 1):
+        values = path.points[:, column]
+        turn = path.turning(column, 1)
+        first = np.flatnonzero(np.diff(values) < 0)[0]
+        assert values[first] <= turn[column] <= values[first] + 0.05 * np.ptp(values)
+    assert loads.min() < 0 and np.diff(deflections).min() < 0
+    # on the path the load works: the energy is the integral of load over deflection
+    work = 0.25 * np.sum(np.diff(deflections) * (loads[1:] + loads[:-1]) / 2)
+    stored = sum(path.shell.energies(path.states[-1].free))
+    assert work == pytest.approx(stored, rel=0.02)
+
+
+def test_arc_length_states_are_equally_far_apart():
+    shell = free_plate((0.0, 0.0, 4.0))
+    rows = shell.row(10.0, 0.5, (0.0, 0.0, 1.0))[None]
+    (first,) = displacement_control(shell, rows[0], [0.1])
+    states = [State(np.zeros(rows.shape[1]), 0.0), first]
+    for state, _ in zip(arc_length(shell, rows, 0.1, 0.5, first), range(6), strict=False):
+        states.append(state)
+    distances = [np.hypot(rows[0] @ (b.free - a.free), (b.factor - a.factor) / 0.1) for a, b in zip(states[2:], states[3:], strict=False)]  # fmt: skip
+    np.testing.assert_allclose(distances, 0.5, rtol=0.02)
+
+
+def test_the_rolled_strip_is_stationary():
+    strip = RolledStrip()
+    for factor in (0.25, 0.5, 1.0):
+        arc = rolled_strip(strip, factor)
+
+        def potential(stretch, turning, arc=arc, factor=factor):
+            moved = dataclasses.replace(arc, stretch=stretch, turning=turning)
+            work = factor * strip.moment * strip.width * moved.turning * moved.length
+            return sum(energies(strip, moved)) - work
+
+        scale = abs(potential(arc.stretch, arc.turning))
+        step = 1e-5
+        by_stretch = potential(arc.stretch + step, arc.turning) - potential(arc.stretch - step, arc.turning)
+        by_turning = potential(arc.stretch, arc.turning + step) - potential(arc.stretch, arc.turning - step)
+        assert abs(by_stretch) < 1e-9 * scale
+        assert abs(by_turning) < 1e-9 * scale
+
+
+def test_the_end_force_stores_its_work():
+    strip = Cantilever()
+    forces, weights = np.polynomial.legendre.leggauss(8)
+    forces, weights = 2 * (forces + 1), 2 * weights
+    end = extensible(strip, 4.0)
+    complementary = weights @ [extensible(strip, force, 1e-10).deflection for force in forces]
+    assert 4.0 * end.deflection - complementary == pytest.approx(end.membrane + end.bending, rel=1e-7)

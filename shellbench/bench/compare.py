@@ -59,8 +59,8 @@ def rows_and_notes(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row],
 def rows_of(current: CurrentRuns) -> list[Row]:
     """Return the rows of runs that count."""
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
-    order = {quantity.name: i for run in current.runs for i, quantity in enumerate(run.case.quantities)}
-    return sorted(held_against_each_other(found), key=lambda row: _position(row, order[row.quantity]))
+    order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
+    return sorted(held_against_each_other(found), key=lambda row: _position(row, order[row.case, row.quantity]))
 
 
 def _position(row: Row, quantity: int) -> tuple[object, ...]:

@@ -277,4 +277,3 @@ class _Run:
             parameters=0 if self.prescribed else output.numel() + self.rung.trained,
             point_forces=tuple(held.tolist()),
         )
-

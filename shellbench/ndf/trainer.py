@@ -17,20 +17,23 @@ import torch
 from pydantic import Field as PydanticField
 
 from shellbench.case import Case
+from shellbench.conditions import MomentLoad
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
 from shellbench.ndf.build import Components, FieldSpec
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
+from shellbench.ndf.deep_path import follow
 from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import Placement, activation
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
-from shellbench.ndf.ritz import LARGEST_GAP, point_constraints
+from shellbench.ndf.ritz import LARGEST_GAP, point_constraints, strain_of
 from shellbench.ndf.solution import NdfSolution
+from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.training import (
     CERTIFICATE,
@@ -69,6 +72,7 @@ class TrainerSettings(SeededSettings):
     periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
+    strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
 @dataclass(frozen=True)
@@ -77,8 +81,9 @@ class NdfSolver:
 
     name: ClassVar[str] = "ndf"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear",),
-        label="neural field: deep sine network, all weights trained (variable projection, Gauss-Newton)",
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
+        label="neural field: deep sine network, all weights trained (variable projection, Gauss-Newton); at finite"
+        " strain the output layer follows the path",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
@@ -97,8 +102,10 @@ class NdfSolver:
         settings: TrainerSettings,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> NdfSolution:
+    ) -> NdfSolution | PathSolution:
         """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
+
+        In the non-linear theory the output layer follows the path from rest, and `start` is ignored.
 
         Raises
         ------
@@ -111,10 +118,51 @@ class NdfSolver:
         reason = self.declines(case)
         if reason:
             raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        if isinstance(start, Path):
-            start = self.load(start)
+        tell = progress or (lambda _: None)
+        strain = strain_of(case, settings.strain)
         with torch.no_grad():
-            return _Run(case, settings, progress or (lambda _: None)).solve(start)
+            if case.linear and not any(isinstance(load, MomentLoad) for load in case.loads):
+                return _Run(case, settings, tell).solve(self.load(start) if isinstance(start, Path) else start)
+            activation(settings.activation)
+            return follow(
+                case,
+                field_spec(settings, strain),
+                training_plan(settings, settings.widths or (), ()),
+                Placement.on(settings.device),
+                point_constraints,
+                settings.largest_gap,
+                self.name,
+                tell,
+            )
+
+
+def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
+    """Return the choices of the field."""
+    return FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        multipliers=settings.singular,
+        strain=strain,
+    )
+
+
+def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:
+    """Return what training may do, with these widths and scales to start from."""
+    return Plan(
+        inner=settings.inner,
+        widths=widths,
+        scales=scales,
+        activation=settings.activation,
+        iterations=settings.iterations,
+        tolerance=settings.tolerance,
+        gap=settings.gap,
+        damping=settings.damping,
+        attempts=settings.attempts,
+        seed=settings.seed,
+    )
 
 
 class _Run:
@@ -124,28 +172,10 @@ class _Run:
         activation(settings.activation)
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
-        self.spec = FieldSpec(
-            activation=settings.activation,
-            periodic_input=settings.periodic_input,
-            components=settings.components,
-            stretched=settings.stretched,
-            layer=settings.layer,
-            multipliers=settings.singular,
-        )
+        self.spec = field_spec(settings, "linear")
         self.problem = Problem.of(case, self.spec, Placement.on(settings.device), point_constraints)
         widths, scales = default_plan_widths(case, self.problem.singular)
-        self.plan = Plan(
-            inner=settings.inner,
-            widths=settings.widths or widths,
-            scales=scales,
-            activation=settings.activation,
-            iterations=settings.iterations,
-            tolerance=settings.tolerance,
-            gap=settings.gap,
-            damping=settings.damping,
-            attempts=settings.attempts,
-            seed=settings.seed,
-        )
+        self.plan = training_plan(settings, settings.widths or widths, scales)
         self.history: list[Step] = []
         self.last: NdfSolution | None = None
 

@@ -18,6 +18,7 @@ WIDTH, HEIGHT = 2.45, 2.5  # inches a panel
 MARGIN = 0.6  # inches for the legend
 MOST_IN_A_ROW = 3  # panels
 CROWDED = 40  # states of a path, above which their markers shrink
+DENSE = 12  # tabulated points, above which their crosses shrink
 CROSSES = ("x", "+", "1", "2", "3", "4")  # of figures from elsewhere, one for each source
 ELSEWHERE = "#555555"
 TITLE = 34  # characters a line
@@ -78,7 +79,8 @@ def curve_figure(
         axes.set_xlabel(f"{readable(panel.series.name)}{unit}")
         axes.set_ylabel(load.label if place % columns == 0 else "")
         words = panel.series.description
-        axes.set_title(textwrap.fill(words[:1].upper() + words[1:], TITLE), loc="left", fontsize=7.5)
+        title = textwrap.fill(words[:1].upper() + words[1:], TITLE, break_on_hyphens=False)
+        axes.set_title(title, loc="left", fontsize=7.5)
         axes.axhline(0, color="#999999", linewidth=0.5, zorder=0)
     columns = _legend_columns(list(entries), size[0])
     figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
@@ -145,7 +147,8 @@ def _draw_known(axes: Axes, known: KnownPath, load: LoadAxis, crosses: Mapping[s
     if known.judges:
         look = {"marker": "o", "markersize": 7.5, "markerfacecolor": "none", "markeredgecolor": "black"}
     else:
-        look = {"marker": crosses[known.label], "markersize": 5.5, "markeredgecolor": ELSEWHERE}
+        size = 5.5 if len(known.factors) <= DENSE else 4.0
+        look = {"marker": crosses[known.label], "markersize": size, "markeredgecolor": ELSEWHERE}
     (line,) = axes.plot(
         known.displacements,
         load.scale * known.factors,

@@ -70,7 +70,7 @@ def _curves(
     return Exhibit(
         name=name,
         title=f"{case.title}: {about or 'load against displacement'}",
-        caption="Marks on the lines are computed states. Open circles: known values that judge. Crosses: figures from"
+        caption="Marks on the lines are computed states; between them the lines only guide the eye. Open circles: known values that judge. Crosses: figures from"
         f" elsewhere, of the theory named. {'Diamonds: limit points of the computed curves. ' if turning else ''}"
         f"{failures}".strip(),
         description=f"{load.label} against {shown or ', '.join(readable(one.name) for one in series)}; "

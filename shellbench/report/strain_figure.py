@@ -48,19 +48,21 @@ def rolled_figure(energies: Mapping[str, Mapping[float, float]], stiffness: floa
         return None
     figure = Figure(figsize=SIZE, layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    angles = np.linspace(0.0, HALF_TURN, FINE)
+    angles = np.linspace(0.0, HALF_TURN, FINE).tolist()
+    exact = [exact_energy(math.radians(angle), stiffness) for angle in angles]
     for strain in STRAINS:
-        ink, ratio = INKS[strain], ENERGY[strain]
-        _closed_form(left, angles, lambda theta, r=ratio: r(theta) * exact_energy(theta, stiffness), ink, strain)
-        _closed_form(middle, angles, ratio, ink, strain)
-        _closed_form(right, angles, CURVATURE[strain], ink, strain)
+        ink = INKS[strain]
+        ratios = [ENERGY[strain](math.radians(angle)) for angle in angles]
+        _closed_form(left, angles, [a * b for a, b in zip(ratios, exact, strict=True)], ink, strain)
+        _closed_form(middle, angles, ratios, ink, strain)
+        _closed_form(right, angles, [CURVATURE[strain](math.radians(angle)) for angle in angles], ink, strain)
         marks = energies.get(strain, {})
         turned, computed = [HALF_TURN * at for at in marks], list(marks.values())
-        exact = [exact_energy(math.pi * at, stiffness) for at in marks]
         if not marks:
             continue
+        true = [exact_energy(math.pi * at, stiffness) for at in marks]
         _computed(left, turned, computed, ink, strain)
-        _computed(middle, turned, [a / b for a, b in zip(computed, exact, strict=True)], ink, strain)
+        _computed(middle, turned, [a / b for a, b in zip(computed, true, strict=True)], ink, strain)
     left.set_ylabel("bending energy (J)")
     middle.set_ylabel("bending energy / exact")
     for axes in (left, middle):
@@ -86,15 +88,8 @@ def _computed(axes: Axes, x: Sequence[float], y: Sequence[float], ink: Ink, stra
     axes.plot(x, y, linestyle="none", marker=ink.marker, markersize=4.0, color=ink.colour, label=f"{strain}, computed")
 
 
-def _closed_form(axes: Axes, angles: np.ndarray, form: Callable[[float], float], ink: Ink, strain: str) -> None:
-    axes.plot(
-        angles,
-        [form(math.radians(angle)) for angle in angles],
-        color=ink.colour,
-        linestyle=ink.dashes,
-        linewidth=1.1,
-        label=f"{strain}, closed form",
-    )
+def _closed_form(axes: Axes, angles: Sequence[float], values: Sequence[float], ink: Ink, strain: str) -> None:
+    axes.plot(angles, values, color=ink.colour, linestyle=ink.dashes, linewidth=1.1, label=f"{strain}, closed form")
 
 
 def _mark_zero(axes: Axes) -> None:

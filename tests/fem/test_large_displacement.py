@@ -451,18 +451,12 @@ def test_what_is_prescribed_everywhere_is_not_solved_for_in_linear_theory_either
     assert solve(case, cells=(4, 2)).energies()[1] == pytest.approx(stiffness / 2 * 0.02**2 * 0.5, rel=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="what holds a prescribed surface is returned as zero")
-def test_a_mould_exerts_what_the_strained_shell_pulls_at_it():
-    """A plate that is stretched evenly pulls at its mould: the work of its forces is that of its stresses."""
-    data = data_of("rolled_plate")
-    bulge = data["supports"][0] | {"motion": {"kind": "value", "x": "0.1*t*xi1**2"}}
-    case = build_case(data | {"supports": [bulge]}, "bulge", "test")
+@pytest.mark.xfail(strict=True, reason="what holds a prescribed surface is returned as zero, whatever loads it")
+def test_a_mould_carries_the_loads():
+    """Internal forces are in balance whatever the displacement, so that the mould's resultant is the loads'."""
+    case = build_case(data_of("rolled_plate") | {"loads": [{"kind": "area", "vector": [0, 0, "3*t"]}]}, "laden", "test")
     force, _ = solve(case, cells=(4, 2)).reaction("mould")
-    scale = case.material.youngs_modulus * case.material.thickness * 0.2 * 0.5
-    # N = E h (e + e^2 / 2), e = u,x = 0.2 x; the mould's force is the difference of F N at the ends, which are free
-    moment = solve(case, cells=(4, 2)).support_forces
-    assert np.abs(moment).max() > 1e-3 * scale
-    assert np.allclose(force, 0, atol=1e-6 * scale)
+    assert np.allclose(force, [0, 0, -3 * 0.5], rtol=0, atol=1e-6)
 
 
 def test_progress_tells_mesh_and_load_factor():
@@ -470,7 +464,7 @@ def test_progress_tells_mesh_and_load_factor():
     case = catalog.named_case("cantilever_shear")
     FemSolver().solve(case, FemSettings(cells=(3, 1)), progress=told.append)
     factors = [
-        float(found[1]) for p in told if (found := re.fullmatch(r"6 x 2 cells, load factor ([\d.]+)", p.message))
+        float(found[1]) for p in told if (found := re.fullmatch(r"\d+ x \d+ cells, load factor ([\d.]+)", p.message))
     ]
     assert factors == sorted(factors)
     assert factors[-1] == 1.0

@@ -1,10 +1,11 @@
-"""Origins of the known values of linear Kirchhoff-Love shells, by series and closed forms.
+"""Origins of the known values of Kirchhoff-Love shells, by series, closed forms and Ritz's method.
 
-These are independent of every solver that they judge: they import NumPy and SciPy only, expand in
-harmonics instead of elements or neurons, and are written for one geometry each. The theory is
+These are independent of every solver that they judge: they import NumPy and SciPy only. The linear ones expand in
+harmonics instead of elements or neurons and are written for one geometry each; the theory is
 W = 1/2 (D H eps eps + B H kappa kappa) with D = E h / (1 - nu^2), B = E h^3 / (12 (1 - nu^2)) and the
-exact linearisation of the metric and curvature changes as strains. `python -m tests.origins` prints
-every value with its uncertainty.
+exact linearisation of the metric and curvature changes as strains. Those of large displacements take these changes
+themselves, from positions. `python -m tests.origins` prints every value with its uncertainty, which takes some ten
+minutes for the large displacements.
 
 | module | case | method | second form, in the tests |
 |---|---|---|---|
@@ -13,23 +14,49 @@ every value with its uncertainty.
 | pinched_diaphragm | pinched cylinder, diaphragms | double Fourier, closed-form tail | `pinched_free` |
 | pinched_free | pinched cylinder, free ends | Fourier x Legendre-Ritz, fitted tail | exact exponentials |
 | torsion | twisted sleeve | closed form | stationarity of the Ritz energy |
+| elastica | cantilever, end shear | equations of equilibrium | `plane_strip`, elliptic integrals |
+| roll_up | cantilever, end moment | closed form | `plane_strip` |
+| rolled_plate | prescribed bending, rigid rotation | closed form | sampled positions |
+| large_displacements | the other large displacements | Ritz on splines | `elastica`, `levy_roof` in its limits |
 
-`cylinder` has the strains, `strip` the Legendre-Ritz method for one harmonic, `exponentials` its exact
-counterpart, `estimate` the number with its uncertainty.
+`cylinder` has the linear strains, `strip` the Legendre-Ritz method for one harmonic, `exponentials` its exact
+counterpart, `spline_shell` the Ritz method for large displacements, `spline_path` its equilibria along a path,
+`estimate` the number with its uncertainty.
 """
 
+from .elastica import cantilever_shear
 from .estimate import Estimate
+from .large_displacements import (
+    cylinder_pull_out,
+    hinged_roof_thick,
+    hinged_roof_thin,
+    scordelis_lo_nonlinear,
+    slit_annular_plate,
+    square_plate_nonlinear,
+)
 from .levy_roof import scordelis_lo
 from .navier_plate import square_plate
 from .pinched_diaphragm import pinched_cylinder_diaphragm
 from .pinched_free import pinched_cylinder_free
+from .roll_up import cantilever_moment
+from .rolled_plate import rigid_rotation, rolled_plate
 from .torsion import sleeve_torque
 
 __all__ = [
     "Estimate",
+    "cantilever_moment",
+    "cantilever_shear",
+    "cylinder_pull_out",
+    "hinged_roof_thick",
+    "hinged_roof_thin",
     "pinched_cylinder_diaphragm",
     "pinched_cylinder_free",
+    "rigid_rotation",
+    "rolled_plate",
     "scordelis_lo",
+    "scordelis_lo_nonlinear",
     "sleeve_torque",
+    "slit_annular_plate",
     "square_plate",
+    "square_plate_nonlinear",
 ]

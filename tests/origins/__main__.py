@@ -1,11 +1,21 @@
 """Print the known values with their uncertainties: `python -m tests.origins`."""
 
 from . import (
+    cantilever_moment,
+    cantilever_shear,
+    cylinder_pull_out,
+    hinged_roof_thick,
+    hinged_roof_thin,
     pinched_cylinder_diaphragm,
     pinched_cylinder_free,
+    rigid_rotation,
+    rolled_plate,
     scordelis_lo,
+    scordelis_lo_nonlinear,
     sleeve_torque,
+    slit_annular_plate,
     square_plate,
+    square_plate_nonlinear,
 )
 
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
@@ -20,6 +30,16 @@ def main() -> None:
         "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
         "pinched_cylinder_free": pinched_cylinder_free,
         "sleeve_torque, lambda = 1 rad": sleeve_torque,
+        "rolled_plate": rolled_plate,
+        "rigid_rotation": rigid_rotation,
+        "cantilever_shear": cantilever_shear,
+        "cantilever_moment": cantilever_moment,
+        "square_plate_nonlinear": square_plate_nonlinear,
+        "scordelis_lo_nonlinear": scordelis_lo_nonlinear,
+        "slit_annular_plate": slit_annular_plate,
+        "cylinder_pull_out": cylinder_pull_out,
+        "hinged_roof_thick (mm)": hinged_roof_thick,
+        "hinged_roof_thin (mm)": hinged_roof_thin,
     }
     row = "{:<31} {:<21} {:>19} {:>11} {}"
     print(row.format(*TITLE))

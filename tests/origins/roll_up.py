@@ -86,6 +86,22 @@ def energies(strip: Strip, arc: Arc) -> tuple[float, float]:
     return membrane, 0.5 * strip.bending_stiffness * (arc.stretch * arc.turning) ** 2 * area
 
 
+def inextensible_circle() -> dict[str, Estimate]:
+    """Values of the inextensible circle; the uncertainty bounds what the stretch changes.
+
+    The strip contracts by (h theta')^2 / 12 and turns by (h theta')^2 / 6 of its angle more.
+    """
+    strip = Strip()
+    values = {}
+    for factor, name in MARKS.items():
+        arc = circle(strip, factor)
+        spread = (strip.thickness * arc.turning) ** 2 / 4 * strip.length
+        values[f"shortening_{name}"] = Estimate(arc.shortening, spread, "m")
+        if factor < 1.0:
+            values[f"deflection_{name}"] = Estimate(arc.deflection, spread, "m")
+    return values
+
+
 def cantilever_moment() -> dict[str, Estimate]:
     """Known values of the strip under an end moment, of which half the width is modelled."""
     strip = Strip()

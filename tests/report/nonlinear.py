@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -99,14 +99,17 @@ def solved(case: Case, value: float) -> tuple[HistoryStep, ...]:
     )
 
 
+def form_of(quantity: str) -> Callable[[float], float]:
+    return {"shortening": shortening, "deflection": deflection}[quantity.partition("_")[0]]
+
+
+def scaled(form: Callable[[float], float], factor: float) -> Callable[[float], float]:
+    return lambda t: factor * form(t)
+
+
 def cantilever(case: Case, upto: float = 1.0, factor: float = 1.0) -> tuple[tuple[HistoryStep, ...], dict[str, float]]:
     """Path and values as far as a load factor."""
-    forms = {"shortening": shortening, "deflection": deflection}
-    moved = {
-        q.name: (lambda t, f=forms[q.name.partition("_")[0]]: factor * f(t))
-        for q in case.quantities
-        if isinstance(q, DisplacementQuantity)
-    }
+    moved = {q.name: scaled(form_of(q.name), factor) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     states = [(t, {name: form(t) for name, form in moved.items()}) for t in LOADS if t <= upto]
     values = {name: form(case.quantity(name).at) for name, form in moved.items() if case.quantity(name).at <= upto}
     energies = {"strain_energy": 3.0 * factor, "membrane_energy": 0.5 * factor, "bending_energy": 2.5 * factor}
@@ -198,11 +201,10 @@ def judge(quantity: str, value: float, uncertainty: float = 1e-6) -> KnownValue:
 def synthetic_known() -> dict[str, KnownValues]:
     case = catalog.named_case("cantilever_shear")
     displacements = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-    forms = {"shortening": shortening, "deflection": deflection}
     return {
         "cantilever_shear": KnownValues(
             values=(
-                *(judge(q.name, forms[q.name.partition("_")[0]](q.at)) for q in displacements),
+                *(judge(q.name, form_of(q.name)(q.at)) for q in displacements),
                 KnownValue(
                     quantity="deflection_4",
                     role="literature",

@@ -1,0 +1,85 @@
+"""The recipe `ndf` at finite strain: a deep network whose output layer follows the path of a case.
+
+The hidden layers are trained on the linearised problem at full load, which is cheap, and then kept: on plates and roofs
+they are worth as much at finite strain as before training, so what decides there is the last hidden layer's width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from torch import Tensor
+
+from shellbench.case import Case
+from shellbench.conditions import MomentLoad
+from shellbench.errors import SolveFailure
+from shellbench.ndf import large_displacement
+from shellbench.ndf.build import FieldSpec, graded_points
+from shellbench.ndf.field import Ansatz, Features
+from shellbench.ndf.jets import VALUE, Placement
+from shellbench.ndf.large_displacement import Rung
+from shellbench.ndf.network import Network, deep_random_features
+from shellbench.ndf.path_solution import PathSolution
+from shellbench.ndf.resolution import RUNGS, rung
+from shellbench.ndf.training import Plan, Problem, Quadratures, train, trusted
+from shellbench.places import Whole
+from shellbench.solution import ProgressCallback
+
+Constraints = Callable[[Ansatz, Features], tuple[Tensor, Tensor]]
+
+
+def follow(
+    case: Case,
+    spec: FieldSpec,
+    plan: Plan,
+    placement: Placement,
+    constraints: Constraints,
+    largest_gap: float,
+    solver: str,
+    progress: ProgressCallback,
+) -> PathSolution:
+    """Follow the path of a case with deep networks of ever larger width, `plan.widths` if there are any.
+
+    Raises
+    ------
+    SolveFailure
+        If the path ends early for the widest, or its field exploits the quadrature.
+    """
+    full = case.path.until if case.path.control == "load" else 1.0
+    linear = case.model_copy(update={"theory": "kirchhoff-love-linear"})
+    problem = Problem.of(linear, spec.model_copy(update={"strain": "linear", "t": full}), placement, constraints)
+
+    def build(number: int, width: int) -> Rung:
+        chosen = rung(case, number)
+        points = Quadratures.of(problem, width)
+        scales = placement.tensor(chosen.scales(problem.features.inputs))
+        values = points.train.inputs[VALUE]
+        network = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
+        if is_trained(case):
+            network = _trained(problem, plan, network, points)
+        features = problem.with_network(network)
+        return Rung(features, chosen.rule, chosen.fine, graded_points(case, spec), network.parameters)
+
+    widths = plan.widths or tuple(rung(case, number).neurons for number in range(RUNGS))
+    numbers = [max(0, RUNGS - len(widths) + k) for k in range(len(widths))]
+    builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
+    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, progress)
+    hidden = "trained in linear theory" if is_trained(case) else "as drawn"
+    return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
+
+
+def is_trained(case: Case) -> bool:
+    """Tell whether the hidden layers are trained: not where all is prescribed, nor where edge moments act."""
+    prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
+    return not prescribed and not any(isinstance(load, MomentLoad) for load in case.loads)
+
+
+def _trained(problem: Problem, plan: Plan, network: Network, points: Quadratures) -> Network:
+    try:
+        state, points = trusted(problem, plan, points.evaluate(problem, network), points)
+        state, _ = train(problem, plan, state, points, lambda iteration, state: None)
+    except SolveFailure:  # what was drawn is as good
+        return network
+    return state.network

@@ -1,0 +1,187 @@
+"""What a record keeps of a path: all of a whole one, and of a broken one what it reached."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shellbench.bench.environment import environment
+from shellbench.bench.measuring import FIELDS, measured, values_of, without_values
+from shellbench.bench.record import HistoryStep, Identity, Record
+from shellbench.bench.sampling import PICTURE, energies_of_states, write_fields
+from shellbench.bench.task import Task, case_data
+from shellbench.bench.worker import run
+from shellbench.case import Case
+from tests.bench import spring
+from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
+
+FINE = 1e-4  # relative: a spline through sixty states
+SINGLE = 1e-6  # relative: rounding of single precision
+
+
+def broken_run(case: Case, folder: Path) -> Record:
+    """Run a solver that fails half way, as the worker does."""
+    task = Task(
+        run_id="broken",
+        created="2000-01-01T00:00:00Z",
+        identity=Identity(
+            case=case.digest(), solver="breaking", source="0", settings={}, seed=None, device="cpu", dtype="float64"
+        ),
+        target="tests.bench.spring:BreakingSolver",
+        case_name=case.name,
+        case=case_data(case),
+        own_case=True,
+        settings={},
+        solver_label="",
+        environment=environment(),
+    )
+    return run(task, folder, lambda progress: None)
+
+
+def test_a_whole_path_is_measured_at_its_marks(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    found, why = measured(SpringSolution(case), case, tmp_path)
+    assert why is None
+    assert {name: m.value for name, m in found["values"].items()} == {
+        "half": 0.25,
+        "full": 1.0,
+        "bending": 0.5,
+        "energy": 3.0,
+    }
+    assert [(e.at, e.membrane, e.bending) for e in found["energies"]] == [
+        (0.25, 0.0625, 0.125),
+        (0.5, 0.25, 0.5),
+        (1.0, 1.0, 2.0),
+    ]
+    assert found["diagnostics"] == {"reached": 1.0, "bad": None}
+
+
+def test_turning_points_and_loads_come_from_the_path(tmp_path: Path) -> None:
+    case = spring.snapping_case()
+    found, why = measured(SpringSolution(case), case, tmp_path)
+    assert why is None
+    values = {name: m.value for name, m in found["values"].items()}
+    assert values["limit"] == pytest.approx(100 * spring.load_at(FIRST), rel=FINE)
+    assert values["limit_rise"] == pytest.approx(FIRST, rel=FINE)
+    assert values["valley"] == pytest.approx(100 * spring.load_at(SECOND), rel=FINE)
+    assert values["load_15"] == pytest.approx(100 * spring.load_at(15.0), rel=FINE)
+    assert values["rise"] == END
+
+
+def test_the_history_tells_states_of_the_path_from_solves(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    found, _ = measured(SpringSolution(case), case, tmp_path)
+    first, *states = found["history"]
+    assert (first.phase, first.iterations, first.quantities) == ("solve", None, {"full": 0.9})
+    assert {step.phase for step in states} == {"path"}
+    assert [step.iterations for step in states[:3]] == [2, 3, 2]
+    assert states[-1].at == 1.0
+    assert states[29].quantities == {"half": 0.25, "full": 0.25}  # at this state, whatever they are asked for
+    assert all(isinstance(step.iterations, int) for step in states)
+
+
+def test_a_broken_path_keeps_what_it_reached_and_says_why(tmp_path: Path) -> None:
+    record = broken_run(spring.loaded_case(), tmp_path)
+    assert (record.status, record.reason) == ("failed", REASON)
+    assert {name: m.value for name, m in record.values.items()} == {"half": 0.25, "bending": 0.5}
+    path = [step for step in record.history if step.phase == "path"]
+    assert len(path) == 30
+    assert path[-1].at == 0.5
+    assert [state.at for state in record.energies] == [0.25, 0.5]
+    assert record.parameters == 1
+    with np.load(tmp_path / str(record.fields_file)) as fields:
+        assert list(fields["marks"]) == [0.25, 0.5]
+    assert (tmp_path / str(record.solution_file)).is_file()
+
+
+def test_a_path_that_broke_behind_its_first_limit_point_keeps_it(tmp_path: Path) -> None:
+    record = broken_run(spring.snapping_case(), tmp_path)
+    assert record.status == "failed"
+    assert set(record.values) == {"limit", "limit_rise", "load_15"}
+    assert record.values["limit"].value == pytest.approx(100 * spring.load_at(FIRST), rel=FINE)
+
+
+def test_a_record_of_a_broken_path_survives_json(tmp_path: Path) -> None:
+    record = broken_run(spring.loaded_case(), tmp_path)
+    assert Record.model_validate_json(record.model_dump_json()) == record
+
+
+def test_older_records_can_be_read() -> None:
+    step = HistoryStep.model_validate({"iteration": 0, "seconds": 1.0, "energy": -1.0, "unknowns": 4})
+    assert (step.phase, step.iterations, step.at) == ("solve", None, 1.0)
+
+
+def test_an_unfinished_answer_is_no_good_answer(tmp_path: Path) -> None:
+    """A solver that stops early without saying so fails all the same."""
+    case = spring.loaded_case()
+    found, why = measured(SpringSolution(case, 0.5), case, tmp_path)
+    assert set(found["values"]) == {"half", "bending"}
+    assert why == "the solution has no finite value for full, energy: loaded: solved at 0.5, not at 1"
+
+
+def test_a_value_that_is_not_finite_is_left_out_and_named() -> None:
+    case = spring.loaded_case()
+    values, lost = values_of(SpringSolution(case, spoilt=0.5), case)
+    assert set(values) == {"full", "energy"}
+    assert lost == {"half": "", "bending": ""}
+    assert without_values(lost) == "the solution has no finite value for half, bending"
+
+
+def test_a_bug_in_one_quantity_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = spring.loaded_case()
+    solution = SpringSolution(case)
+
+    def broken(at: float | None = None) -> tuple[float, float]:
+        raise ZeroDivisionError("a bug")
+
+    solution.energies = broken  # type: ignore[method-assign]
+    found, why = measured(solution, case, tmp_path)
+    assert set(found["values"]) == {"half", "full"}
+    assert "ZeroDivisionError: a bug" in str(why)
+    assert "Traceback" in capsys.readouterr().err
+    assert found["fields_file"] == FIELDS
+
+
+def test_states_of_a_path_are_sampled_at_their_marks(tmp_path: Path) -> None:
+    case = spring.snapping_case()
+    path = tmp_path / "fields.npz"
+    assert write_fields(SpringSolution(case), case, path)
+    with np.load(path) as fields:
+        assert list(fields["marks"]) == [FIRST, 15.0, SECOND, END]
+        assert fields["displacements"].shape == (4, PICTURE, PICTURE, 3)
+        assert fields["displacements"].dtype == np.float32
+        for mark, state in zip(fields["marks"], fields["displacements"], strict=True):
+            assert state[..., 2] == pytest.approx(mark, rel=SINGLE)
+        assert fields["displacement"].dtype == np.float64  # others are compared with it
+
+
+def test_states_that_were_not_reached_or_are_not_finite_are_left_out(tmp_path: Path) -> None:
+    case = spring.snapping_case()
+    early = SpringSolution(case, SECOND, spoilt=15.0)
+    write_fields(early, case, tmp_path / "fields.npz")
+    with np.load(tmp_path / "fields.npz") as fields:
+        assert list(fields["marks"]) == [FIRST, SECOND]
+    assert [state.at for state in energies_of_states(early, case)] == [FIRST, SECOND]
+
+
+def test_a_path_that_reached_nothing_leaves_no_fields(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    nothing = SpringSolution(case, 0.0)
+    assert not write_fields(nothing, case, tmp_path / "fields.npz")
+    found, why = measured(nothing, case, tmp_path)
+    assert found["values"] == {}
+    assert "fields_file" not in found
+    assert math.isfinite(found["parameters"])
+    assert "not at" in str(why)
+
+
+def test_a_history_ends_where_its_energy_is_not_finite(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution = SpringSolution(case)
+    bad = solution.history[5].__class__(**{**vars(solution.history[5]), "energy": math.nan})
+    solution.history = (*solution.history[:5], bad, *solution.history[6:])
+    found, _ = measured(solution, case, tmp_path)
+    assert len(found["history"]) == 5
