@@ -36,7 +36,9 @@ class PathEndsError(Exception):
     """The path can't be followed further; the message is a clause that says why."""
 
 
-def load_steps(problem: Problem, marks: Sequence[float], first: float, start: State | None = None) -> Iterator[State]:
+def load_steps(
+    problem: Problem, marks: Sequence[float], first: float, shortest: float, start: State | None = None
+) -> Iterator[State]:
     """Yield the states of equilibrium on the way from rest to the last of increasing load factors.
 
     Parameters
@@ -45,8 +47,8 @@ def load_steps(problem: Problem, marks: Sequence[float], first: float, start: St
         What is solved.
     marks
         Load factors that are landed on.
-    first
-        Length of the first step.
+    first, shortest
+        Length of the first step, and of the shortest one.
     start
         A state to go on from; rest if None.
 
@@ -55,7 +57,7 @@ def load_steps(problem: Problem, marks: Sequence[float], first: float, start: St
     PathEndsError
         If a step can't be cut further, or a state is no minimum.
     """
-    state, step, end = start or problem.rest(), first, marks[-1]
+    state, step = start or problem.rest(), first
     for mark in (m for m in marks if m > (start.t if start else 0.0)):
         while state.t < mark:
             remaining = mark - state.t
@@ -68,7 +70,7 @@ def load_steps(problem: Problem, marks: Sequence[float], first: float, start: St
                 found, reason = state, f"no equilibrium was found at load factor {target:.6g}"
             if reason:
                 step = (target - state.t) * CUT
-                if step < SMALLEST_STEP * end:
+                if step < shortest:
                     raise PathEndsError(reason)
                 continue
             if found.iterations <= EASY:

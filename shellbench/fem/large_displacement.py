@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 EDGE_SAMPLES = 17  # points of an edge at which its normal is looked at
+SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
 RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
 
 
@@ -66,7 +67,7 @@ def solve(
     case: Case,
     mesh: TensorMesh,
     quadrature_order: int,
-    first_step: float,
+    steps: tuple[float, float],
     trail: FemSolution | None = None,
     tell: Callable[[float], None] | None = None,
 ) -> tuple[Equilibrium, FemSolution]:
@@ -76,8 +77,8 @@ def solve(
     ----------
     case, mesh, quadrature_order
         What is solved, on what, and the degree to which a cell's Gauss rule is exact.
-    first_step
-        The load step to begin with, as a part of the path.
+    steps
+        The load step to begin with, and the shortest one, as parts of the path.
     trail
         All states of the path on another mesh: under load control they are corrected one by one.
     tell
@@ -105,7 +106,7 @@ def solve(
     seconds: list[float] = []
     reason: str | None = None
     try:
-        for state in _path(problem, controlled, first_step, trail):
+        for state in _path(problem, controlled, steps, trail):
             states.append(state)
             seconds.append(time.perf_counter() - began)
             if tell:
@@ -158,12 +159,15 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
     return Equilibrium(solution, sum(solution.energies()), 0.0, 0.0)
 
 
-def _path(problem: Problem, controlled: Array | None, first_step: float, trail: FemSolution | None) -> Iterator[State]:
+def _path(
+    problem: Problem, controlled: Array | None, steps: tuple[float, float], trail: FemSolution | None
+) -> Iterator[State]:
     case = problem.case
     match case.path.control:
         case "load":
             if trail is None:
-                yield from load_steps(problem, case.states, first_step * case.path.until)
+                first, shortest = (step * case.path.until for step in steps)
+                yield from load_steps(problem, case.states, first, shortest)
             else:
                 yield from _corrected(problem, trail)
         case "displacement":
@@ -185,7 +189,7 @@ def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
         except NotConvergedError:
             state = guess
         if state is guess or not state.stable:
-            for state in load_steps(problem, (t,), t - near.t, before):  # noqa: B007
+            for state in load_steps(problem, (t,), t - near.t, SHORTEST * (t - near.t), before):  # noqa: B007
                 pass
         before = state
         yield state

@@ -30,6 +30,7 @@ SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections unde
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
+SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
 FORGIVEN = 2  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
@@ -104,14 +105,14 @@ class FemSolver:
         if refusal:
             raise InputError(f"fem can't take {case.name}: {refusal}")
         began = time.perf_counter()
-        on_mesh, trial = _solves(case, chosen, progress or (lambda _: None))
+        on_mesh, trials = _solves(case, chosen, progress or (lambda _: None))
         tolerance = chosen.tolerance or usual_tolerance(case)
         largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
         steps: list[Step] = []
         differences: list[dict[str, Any]] = []
         solution: FemSolution | None = None
         try:
-            meshes = _meshes(case, chosen, trial)
+            meshes = _meshes(case, chosen, trials)
             for level in levels(case, meshes, on_mesh, _measured, forgiven=0 if case.linear else FORGIVEN):
                 seconds = time.perf_counter() - began
                 found = level.equilibrium
@@ -148,8 +149,11 @@ def usual_tolerance(case: Case) -> float:
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
-def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tuple[OnMesh, OnMesh]:
-    """Return how a case is solved on a mesh, and how a trial is made that shares out the cells."""
+def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tuple[OnMesh, tuple[OnMesh, ...]]:
+    """Return how a case is solved on a mesh, and how trials are made that share out the cells.
+
+    Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
+    """
 
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
@@ -159,16 +163,16 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
         return solve
 
     if case.linear:
-        return linear(case), linear(case)
+        return linear(case), (linear(case),)
     if any(isinstance(place, Whole) for _, place in case.supported_places()):
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
             mesh = graded_mesh(case, cells, settings.grading)
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
-        return interpolate, interpolate
+        return interpolate, (interpolate,)
 
-    def nonlinear(of: Case, first_step: float) -> OnMesh:
+    def nonlinear(of: Case, first_step: float, shortest_step: float = SHORTEST_STEP) -> OnMesh:
         trail: FemSolution | None = None
 
         def follow(cells: Cells) -> equilibrium.Equilibrium:
@@ -178,7 +182,8 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
             def tell(t: float) -> None:
                 progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
 
-            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, first_step, trail, tell)
+            steps = first_step, shortest_step
+            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, steps, trail, tell)
             return found
 
         return follow
@@ -186,7 +191,8 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
     ends = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
     if case.path.control == "load":  # a trial needs the end of the path only
         ends = ends.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
-    return nonlinear(case, FIRST_STEP), nonlinear(ends, TRIAL_STEP)
+    unbent = linear(ends.model_copy(update={"theory": "kirchhoff-love-linear"}))
+    return nonlinear(case, FIRST_STEP), (nonlinear(ends, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
 
 
 def _measured(solution: FemSolution) -> Mapping[str, float]:
@@ -196,13 +202,19 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         raise SolveFailure(str(error), partial=solution) from None
 
 
-def _meshes(case: Case, settings: FemSettings, trial: OnMesh) -> Iterator[Cells]:
+def _meshes(case: Case, settings: FemSettings, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
     """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
     if settings.cells:
         yield settings.cells
         return
     first = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count)
-    share = balanced_share(trial, first - 1)
+    for trial in trials:
+        try:
+            share = balanced_share(trial, first - 1)
+            break
+        except SolveFailure:
+            if trial is trials[-1]:
+                raise
     for level in itertools.count(first):
         yield level_cells(level, share)
 

@@ -11,7 +11,7 @@ import pandas as pd
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.digits import quoted, rounded
-from shellbench.report.notation import Notation
+from shellbench.report.notation import SUPERSCRIPTS, Notation
 from shellbench.report.solutions import STATUS_WORDS, grouped
 from shellbench.report.suites import rows_of, suite_title
 from shellbench.report.table import Column, Line, Note, Show, Table, present
@@ -25,8 +25,10 @@ FIGURES = 6  # significant digits of a value without a known one beside it
 
 
 def strain_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of the ablation."""
-    return [row for row in rows_of(rows, SUITE) if row.label in STRAINS]
+    """Return the rows of the ablation, those of each case in the order of their marks."""
+    shown = [row for row in rows_of(rows, SUITE) if row.label in STRAINS]
+    of_cases = grouped(shown, lambda row: row.case).values()
+    return [row for of_case in of_cases for row in sorted(of_case, key=lambda row: row.at or 0.0)]
 
 
 def strain_table(rows: Sequence[Row]) -> Table | None:
@@ -148,7 +150,8 @@ def _turned(rows: Sequence[Row]) -> str:
 
 def _plainly(value: float) -> str:
     digits = quoted(float(f"{value:.3g}"))
-    return digits.mantissa + (f" · 10^{digits.exponent}" if digits.exponent else "")
+    power = str(digits.exponent).translate(SUPERSCRIPTS)
+    return digits.mantissa + (f" · 10{power}" if digits.exponent else "")
 
 
 def bending_energies(records: Mapping[str, Record], rows: Sequence[Row], case: str) -> dict[str, dict[float, float]]:

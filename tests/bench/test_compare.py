@@ -215,3 +215,14 @@ def test_suites_narrow(store: Store, own_case: Path) -> None:
     assert {row.case for row in rows(store, ("toys",))} == {"strip"}
     with pytest.raises(InputError, match="unknown suite"):
         rows(store, ("nothing",))
+
+
+def test_quantities_stand_in_the_order_of_their_own_case(store: Store) -> None:
+    head, *quantities = strip.CASE.split("[[quantities]]")
+    turned = "[[quantities]]".join([head, *reversed(quantities)])
+    (catalog.data_folder("cases") / "turned.toml").write_text(turned, encoding="utf-8")
+    forget()
+    run(store, "strip", "turned", solvers=("toy",))
+    by_case = {name: [row.quantity for row in rows(store) if row.case == name] for name in ("strip", "turned")}
+    assert by_case["strip"] == ["centre", "energy", "membrane"]  # the headline first
+    assert by_case["turned"] == ["centre", "membrane", "energy"]

@@ -17,23 +17,18 @@ minutes for the large displacements.
 | elastica | cantilever, end shear | equations of equilibrium | `plane_strip`, elliptic integrals |
 | roll_up | cantilever, end moment | closed form | `plane_strip` |
 | rolled_plate | prescribed bending, rigid rotation | closed form | sampled positions |
-| large_displacements | the other large displacements | Ritz on splines | `elastica`, `levy_roof` in its limits |
+| large_displacements | plate, roof, pull-out, slit annulus | Ritz on splines | limits: linear values, `elastica` |
+| hinged_roof | hinged roofs | Ritz on splines, arc length | work of the load |
 
 `cylinder` has the linear strains, `strip` the Legendre-Ritz method for one harmonic, `exponentials` its exact
-counterpart, `spline_shell` the Ritz method for large displacements, `spline_path` its equilibria along a path,
-`estimate` the number with its uncertainty.
+counterpart. `surface_strains` has those of large displacements, `spline_shell` their Ritz method, `spline_path` its
+equilibria along a path, `patch` knots and surfaces. `estimate` is the number with its uncertainty.
 """
 
 from .elastica import cantilever_shear
 from .estimate import Estimate
-from .large_displacements import (
-    cylinder_pull_out,
-    hinged_roof_thick,
-    hinged_roof_thin,
-    scordelis_lo_nonlinear,
-    slit_annular_plate,
-    square_plate_nonlinear,
-)
+from .hinged_roof import hinged_roof_thick, hinged_roof_thin
+from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
 from .levy_roof import scordelis_lo
 from .navier_plate import square_plate
 from .pinched_diaphragm import pinched_cylinder_diaphragm

@@ -85,11 +85,11 @@ def extensible(strip: Cantilever, force: float, tolerance: float = FINE) -> Bent
     def along(_: float, state: np.ndarray) -> list[float]:
         """Derivatives of phi, m, x, z and of both energies from the tip to the wall."""
         phi, moment = state[:2]
-        l = stretch(strip, moment, load * np.sin(phi))
-        turning = moment / (b * l**2)
-        membrane = strip.stretching_stiffness * (l**2 - 1) ** 2 / 8
-        ahead = [turning, -load * l * np.cos(phi), l * np.cos(phi), l * np.sin(phi)]
-        return [-v for v in ahead] + [membrane, b * (l * turning) ** 2 / 2]
+        longer = stretch(strip, moment, load * np.sin(phi))
+        turning = moment / (b * longer**2)
+        membrane = strip.stretching_stiffness * (longer**2 - 1) ** 2 / 8
+        x, z = longer * np.cos(phi), longer * np.sin(phi)
+        return [-turning, load * x, -x, -z, membrane, b * (longer * turning) ** 2 / 2]
 
     def to_the_wall(tip: float) -> np.ndarray:
         start = [tip, 0.0, 0.0, 0.0, 0.0, 0.0]

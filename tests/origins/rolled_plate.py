@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 
 from .estimate import Estimate
-from .spline_shell import DERIVATIVES, strains
+from .surface_strains import DERIVATIVES, strains
 
 NODES = 16
 """Points a direction: the arcs of these cases turn by less than a revolution and are resolved to rounding."""

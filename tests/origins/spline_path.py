@@ -50,7 +50,6 @@ def equilibrium(shell: Shell, start: State, condition: Condition) -> tuple[State
         If the iteration doesn't converge.
     """
     state, stress = start, None
-    reach = None
     for iteration in range(ITERATIONS):
         at = shell.linearised(state.free)
         residual = state.factor * shell.load_vector - at.forces()
@@ -62,7 +61,6 @@ def equilibrium(shell: Shell, start: State, condition: Condition) -> tuple[State
         stress = at.predicted_stress(step)
         state = State(state.free + step, state.factor + float(factor))
         size = np.abs(step).max() / max(np.abs(state.free).max(), np.finfo(float).tiny)
-        reach = size if reach is None else reach
         if not np.isfinite(size) or (iteration > 1 and np.abs(step).max() > 1e3 * np.abs(start.free).max() > 0):
             break
         if size < CONVERGED:
@@ -71,22 +69,21 @@ def equilibrium(shell: Shell, start: State, condition: Condition) -> tuple[State
 
 
 def under(shell: Shell, conditions: Callable[[float], Condition], marks: Sequence[float]) -> Iterator[State]:
-    """Yield the equilibria at rising marks, each from the last two by extrapolation; a step that fails is halved."""
-    zero = State(np.zeros(shell.reduction.shape[1]), 0.0)
-    known = [(0.0, zero)]
+    """Yield the equilibria at rising positive marks, each from the last one; a step that fails is halved."""
+    place, state = 0.0, State(np.zeros(shell.reduction.shape[1]), 0.0)
     for mark in marks:
-        step = mark - known[-1][0]
-        while known[-1][0] < mark:
-            at = min(known[-1][0] + step, mark)
+        step = mark - place
+        while place < mark:
+            at = min(place + step, mark)
             try:
-                found, _ = equilibrium(shell, known[-1][1], conditions(at))
+                state, _ = equilibrium(shell, state, conditions(at))
             except NoEquilibriumError:
                 step /= 2
                 if step < SHORTEST * mark:
                     raise
-                continue
-            known.append((at, found))
-        yield known[-1][1]
+            else:
+                place, step = at, 2 * step
+        yield state
 
 
 def load_control(shell: Shell, factors: Sequence[float]) -> Iterator[State]:

@@ -6,7 +6,7 @@ surface, a_ab = x,a . x,b, b_ab = x,ab . n and n = x,1 cross x,2 / abs,
 
     W = 1/2 D eps.H.eps + 1/2 B kappa.H.kappa,  eps = (a - abar) / 2,  kappa = bbar - b.
 
-First and second variations are the closed formulas of `strains`; no covariant basis, finite element or network is
+First and second variations are the closed formulas of `surface_strains`; no covariant basis, finite element or network is
 involved. A condition on an edge is one on the first coefficients of a component across it: a component is free
 there, `zero`, `even` (no slope across the edge) or `clamped` (zero with no slope), which holds symmetry planes and
 supports exactly.
@@ -24,12 +24,12 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 
+from .surface_strains import DERIVATIVES, first_variation, second_variation, strains
+
 Array = NDArray[np.float64]
 Edge = Literal["free", "zero", "even", "clamped"]
 Ends = tuple[Edge, Edge]
 
-DERIVATIVES = ((1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
-"""Orders along xi1 and xi2 of the five vectors x,1 x,2 x,11 x,22 x,12 on which the strains depend."""
 CHUNK = 64
 """Knot spans whose stiffness is formed at once: a bound on memory."""
 
@@ -82,82 +82,6 @@ class Splines:
         return sparse.csr_array(identity[:, kept])
 
 
-def strains(x: Array) -> Array:
-    """Return (a11, a22, 2 a12) / 2 and -(b11, b22, 2 b12) of vectors x (..., 5, 3), as (..., 6)."""
-    return _strains(x)[0]
-
-
-def _strains(x: Array) -> tuple[Array, Array, Array]:
-    a1, a2 = x[..., 0, :], x[..., 1, :]
-    c = np.cross(a1, a2)
-    area = np.linalg.norm(c, axis=-1)
-    n = c / area[..., None]
-    b = np.einsum("...kc,...c->...k", x[..., 2:, :], n) * [1, 1, 2]
-    a = np.stack([np.sum(a1 * a1, -1) / 2, np.sum(a2 * a2, -1) / 2, np.sum(a1 * a2, -1)], -1)
-    return np.concatenate([a, -b], -1), n, area
-
-
-def _cross_matrix(v: Array) -> Array:
-    """[v] with [v] w = v cross w."""
-    zero = np.zeros_like(v[..., 0])
-    x, y, z = v[..., 0], v[..., 1], v[..., 2]
-    return np.stack([np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], -2)
-
-
-def first_variation(x: Array) -> tuple[Array, Array]:
-    """Return the strains (..., 6) and their derivative by the five vectors, (..., 6, 5, 3).
-
-    With c = x,1 cross x,2 and n = c / abs(c): dn = (1 - n n) dc / abs(c).
-    """
-    values, n, area = _strains(x)
-    gradient = np.zeros((*x.shape[:-2], 6, 5, 3))
-    a1, a2 = x[..., 0, :], x[..., 1, :]
-    gradient[..., 0, 0, :] = a1
-    gradient[..., 1, 1, :] = a2
-    gradient[..., 2, 0, :] = a2
-    gradient[..., 2, 1, :] = a1
-    for k, factor in enumerate((1.0, 1.0, 2.0)):
-        second = x[..., 2 + k, :]
-        across = (second - np.sum(second * n, -1, keepdims=True) * n) / area[..., None]
-        gradient[..., 3 + k, 0, :] = -factor * np.cross(a2, across)
-        gradient[..., 3 + k, 1, :] = -factor * np.cross(across, a1)
-        gradient[..., 3 + k, 2 + k, :] = -factor * n
-    return values, gradient
-
-
-def second_variation(x: Array, stress: Array) -> Array:
-    """Return the second derivative of stress . strains by the five vectors, (..., 5, 3, 5, 3).
-
-    The normal's second variation is d2n = (1 - n n) d2c / J - [(n.dc') P dc + (n.dc) P dc' + (dc.P dc') n] / J^2.
-    """
-    _, n, area = _strains(x)
-    shape = x.shape[:-2]
-    hessian = np.zeros((*shape, 5, 3, 5, 3))
-    eye = np.eye(3)
-    for k, l, s in ((0, 0, 0), (1, 1, 1), (0, 1, 2), (1, 0, 2)):
-        hessian[..., k, :, l, :] += stress[..., s, None, None] * eye
-    weights = -stress[..., 3:] * [1.0, 1.0, 2.0]
-    vector = np.einsum("...k,...kc->...c", weights, x[..., 2:, :])
-    projector = eye - n[..., :, None] * n[..., None, :]
-    along = np.sum(vector * n, -1)
-    across = np.einsum("...ij,...j->...i", projector, vector)
-    outer = across[..., :, None] * n[..., None, :]
-    by_c = -(outer + np.swapaxes(outer, -1, -2) + along[..., None, None] * projector) / (area**2)[..., None, None]
-    c_by = [-_cross_matrix(x[..., 1, :]), _cross_matrix(x[..., 0, :])]
-    for k in range(2):
-        for l in range(2):
-            hessian[..., k, :, l, :] += np.swapaxes(c_by[k], -1, -2) @ by_c @ c_by[l]
-        mixed = projector @ c_by[k] / area[..., None, None]
-        for s in range(3):
-            block = weights[..., s, None, None] * mixed
-            hessian[..., 2 + s, :, k, :] += block
-            hessian[..., k, :, 2 + s, :] += np.swapaxes(block, -1, -2)
-    lever = _cross_matrix(across / area[..., None])  # (dx,1 cross dx,2') . m = -dx,1 . [m] dx,2'
-    hessian[..., 0, :, 1, :] -= lever
-    hessian[..., 1, :, 0, :] += lever
-    return hessian
-
-
 @dataclass(frozen=True)
 class State:
     """Free coefficients of a displacement and the load factor that balances them."""
@@ -201,7 +125,7 @@ class Shell:
     @cached_property
     def _spans(self) -> Array:
         """Numbers of the functions of each knot span, (spans, functions of a span)."""
-        first, second = self.splines
+        second = self.splines[1]
         local = [np.arange(s.degree + 1)[None] + np.arange(len(s.breaks) - 1)[:, None] for s in self.splines]
         numbers = local[0][:, None, :, None] * second.count + local[1][None, :, None, :]
         return numbers.reshape(len(local[0]) * len(local[1]), -1)

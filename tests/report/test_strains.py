@@ -111,6 +111,11 @@ def test_the_table_has_a_line_for_each_quantity_energies_included(nonlinear, tab
     assert {"strain_energy", "membrane_energy", "bending_energy", "deflection_4"} <= {q for _, q in shown}
 
 
+def test_a_cases_figures_stand_in_the_order_of_their_marks(table):
+    for _, of_case in table.data.groupby("case", sort=False):
+        assert list(of_case["at"]) == sorted(of_case["at"])
+
+
 def test_the_tables_numbers_are_the_records(nonlinear, table):
     by_id = {record.run_id: record for record in nonlinear.records}
     for line in table.data.to_dict("records"):
@@ -145,7 +150,7 @@ def test_the_words_have_the_records_figures(nonlinear):
     assert "128.17°" in text
     assert "1.30 at 90°" in text
     assert "7.5 J in the published measure" in text
-    assert "2 · 10^-12 J in the exact measure" in text
+    assert "2 · 10⁻¹² J in the exact measure" in text
 
 
 def test_a_strain_that_failed_is_said_and_one_that_is_missing_too(nonlinear):
