@@ -321,6 +321,10 @@ class Case(Model):
                 raise ValueError(f"the path names '{path.quantity}', which is no displacement quantity")
             if self.linear:
                 raise ValueError(f"a path with control = '{path.control}' belongs to the non-linear theory")
+            if any(isinstance(place, Whole) for _, place in self.supported_places()):
+                raise ValueError(
+                    f"where everything is prescribed no path is followed, so that control can't be '{path.control}'"
+                )
         for quantity in self.quantities:
             if isinstance(quantity, LoadQuantity | LimitPoint) and path.quantity is None:
                 raise ValueError(f"quantity '{quantity.name}' needs a path with control 'displacement' or 'arc_length'")

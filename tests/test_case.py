@@ -301,6 +301,11 @@ def test_an_impossible_path_is_one_sentence(change, words):
         (lambda d: d.update(loads=[{"kind": "moment", "on": ["surface"], "axis": [1, 0, 0], "value": "t"}]), ["can't act on 'surface'"]),
         (lambda d: d["quantities"].append({"name": "u", "kind": "displacement", "points": ["surface"], "direction": [1, 0, 0]}), ["'u'", "'surface' is none"]),
         (lambda d: d["supports"][0]["motion"].update(z="1/xi1"), ["'mould'", "finite"]),
+        (
+            lambda d: d.update(points={"p": [1, 0]}, path={"control": "displacement", "quantity": "w", "until": 0.5},
+                quantities=[{"name": "w", "kind": "displacement", "primary": True, "points": ["p"], "direction": [0, 0, 1], "at": 0.5}]),
+            ["everything is prescribed", "'displacement'"],
+        ),
     ],
 )  # fmt: skip
 def test_what_is_prescribed_everywhere_is_prescribed_whole(change, words):

@@ -71,7 +71,9 @@ def rung(case: Case, number: int) -> Resolution:
     """
     usual = resolution(case)
     neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
-    finer = replace(usual, neurons=round(WIDTHS[number] * neurons))
+    less = (2 if foci(case) else 1) if number == 0 else 0 if foci(case) or number > 1 else 1
+    rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
+    finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
     lengths = side_lengths(case)
     longer, ratio = int(np.argmax(lengths)), max(lengths) / min(lengths)
     factor = min(ratio**LENGTHWAYS, LENGTHENED[number])
@@ -79,7 +81,7 @@ def rung(case: Case, number: int) -> Resolution:
         return finer
     along = [factor ** (CROSSWAYS / LENGTHWAYS)] * 2
     along[longer] = factor
-    rules = [_lengthened(spec, longer, factor) for spec in (usual.rule, usual.fine)]
+    rules = [_lengthened(spec, longer, factor) for spec in (rule, usual.fine)]
     return replace(finer, along=(along[0], along[1]), rule=rules[0], fine=rules[1])
 
 

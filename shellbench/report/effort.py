@@ -48,7 +48,7 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         " to their failure.",
         data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
         columns=(
-            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
+            Column("Solution", _solution, right=False),
             Column("Runs", _count("seeds")),
             Column("States", _count("states")),
             Column("Iterations", _count("iterations")),
@@ -84,6 +84,11 @@ def grouped_reasons(records: Sequence[Record]) -> dict[str, list[Record]]:
         if record.status != "ok":
             found.setdefault(record.reason or record.status, []).append(record)
     return found
+
+
+def _solution(line: Line, notation: Notation) -> str:
+    solver, comma, variant = str(line["solution"]).partition(", ")
+    return notation.code(solver) + notation.escape(f"{comma}{variant}")
 
 
 def _count(name: str) -> Show:

@@ -70,9 +70,9 @@ def _curves(
     return Exhibit(
         name=name,
         title=f"{case.title}: {about or 'load against displacement'}",
-        caption="Marks on the lines are computed states; between them the lines only guide the eye. Open circles: known values that judge. Crosses: figures from"
-        f" elsewhere, of the theory named. {'Diamonds: limit points of the computed curves. ' if turning else ''}"
-        f"{failures}".strip(),
+        caption="Marks on the lines are computed states; between them the lines only guide the eye. Open circles: known"
+        " values that judge. Crosses: figures from elsewhere, of the theory named."
+        f" {'Diamonds: limit points of the computed curves. ' if turning else ''}{failures}".rstrip(),
         description=f"{load.label} against {shown or ', '.join(readable(one.name) for one in series)}; "
         + "; ".join(f"{run.name}: {len(run.factors) - 1} states" for run in runs),
         figure=figure,

@@ -25,8 +25,10 @@ FIGURES = 6  # significant digits of a value without a known one beside it
 
 
 def strain_rows(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows of the ablation, those of each case in the order of their marks."""
+    """Return the rows of the ablation, those of each case in the order of their marks; none of the exact alone."""
     shown = [row for row in rows_of(rows, SUITE) if row.label in STRAINS]
+    if {row.label for row in shown} <= {EXACT}:
+        return []
     of_cases = grouped(shown, lambda row: row.case).values()
     return [row for of_case in of_cases for row in sorted(of_case, key=lambda row: row.at or 0.0)]
 

@@ -22,6 +22,7 @@ from shellbench.fem.solution import FemSolution
 from shellbench.measure import mean_displacement
 from tests.fem.shells import PLANE, shell
 
+SHORTEST = 2e-4  # load step
 # a marched path and the marks on it: deflections of the roofs, mm
 THICK, THICK_MARKS, THICK_END = "hinged_roof_thick", (10.0, 20.0), 30.0
 THIN, THIN_MARKS, THIN_END = "hinged_roof_thin", (12.0, 16.5, 18.0, 24.0), 28.0
@@ -83,7 +84,7 @@ def test_load_steps_of_a_strip_follow_the_elastica():
     problem = problem_of(case, (8, 1))
     shortening, deflection = (functional(problem, case.quantity(f"{name}_4")) for name in ("shortening", "deflection"))
     marks = (0.25, 0.5, 1.0)
-    states = list(load_steps(problem, marks, 1 / 8))
+    states = list(load_steps(problem, marks, 1 / 8, SHORTEST))
     stiffness = case.material.youngs_modulus * case.material.thickness**3 / 12
     for mark in marks:
         (state,) = [s for s in states if s.t == mark]
@@ -96,7 +97,7 @@ def test_load_steps_of_a_strip_follow_the_elastica():
 def test_load_steps_land_on_every_mark_and_never_turn_back():
     problem = problem_of(catalog.named_case("square_plate_nonlinear"), (2, 2))
     marks = (0.1, 0.101, 0.7, 1.0)
-    states = list(load_steps(problem, marks, 0.3))
+    states = list(load_steps(problem, marks, 0.3, SHORTEST))
     factors = [state.t for state in states]
     assert np.all(np.diff([0.0, *factors]) > 0)
     assert set(marks) <= set(factors)
@@ -107,9 +108,9 @@ def test_load_steps_land_on_every_mark_and_never_turn_back():
 
 def test_load_steps_go_on_from_a_state():
     problem = problem_of(catalog.named_case("square_plate_nonlinear"), (2, 2))
-    *_, half = load_steps(problem, (0.5,), 0.25)
-    *_, onward = load_steps(problem, (0.5, 1.0), 0.25, half)
-    *_, straight = load_steps(problem, (1.0,), 0.125)
+    *_, half = load_steps(problem, (0.5,), 0.25, SHORTEST)
+    *_, onward = load_steps(problem, (0.5, 1.0), 0.25, SHORTEST, half)
+    *_, straight = load_steps(problem, (1.0,), 0.125, SHORTEST)
     assert onward.t == straight.t == 1.0
     assert np.allclose(onward.q, straight.q, rtol=0, atol=1e-9 * np.abs(straight.q).max())
 
@@ -120,7 +121,7 @@ def test_load_steps_end_at_a_limit_point():
     quantities = [deflection | {"at": 2.5, "primary": True}]
     case = build_case(data | {"path": {"until": 2.5}, "quantities": quantities}, "roof", "test")
     problem = problem_of(case, (4, 4))
-    reached, reason = followed(load_steps(problem, case.states, 0.3))
+    reached, reason = followed(load_steps(problem, case.states, 0.3, SHORTEST))
     assert re.fullmatch(r"no equilibrium was found at load factor 2\.2\d*", reason)
     assert all(state.stable for state in reached)
     # the limit load by displacement control on the same mesh
@@ -175,7 +176,7 @@ def test_displacement_control_lands_on_every_mark(thick):
 def test_displacement_and_load_control_meet_on_the_rising_branch(thick):
     problem, row, states = thick
     state = next(s for s, value in zip(states, values(row, states), strict=True) if value > 6)
-    *_, loaded = load_steps(problem, (state.t,), state.t / 4)
+    *_, loaded = load_steps(problem, (state.t,), state.t / 4, SHORTEST)
     assert np.allclose(loaded.q, state.q, rtol=0, atol=1e-5 * np.abs(state.q).max())
 
 

@@ -135,7 +135,14 @@ def test_a_rigid_motion_of_all_supports_is_lifted_as_a_rigid_motion():
 @pytest.mark.parametrize(
     ("reason", "case"),
     [
-        ("linear theory", shell("plane", theory="kirchhoff-love-nonlinear", supports=[support("rim", *ALL)])),
+        (
+            "can't turn the clamped support 'rim' by finite angles",
+            shell(
+                "plane",
+                theory="kirchhoff-love-nonlinear",
+                supports=[support("rim", *ALL, clamped=True, motion=TURN | {"angle": "3*t"})],
+            ),
+        ),
         (
             "hold the slope on 'xi1_min'",  # the edge lies in no plane of symmetry of this surface
             shell("hypar", supports=[support("a", "xi1_min", symmetry="x"), support("b", "xi1_max")]),

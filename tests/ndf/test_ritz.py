@@ -28,6 +28,9 @@ def deflection(direction, *points):
     return {"name": "w", "kind": "displacement", "points": list(points), "direction": direction, "primary": True}
 
 
+TURN = {"kind": "rotation", "axis": [0, 1, 0], "angle": "3*t"}
+
+
 def plate(**data):
     given = {"supports": [support("rim", *ALL)], "loads": [DOWN], "quantities": [deflection([0, 0, -1], "centre")]}
     return shell("plane", **{**CENTRE, **given, **data})
@@ -327,7 +330,8 @@ def test_what_fails_says_why_and_keeps_what_it_found():
         with pytest.raises(InputError, match="not available"):
             solve(case, device="cuda")
     with pytest.raises(InputError, match="can't solve case 'test'"):
-        solve(shell("plane", theory="kirchhoff-love-nonlinear", supports=[support("rim", *ALL)]))
+        turned = [support("a", "xi1_min", clamped=True, motion=TURN)]
+        solve(plate(theory="kirchhoff-love-nonlinear", supports=turned, loads=[]))
     with pytest.raises(InputError, match="not in balance"):
         solve(shell("tube", loads=[DOWN]))
 

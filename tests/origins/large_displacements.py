@@ -150,7 +150,7 @@ def scordelis_lo_nonlinear() -> dict[str, Estimate]:
 
 def cylinder_pull_out() -> dict[str, Estimate]:
     """Known values of the pulled cylinder."""
-    return converged(_cylinder_pull_out, Mesh((24, 20), 5, 5), Mesh((18, 16), 5, 5))
+    return converged(_cylinder_pull_out, Mesh((24, 20), 5, 5), Mesh((16, 14), 5, 4))
 
 
 def slit_annular_plate() -> dict[str, Estimate]:

@@ -175,3 +175,10 @@ def test_without_the_ablation_there_is_no_table_and_no_figure(nonlinear):
     by_id = {record.run_id: record for record in nonlinear.records}
     names = [one.name for one in path_exhibits(by_id, others, nonlinear.folder, nonlinear.known_values)]
     assert not any(name.startswith("strain_") for name in names)
+
+
+def test_the_exact_measure_alone_is_no_ablation(nonlinear):
+    exact = [row for row in nonlinear.rows if row.label in ("", "exact")]
+    assert any("strain_ablation" in row.suites for row in exact)
+    assert strain_rows(exact) == []
+    assert strain_table(exact) is None

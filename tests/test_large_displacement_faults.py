@@ -1,0 +1,133 @@
+"""The gate is tested at finite strain too: mistakes in the exact strains, moments and paths must turn it red."""
+
+from dataclasses import replace
+
+import pytest
+
+from shellbench.fem import deformation, moments, problem, strain_energy
+from shellbench.ndf import equilibrium, strain_measures, undeformed
+from shellbench.ndf import moments as ndf_moments
+from tests.test_faults import (
+    Fault,
+    Store,
+    findings,
+    leaking_factor,
+    more_poisson,
+    must_be_red,
+    only_three_edges,
+    stiffness,
+)
+
+PLATE, ROOF, SHEAR, MOMENT = "square_plate_nonlinear", "scordelis_lo_nonlinear", "cantilever_shear", "cantilever_moment"
+ROLLED, TURNED = "rolled_plate", "rigid_rotation"
+
+
+def linear_normal(patch):
+    """The fem normal turns as in linear theory."""
+    original = deformation.Deformation.of.__func__
+
+    def linear(cls, reference, gradients):
+        found = original(cls, reference, gradients)
+        rise = (found.turning @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
+        return replace(found, rise=rise)
+
+    patch.setattr(deformation.Deformation, "of", classmethod(linear))
+
+
+def fem_strain(change):
+    """Change the fem strains (n, 6)."""
+
+    def inject(patch):
+        original = deformation.Deformation.strains.fget
+        patch.setattr(deformation.Deformation, "strains", property(lambda self: change(original(self), self)))
+
+    return inject
+
+
+def without_product(strains, found):
+    """Leave u,a . u,b / 2 out of the membrane strains."""
+    u = found.gradients
+    for row, (a, b) in enumerate(((0, 0), (1, 1), (0, 1))):
+        strains[:, row] -= (u[:, a] * u[:, b]).sum(-1) / 2
+    return strains
+
+
+def unbent(strains, found):
+    """Leave the term of the surface's own curvature out of the bending strains."""
+    strains[:, 3:] += (found.reference.second * found.rise[:, None]).sum(-1)
+    return strains
+
+
+def ndf_strain(name):
+    """Let the neural field take another measure for the exact one."""
+    return lambda patch: patch.setitem(strain_measures.MEASURES, "exact", strain_measures.MEASURES[name])
+
+
+def never_lowered(patch):
+    """Leave bbar (1 - a3 . n) out of the bending strains of the field."""
+    original = strain_measures.Turned.of.__func__
+
+    def level(cls, *args):
+        found = original(cls, *args)
+        return replace(found, lowered=0 * found.lowered)
+
+    patch.setattr(strain_measures.Turned, "of", classmethod(level))
+
+
+def halved_moments(module):
+    """Halve the moments of a solver."""
+
+    def inject(patch):
+        original = module.EdgeMoment.moments
+        patch.setattr(module.EdgeMoment, "moments", lambda self, t: original(self, t) / 2)
+
+    return inject
+
+
+def following_load(patch):
+    """Let the dead loads of fem grow with the square of the load factor."""
+    original = problem.Loading.of.__func__
+    patch.setattr(
+        problem.Loading,
+        "of",
+        classmethod(lambda cls, case, mesh, rule, t: original(cls, case, mesh, rule, (t[0] ** 2,))),
+    )
+
+
+def too_early(patch):
+    """Take each state of equilibrium of the field for the one at one percent more load."""
+    original = equilibrium.Problem._forces
+    patch.setattr(equilibrium.Problem, "_forces", lambda self, t: original(self, 1.01 * t))
+
+
+FAULTS = [
+    Fault("a linear normal", "fem", TURNED, linear_normal),
+    Fault("linear membrane strains", "fem", PLATE, fem_strain(without_product)),
+    Fault("no curvature of its own", "fem", TURNED, fem_strain(unbent)),
+    Fault("wrong Poisson ratio", "fem", ROOF, lambda p: more_poisson(p, strain_energy, "elasticity")),
+    Fault("bending stiffness 0.1 % off", "fem", ROLLED, stiffness("bending_stiffness", 1.001)),
+    Fault("an edge forgotten", "fem", PLATE, only_three_edges),
+    Fault("halved moments", "fem", MOMENT, halved_moments(moments)),
+    Fault("loads that grow otherwise", "fem", SHEAR, following_load),
+    Fault("published strains", "ndf-ritz", SHEAR, ndf_strain("published")),
+    Fault("published strains, turned", "ndf-ritz", TURNED, ndf_strain("published")),
+    Fault("linear strains", "ndf-ritz", PLATE, ndf_strain("linear")),
+    Fault("no curvature of its own", "ndf-ritz", TURNED, never_lowered),
+    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, undeformed, "elasticity_tensor")),
+    Fault("bending stiffness 0.1 % off", "ndf-ritz", ROLLED, stiffness("bending_stiffness", 1.001)),
+    Fault("halved moments", "ndf-ritz", MOMENT, halved_moments(ndf_moments)),
+    Fault("one percent more load", "ndf-ritz", SHEAR, too_early),
+    Fault("a leaking support", "ndf-ritz", PLATE, leaking_factor),
+    Fault("published strains", "ndf", ROLLED, ndf_strain("published")),
+]
+
+
+@pytest.mark.parametrize("case", [PLATE, ROOF, SHEAR, ROLLED, TURNED])
+@pytest.mark.parametrize("solver", ["fem", "ndf-ritz"])
+def test_without_a_fault_the_gate_is_green(solver, case, tmp_path):
+    assert all(finding.colour == "green" for finding in findings(Store(tmp_path), solver, case))
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
+def test_a_fault_at_finite_strain_turns_the_gate_red(fault, tmp_path, monkeypatch):
+    must_be_red(fault, tmp_path, monkeypatch)
