@@ -124,9 +124,13 @@ class Case(Model):
 
     @property
     def states(self) -> tuple[float, ...]:
-        """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing."""
+        """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing.
+
+        In the non-linear theory the last one is the end of the path.
+        """
         asked = {q.at for q in self.quantities if not isinstance(q, LimitPoint)}
-        return tuple(sorted(asked | set(self.path.states)))
+        end = set() if self.linear else {self.path.until}
+        return tuple(sorted(asked | set(self.path.states) | end))
 
     def quantity(self, name: str) -> QuantityModel:
         """Return the quantity of this name; KeyError if there is none."""

@@ -29,8 +29,8 @@ from tests.origins.navier_plate import SquarePlate, levy, navier
 from tests.origins.patch import Mesh, breaks, cylinder, plane, ring
 from tests.origins.roll_up import Strip as RolledStrip
 from tests.origins.roll_up import energies, rolled_strip
-from tests.origins.spline_path import Condition, State, arc_length, displacement_control, equilibrium, load_control
-from tests.origins.spline_shell import Shell, Splines
+from tests.origins.spline_path import Condition, arc_length, displacement_control, equilibrium, load_control
+from tests.origins.spline_shell import Shell, Splines, State
 from tests.origins.strip import Strip
 from tests.origins.surface_strains import first_variation, second_variation, strains
 

@@ -48,6 +48,9 @@ def declined(case: Case) -> str | None:
             normals = _normals(case, place)
             if np.ptp(normals, axis=0).max() > STRAIGHT:
                 return f"it can't clamp '{place.name}' at finite strain, because the normal turns along it"
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
     loose = free_motions(case)
     if loose.size and np.abs(loose[3:]).max() > RIGID:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
@@ -141,18 +144,29 @@ def solve(
 
 
 def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
-    """Return the interpolant of a displacement that the case prescribes everywhere, at its marks."""
+    """Return the interpolant of a displacement that the case prescribes everywhere, at its marks.
+
+    The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
+    """
     support, place = next(case.supported_places())
     points = mesh.domain.wrap(mesh.node_points)
     motions = [case.motion(support, place, points, t, order=2) for t in case.states]
     coefficients = np.stack([np.stack([m[kind] for kind in KINDS], axis=-1) for m in motions], axis=-1)
+    quadrature = Quadrature.of_order(mesh, quadrature_order)
+    if case.linear:
+        carried = Loading.of(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
+    else:
+        problem = Problem.of(case, mesh, quadrature)
+        nodal = (coefficients * mesh.node_scales[:, None, :, None]).reshape(mesh.node_count, -1, len(case.states))
+        loads = [problem.forces(nodal[..., k], t) for k, t in enumerate(case.states)]
+        carried = np.stack(loads, axis=-1).reshape(coefficients.shape)
     solution = FemSolution(
         case=case,
         mesh=mesh,
         coefficients=coefficients,
         states=case.states,
         support_nodes=np.arange(mesh.node_count),
-        support_forces=np.zeros((1, *coefficients.shape)),
+        support_forces=-(carried * mesh.node_scales[:, None, :, None])[None],
         quadrature_order=quadrature_order,
         parameters=0,
     )

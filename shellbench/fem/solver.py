@@ -31,7 +31,7 @@ LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
-FORGIVEN = 2  # meshes at the start of a sequence that may be too coarse to follow a path to its end
+FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
 OnMesh = Callable[[Cells], equilibrium.Equilibrium]
@@ -113,7 +113,8 @@ class FemSolver:
         solution: FemSolution | None = None
         try:
             meshes = _meshes(case, chosen, trials)
-            for level in levels(case, meshes, on_mesh, _measured, forgiven=0 if case.linear else FORGIVEN):
+            forgiven = 0 if case.linear or chosen.cells else FORGIVEN
+            for level in levels(case, meshes, on_mesh, _measured, forgiven):
                 seconds = time.perf_counter() - began
                 found = level.equilibrium
                 unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
@@ -162,8 +163,6 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
 
         return solve
 
-    if case.linear:
-        return linear(case), (linear(case),)
     if any(isinstance(place, Whole) for _, place in case.supported_places()):
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
@@ -171,6 +170,9 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
         return interpolate, (interpolate,)
+
+    if case.linear:
+        return linear(case), (linear(case),)
 
     def nonlinear(of: Case, first_step: float, shortest_step: float = SHORTEST_STEP) -> OnMesh:
         trail: FemSolution | None = None

@@ -1,7 +1,8 @@
 """The path of a field from rest: load steps, displacement control, and arc length (Riks 1979, IJSS 15).
 
 Marks are landed on, by load or by displacement. A step is as long as Newton's method takes it, and cut where it does
-not converge or, under load control, leads to a state that is no minimum of the energy.
+not converge or, under load control, leads to a state that is no minimum of the energy, or, by arc length, turns away
+from the tangent it started along.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ FIRST_STEP = 1 / 8  # of the path under load control
 SMALLEST_STEP = 1e-4  # of the path
 PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its first length by arc
 LONGEST_ARC = 1.5  # in units of the first one
+STRAIGHT = 0.7  # cosine between a step and the tangent it started along, below which it may be on another branch
 MOST_STEPS = 1000
 SAMPLES = 9  # points a side at which the length of an arc is measured
 
@@ -113,6 +115,8 @@ def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end:
         constraint = Constraint(arc_row, float(arc_row @ state.weights) + arc)
         try:
             found = on_path(problem, state, constraint, (change * tangent, change))
+            if arc < STRAIGHT * float((measured @ (found.weights - state.weights)).norm()):
+                raise NotConvergedError
             tangent_found = drift(problem, found)
         except NotConvergedError:
             arc *= CUT

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.conditions import Translation
+from shellbench.conditions import MomentLoad, Translation
 from shellbench.errors import SolveFailure
 from shellbench.ndf.build import FieldSpec, build_ansatz
 from shellbench.ndf.certificate import rigid_part
@@ -55,11 +55,21 @@ def why_not_followed(case: Case) -> str | None:
     for support in case.supports:
         if support.clamped and not (support.motion is None or isinstance(support.motion, Translation)):
             return f"it can't turn the clamped support '{support.name}' by finite angles"
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
     free = free_motions(case)
     if free.size and np.abs(free[3:]).max() > RIGID:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
         return f"it needs supports against {name} at finite strain"
     return None
+
+
+def is_path(case: Case) -> bool:
+    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
+    if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
+        return True
+    return any(isinstance(place, Whole) for _, place in case.supported_places())
 
 
 def solve(

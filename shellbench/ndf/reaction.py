@@ -23,7 +23,7 @@ from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import edge_supports, point_supports
 from shellbench.ndf.undeformed import Undeformed, stresses
-from shellbench.places import Edge
+from shellbench.places import Edge, Whole
 
 
 def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edge]]]:
@@ -34,6 +34,8 @@ def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edg
     InputError
         If both kinds meet at a corner: the reaction there belongs to both supports.
     """
+    if any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name):
+        return [({place for place in case.places.values() if isinstance(place, Edge)}, set()) for _ in range(3)]
     result = []
     for c in range(3):
         own, others = set(), set()

@@ -22,7 +22,6 @@ from pydantic import Field as PydanticField
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.conditions import MomentLoad
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
@@ -122,7 +121,7 @@ class RitzSolver:
             reason = why_declined(case, spec)
             if reason:
                 raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-            if case.linear and not any(isinstance(load, MomentLoad) for load in case.loads):
+            if not large_displacement.is_path(case):
                 return _solve(case, spec, settings, progress or (lambda _: None))
             return _follow(case, spec, settings, progress or (lambda _: None))
 

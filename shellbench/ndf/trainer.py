@@ -17,10 +17,10 @@ import torch
 from pydantic import Field as PydanticField
 
 from shellbench.case import Case
-from shellbench.conditions import MomentLoad
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
+from shellbench.ndf import large_displacement
 from shellbench.ndf.build import Components, FieldSpec
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
@@ -121,7 +121,7 @@ class NdfSolver:
         tell = progress or (lambda _: None)
         strain = strain_of(case, settings.strain)
         with torch.no_grad():
-            if case.linear and not any(isinstance(load, MomentLoad) for load in case.loads):
+            if not large_displacement.is_path(case):
                 return _Run(case, settings, tell).solve(self.load(start) if isinstance(start, Path) else start)
             activation(settings.activation)
             return follow(

@@ -249,9 +249,6 @@ def test_a_free_translation_is_taken_away_in_the_mean():
     assert abs(mean) <= 1e-11 * magnitude
 
 
-@pytest.mark.xfail(
-    strict=True, reason="linear theory prescribes the nodes' displacements alone, and solves for their slopes"
-)
 def test_what_is_prescribed_everywhere_is_not_solved_for_in_linear_theory_either():
     data = data_of("rolled_plate")
     bent = data["supports"][0] | {"motion": {"kind": "value", "z": "0.01*xi1**2"}}
@@ -262,7 +259,6 @@ def test_what_is_prescribed_everywhere_is_not_solved_for_in_linear_theory_either
     assert solve(case, cells=(4, 2)).energies()[1] == pytest.approx(stiffness / 2 * 0.02**2 * 0.5, rel=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="what holds a prescribed surface is returned as zero, whatever loads it")
 def test_a_mould_carries_the_loads():
     """Internal forces are in balance whatever the displacement, so that the mould's resultant is the loads'."""
     case = build_case(data_of("rolled_plate") | {"loads": [{"kind": "area", "vector": [0, 0, "3*t"]}]}, "laden", "test")

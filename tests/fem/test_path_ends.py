@@ -144,7 +144,6 @@ def test_a_load_beyond_a_limit_point_ends_a_whole_solve():
     json.dumps(dict(partial.diagnostics), allow_nan=False)
 
 
-@pytest.mark.xfail(strict=True, raises=AssertionError, reason="a failed fixed mesh is forgiven, and nothing is left")
 def test_a_load_beyond_a_limit_point_ends_a_solve_on_a_fixed_mesh():
     with pytest.raises(SolveFailure, match=r"the last converged load factor is 2\.2"):
         solve(under_load("hinged_roof_thick", 5.0), cells=(3, 3))
@@ -187,7 +186,6 @@ def test_a_column_ends_at_eulers_load():
     assert caught.value.partial.states[-1] == pytest.approx(euler, abs=2 * 1e-4 * 4.0)
 
 
-@pytest.mark.xfail(strict=True, reason="under these controls supports stay where they are, whatever their motion")
 @pytest.mark.parametrize("control", ["displacement", "arc_length"])
 def test_a_motion_grows_with_the_load_factor_under_every_control(control):
     data = data_of("cantilever_shear")
@@ -208,7 +206,6 @@ def test_a_motion_grows_with_the_load_factor_under_every_control(control):
         assert solution.displacement(case.places["tip"].xi)[2] == pytest.approx(solution.history[-1].at, rel=1e-6)
 
 
-@pytest.mark.xfail(strict=True, reason="load steps end at the last mark that is asked for")
 def test_a_path_of_loads_goes_on_to_its_end():
     data = data_of("cantilever_shear")
     case = build_case(data | {"path": {"until": 1.5}}, "beyond", "test")

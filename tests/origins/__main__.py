@@ -38,8 +38,8 @@ def main() -> None:
         "scordelis_lo_nonlinear": scordelis_lo_nonlinear,
         "slit_annular_plate": slit_annular_plate,
         "cylinder_pull_out": cylinder_pull_out,
-        "hinged_roof_thick (mm)": hinged_roof_thick,
-        "hinged_roof_thin (mm)": hinged_roof_thin,
+        "hinged_roof_thick": hinged_roof_thick,
+        "hinged_roof_thin": hinged_roof_thin,
     }
     row = "{:<31} {:<21} {:>19} {:>11} {}"
     print(row.format(*TITLE))

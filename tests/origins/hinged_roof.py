@@ -14,8 +14,8 @@ import numpy as np
 
 from .estimate import Estimate
 from .patch import Mesh, breaks, converged, cylinder
-from .spline_path import Condition, State, arc_length, displacement_control, equilibrium
-from .spline_shell import Ends, Shell
+from .spline_path import Condition, arc_length, displacement_control, equilibrium
+from .spline_shell import Ends, Shell, State
 from .surface_strains import Array
 
 LOAD_SCALE = 0.05  # load factor that counts as 1 mm along the path of a roof
@@ -123,9 +123,9 @@ def _hinged_roof_thin(mesh: Mesh) -> dict[str, float]:
 
 def hinged_roof_thick() -> dict[str, Estimate]:
     """Known values of the thick hinged roof, N and mm."""
-    return converged(_hinged_roof_thick, Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 2))
+    return converged(_hinged_roof_thick, Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 2), length="mm")
 
 
 def hinged_roof_thin() -> dict[str, Estimate]:
     """Known values of the thin hinged roof, N and mm."""
-    return converged(_hinged_roof_thin, Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 2))
+    return converged(_hinged_roof_thin, Mesh((8, 8), 4, 5), Mesh((8, 8), 4, 3), length="mm")

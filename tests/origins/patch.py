@@ -15,8 +15,8 @@ SYMMETRIC: Ends = ("zero", "even")
 """A component from a support to a plane of symmetry."""
 ROUNDING = 1e-9
 """Relative uncertainty that Newton's last correction and the rounding of a thin shell's forces leave."""
-UNITS = {"load": "N", "20": "N"}
-"""By the last word of a quantity; a length otherwise, in mm for the hinged roofs."""
+FORCES = "load", "20"
+"""Last words of the names of quantities that are forces."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,9 @@ def uniform(*force: float) -> Callable[[Array, Array], Array]:
     return lambda one, two: np.broadcast_to(force, (*one.shape, 3))
 
 
-def converged(compute: Callable[[Mesh], dict[str, float]], fine: Mesh, coarse: Mesh) -> dict[str, Estimate]:
+def converged(
+    compute: Callable[[Mesh], dict[str, float]], fine: Mesh, coarse: Mesh, length: str = "m"
+) -> dict[str, Estimate]:
     """Take the values of a fine discretisation; their distances from a clearly coarser one are the errors."""
     near, far = compute(fine), compute(coarse)
     # Membrane and bending energy trade with one another: the sum may be the only one that converges from one side.
@@ -87,5 +89,5 @@ def converged(compute: Callable[[Mesh], dict[str, float]], fine: Mesh, coarse: M
         if kind == "energy":
             values[name] = Estimate(value, energies + rounding, "J")
         else:
-            values[name] = Estimate.between(value, far[name], UNITS.get(kind, "m"), rounding)
+            values[name] = Estimate.between(value, far[name], "N" if kind in FORCES else length, rounding)
     return values
