@@ -110,7 +110,7 @@ def solve(
     reason: str | None = None
     try:
         for state in _path(problem, controlled, steps, trail):
-            states.append(state)
+            states.append(state.relieved)
             seconds.append(time.perf_counter() - began)
             if tell:
                 tell(state.t)

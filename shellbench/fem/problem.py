@@ -16,7 +16,7 @@ non-linear structural problem discretized via displacement-based finite elements
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -79,6 +79,11 @@ class State:
     def stable(self) -> bool:
         """Whether the state is a minimum of the potential energy."""
         return self.factor is not None and self.factor.negative == 0
+
+    @property
+    def relieved(self) -> State:
+        """The state without what only the next step needs, which takes most of the memory."""
+        return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
 
 
 @dataclass(frozen=True)

@@ -123,7 +123,7 @@ def virtual_motions(
     x = from_derivatives(case.surface.derivatives(points, 2), placement)
     if displacement is not None:
         x = x + displacement
-    arm = x - constant(placement.tensor(np.broadcast_to(centre, (len(points), 3))))
+    arm = x - constant(placement.tensor(np.tile(centre, (len(points), 1))))
     weights = torch.stack([_weight(case, own, others, points, placement) for own, others in edges], dim=-1)
     motions = []
     for axis in torch.eye(3, device=placement.device, dtype=placement.dtype):

