@@ -71,7 +71,7 @@ def rung(case: Case, number: int) -> Resolution:
     """
     usual = resolution(case)
     neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
-    less = (2 if foci(case) else 1) if number == 0 else 0 if foci(case) or number > 1 else 1
+    less = int(number == 0 or (number == 1 and not foci(case)))
     rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
     finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
     lengths = side_lengths(case)

@@ -25,9 +25,7 @@ def test_combinations_have_the_identity_as_stiffness():
     stiffness = spectrum([1e6, 30.0, 1.0, 1e-2])
     combine = independent(stiffness)
     assert combine.shape == (4, 4)
-    torch.testing.assert_close(
-        combine.T @ stiffness @ combine, torch.eye(4, dtype=torch.float64), rtol=0, atol=1e-6
-    )
+    torch.testing.assert_close(combine.T @ stiffness @ combine, torch.eye(4, dtype=torch.float64), rtol=0, atol=1e-6)
 
 
 def test_dependent_features_are_combined_into_fewer_and_nothing_stiff_is_lost():

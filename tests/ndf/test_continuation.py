@@ -82,9 +82,7 @@ def test_all_ways_along_a_path_meet_the_same_states(plate, follow):
 
 def test_displacement_control_passes_a_limit_point(arch, snapped):
     _, row = arch
-    curve = Curve(
-        np.array([0.0, *(s.t for s in snapped)]), np.array([0.0, *(float(row @ s.weights) for s in snapped)])
-    )
+    curve = Curve(np.array([0.0, *(s.t for s in snapped)]), np.array([0.0, *(float(row @ s.weights) for s in snapped)]))
     (top, at_top), (valley, at_valley) = (curve.turning("load", k) for k in (1, 2))
     assert 0 < at_top < at_valley < 0.36
     assert valley < top

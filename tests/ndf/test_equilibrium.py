@@ -17,6 +17,7 @@ from shellbench.ndf.quadrature import RuleSpec
 from tests.ndf.shells import FREE, inner_points, shell, support
 
 PLACEMENT = Placement()
+RULE = RuleSpec((3, 3), 5)
 NONLINEAR = "kirchhoff-love-nonlinear"
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
 WALL = support("wall", "xi1_min", clamped=True)
@@ -49,13 +50,13 @@ STRAINS = ("exact", "published", "linear")
 
 
 @cache
-def problem_of(name, strain="exact", width=10, rule=RuleSpec((3, 3), 5), scale=2.0):
+def problem_of(name, strain="exact", width=10):
     """The equilibrium of a few random features; `name` is one of `CASES`."""
     case, spec = CASES[name], FieldSpec(strain=strain, stretched=False, multipliers=0)
     inputs = build_inputs(case, spec)
-    network = random_features(PLACEMENT.tensor(np.full(inputs.count, scale)), width, 0)
+    network = random_features(PLACEMENT.tensor(np.full(inputs.count, 2.0)), width, 0)
     features = build_features(case, spec, network, PLACEMENT, inputs)
-    return Problem(spec, build_ansatz(case, spec), features, rule, graded_points(case, spec))
+    return Problem(spec, build_ansatz(case, spec), features, RULE, graded_points(case, spec))
 
 
 def drawn(problem, size=1.0, seed=0):
@@ -182,7 +183,7 @@ def test_a_rotated_shell_has_no_energy_and_no_forces():
     spec = FieldSpec(strain="exact", stretched=False, multipliers=0)
     network = random_features(PLACEMENT.tensor(np.full(2, 2.0)), 4, 0)
     features = build_features(case, spec, network, PLACEMENT, build_inputs(case, spec))
-    problem = Problem(spec, build_ansatz(case, spec), features, RuleSpec((3, 3), 5), graded_points(case, spec))
+    problem = Problem(spec, build_ansatz(case, spec), features, RULE, graded_points(case, spec))
     deformed = problem.deform(torch.zeros(3 * features.count, dtype=torch.float64), 1.0)
     assert deformed.membrane + deformed.bending < 1e-20 * case.material.membrane_stiffness * problem.area
     points = inner_points(case)

@@ -10,6 +10,7 @@ from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_
 from shellbench.ndf.declines import violations, why_declined
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import VALUE, Placement
+from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import random_features
 from shellbench.ndf.supports import edge_samples, edge_supports
 from tests.ndf.shells import FREE, differences, inner_points, shell, support
@@ -163,3 +164,32 @@ def test_a_rigid_motion_of_all_supports_is_lifted_as_a_rigid_motion():
 )
 def test_what_the_factors_cannot_hold_is_declined(reason, case):
     assert re.search(reason, why_declined(case) or "accepted")
+
+
+@pytest.mark.parametrize("motion", [TURN, SHIFT, value(x="0.1*xi1*xi2", z="sin(t*xi1)")])
+@pytest.mark.parametrize("t", [0.5, 1.0])
+def test_a_support_on_the_surface_leaves_nothing_free(motion, t):
+    """Whatever the network says, the field and its derivatives are the prescribed motion's."""
+    case = shell("roof", theory="kirchhoff-love-nonlinear", supports=[support("all", "surface", motion=motion)])
+    first, second = (random_field(case, seed=seed) for seed in (0, 1))
+    points = inner_points(case)
+    assert first.ansatz.factors.matrix(points, PLACEMENT).abs().max() == 0
+    torch.testing.assert_close(first.jet(points), second.jet(points), rtol=0, atol=0)
+    lift = Lift(case, t).jet(points, PLACEMENT).numpy()
+    place = case.places["surface"]
+    expected = differences(lambda p: case.motion(case.supports[0], place, p, t)[0, 0], points)
+    np.testing.assert_allclose(lift, expected, atol=1e-6 * np.abs(expected).max())
+    assert Lift(case, t).moves
+    assert why_declined(case) is None
+
+
+def test_lifts_follow_the_load_factor():
+    """On a moved edge u is the motion at t, formulas included, and zero at rest."""
+    jaw = support("jaw", "xi2_max", motion=value(x="0.1*t**2*sin(xi1)", z="0.2*t"))
+    case = shell("roof", theory="kirchhoff-love-nonlinear", supports=[support("end", "xi2_min"), jaw])
+    (edge,) = (s.edge for s in edge_supports(case) if s.edge.name == "xi2_max")
+    points = edge_samples(case, edge)
+    for t in (0.0, 0.3, 1.0):
+        found = Lift(case, t).jet(points, PLACEMENT)[VALUE].numpy()
+        expected = np.stack([0.1 * t**2 * np.sin(points[:, 0]), 0 * points[:, 0], 0.2 * t + 0 * points[:, 0]], axis=-1)
+        np.testing.assert_allclose(found, expected, atol=1e-15)

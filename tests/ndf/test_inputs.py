@@ -7,6 +7,7 @@ import torch
 from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import D1, Placement
 from shellbench.ndf.lengths import edge_layers, foci
+from shellbench.ndf.resolution import RUNGS, resolution, rung, side_lengths
 from shellbench.ndf.singular import FixedFeatures
 from shellbench.ndf.supports import edge_samples, edge_supports
 from tests.ndf.shells import FREE, differences, inner_points, shell, support
@@ -146,3 +147,59 @@ def test_point_supports_are_foci_as_well():
     feet = [support("foot", "p", components=["x", "y", "z"])]
     case = shell("plane", points={"p": [1, 0]}, supports=feet, remove_rigid_motions=FREE[3:])
     assert [focus.xi for focus in foci(case)] == [(1.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("surface", "periodic", "axes"),
+    [
+        ("plane", True, (0, 1)),
+        ("roof", True, (0, 1, None, None, None, None)),  # stretched toward its four edges
+        ("tube", True, (0, 0, 1, None, None)),  # cosine and sine of the angle, stretched toward two edges
+        ("tube", False, (0, 1, None, None)),
+        ("torus", True, (0, 0, 1, 1)),
+    ],
+)
+def test_axes_of_inputs_are_the_coordinates_that_they_are(surface, periodic, axes):
+    case = shell(surface)
+    inputs = Inputs.of(case, periodic, (), edge_layers(case))
+    assert inputs.axes == axes
+    jets = inputs.jets(inner_points(case), PLACEMENT)
+    for column, axis in enumerate(axes):
+        if axis is not None:
+            assert jets[D1 + axis, :, column].abs().max() > 0.1
+            assert jets[D1 + 1 - axis, :, column].abs().max() == 0
+
+
+def test_rungs_are_ever_wider_and_longer_along_a_strip():
+    """A strip of 10 by 1: scales and panels grow along its length alone, whichever coordinate runs along it."""
+    lying, standing = (shell({"kind": "plane", "xi1": [0, a], "xi2": [0, b]}) for a, b in ((10, 1), (1, 10)))
+    widths = [rung(lying, number).neurons for number in range(RUNGS)]
+    assert widths == sorted(set(widths))
+    for number in range(RUNGS):
+        first, second = rung(lying, number), rung(standing, number)
+        assert first.along == second.along[::-1]
+        assert first.rule.panels == second.rule.panels[::-1]
+        assert first.fine.panels == second.fine.panels[::-1]
+    coarse, fine = rung(lying, 0), rung(lying, RUNGS - 1)
+    assert coarse.along == (1, 1)
+    assert fine.along[0] > 3
+    assert fine.along[1] <= 1
+    assert fine.rule.panels[0] > 3 * coarse.rule.panels[0]
+    assert fine.rule.panels[1] == coarse.rule.panels[1]
+    assert fine.fine.panels[0] > fine.rule.panels[0]
+    scales = fine.scales(Inputs.of(lying))
+    np.testing.assert_allclose(scales / coarse.scales(Inputs.of(lying)), fine.along)
+
+
+@pytest.mark.parametrize("case", [shell("plane"), shell("roof"), shell("tube")])
+def test_rungs_of_squares_and_of_curved_shells_keep_scales_and_panels(case):
+    usual = resolution(case)
+    for number in range(RUNGS):
+        found = rung(case, number)
+        assert (found.scale, found.stretched_scale, found.along) == (usual.scale, usual.stretched_scale, (1, 1))
+        assert (found.rule.panels, found.fine.panels) == (usual.rule.panels, usual.fine.panels)
+
+
+def test_sides_are_measured_along_the_surface():
+    assert side_lengths(shell("plane")) == pytest.approx((2, 2))
+    assert side_lengths(shell("roof")) == pytest.approx((3 * np.radians(80), 5), rel=1e-3)

@@ -18,6 +18,7 @@ NONLINEAR = "kirchhoff-love-nonlinear"
 WALL = support("wall", "xi1_min", clamped=True)
 STRIP = {"neurons": 80, "scale": 2.0, "panels": (8, 2)}
 THICKNESS = 0.02
+UP = {"name": "up", "kind": "displacement", "points": ["tip"], "direction": [0, 0, 1], "primary": True}
 SHEAR = {"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, "4*t"]}
 
 
@@ -27,13 +28,11 @@ def solve(case, **choices):
 
 def strip(load, width=0.5, thickness=THICKNESS, **data):
     """A strip of length and bending stiffness 1, clamped at xi1 = 0, that bends in one plane."""
-    displacement = {"kind": "displacement", "points": ["tip"]}
     return shell(
         {"kind": "plane", "xi1": [0, 1], "xi2": [0, width]},
         {"youngs_modulus": 12 / thickness**3, "poissons_ratio": 0.0, "thickness": thickness},
         **{"theory": NONLINEAR, "points": {"tip": [1, width / 2]}, "supports": [WALL], "loads": [load],
-           "quantities": [{"name": "up", "direction": [0, 0, 1], "primary": True, **displacement},
-                          {"name": "along", "direction": [1, 0, 0], **displacement}], **data},
+           "quantities": [UP], **data},
     )  # fmt: skip
 
 
@@ -143,6 +142,44 @@ def test_a_rigid_rotation_costs_nothing():
     assert sum(solve(case, strain="linear").energies()) > 1e-3 * scale
 
 
+def test_a_prescribed_surface_carries_its_loads():
+    """The mould balances them on the deformed shell: force and moment of the weight of a plate moved by 90 degrees."""
+    turn = {"kind": "rotation", "axis": [0, 1, 0], "centre": [0, 0, 0], "angle": "-90*t"}
+    case = shell(
+        "plane", theory=NONLINEAR, supports=[support("mould", "surface", motion=turn)],
+        loads=[{"kind": "gravity", "acceleration": ["-10*t", 0, 0]}],
+    )  # fmt: skip
+    solution = solve(case)
+    weight = 10 * 2.0 * 4  # acceleration, mass per area, area
+    force, moment = solution.reaction("mould")
+    np.testing.assert_allclose(force, [weight, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(moment, np.cross([0, 0, 1], [weight, 0, 0]), atol=1e-9)  # its middle is at z = 1
+    displacement = np.array([[-1.0, 0, 1]])  # of the middle, 1 m from the axis
+    np.testing.assert_allclose(solution.displacement(np.array([[1.0, 0.0]])), displacement, atol=1e-12)
+    assert solution.history[-1].energy == pytest.approx(-weight * 1.0, rel=1e-9)  # the middle fell by 1 m
+
+
+def test_a_prescribed_surface_in_linear_theory_is_strained_linearly():
+    """u_x = 0.3 xi1 and nu = 0: E h / 2 times 0.3^2 per area, without the square that finite strain adds."""
+    mould = support("mould", "surface", motion={"kind": "value", "x": "0.3*xi1"})
+    material = {"poissons_ratio": 0.0}
+    stretching = 1e7 * 0.05
+    linear = solve(shell("plane", material, supports=[mould]))
+    assert linear.energies()[0] == pytest.approx(stretching / 2 * 0.3**2 * 4, rel=1e-12)
+    moved = support("mould", "surface", motion={"kind": "value", "x": "0.3*t*xi1"})
+    exact = solve(shell("plane", material, theory=NONLINEAR, supports=[moved]))
+    assert exact.energies()[0] == pytest.approx(stretching / 2 * ((1.3**2 - 1) / 2) ** 2 * 4, rel=1e-12)
+
+
+def test_a_moment_in_linear_theory_bends_in_proportion():
+    """w = M L^2 / (2 B), at any size: the angle is its first variation."""
+    load = {"kind": "moment", "on": ["xi1_max"], "axis": [0, -1, 0], "value": 3.0}
+    solution = solve(strip(load, theory="kirchhoff-love-linear"), **{**STRIP, "panels": (5, 2)})
+    tip = solution.displacement(np.array([1.0, 0.25]))
+    np.testing.assert_allclose(tip, [0, 0, 1.5], atol=1e-6)
+    np.testing.assert_allclose(solution.reaction("wall")[1], [0, 1.5, 0], atol=1e-5)
+
+
 def test_small_loads_give_the_linear_answer():
     base = named_case("square_plate_nonlinear")
     small = base.model_copy(update={"path": Path(until=1e-6), "quantities": ()})
@@ -221,6 +258,10 @@ def test_what_a_field_cannot_follow_is_declined():
     assert "needs supports against rotation" in why_not_followed(free)
     shifted = support("jaw", "xi1_min", clamped=True, motion={"kind": "translation", "vector": [0, 0, "t"]})
     assert why_not_followed(strip(SHEAR, supports=[shifted])) is None
+    controlled = {"control": "displacement", "quantity": "up", "until": 0.1}
+    led = strip(SHEAR, supports=[shifted], path=controlled, quantities=[{**UP, "at": 0.1}])
+    with pytest.raises(InputError, match="can't move support 'jaw' on a path with control"):
+        solve(led)
 
 
 def test_a_moved_clamp_carries_an_unloaded_strip_along():

@@ -96,7 +96,9 @@ def test_forces_and_tangent_are_the_slopes_of_the_work():
     """With the moment's work as the potential of forces on the output weights: what acts is conservative."""
     moment, t = edge_moment(), 0.6
     generator = torch.Generator().manual_seed(0)
-    weights, direction = (0.2 * torch.randn(2, moment.sampled.jets.shape[-1] * 3, generator=generator).double()).unbind()
+    weights, direction = (
+        0.2 * torch.randn(2, moment.sampled.jets.shape[-1] * 3, generator=generator).double()
+    ).unbind()
     near = torch.zeros(len(moment.lengths), dtype=torch.float64)
 
     def gradients(s):

@@ -181,6 +181,15 @@ def test_a_saved_path_comes_back_the_same(name, request, tmp_path):
     assert measure_all(again) == measure_all(solution)
 
 
+def test_planes_of_symmetry_come_back_from_a_file(tmp_path):
+    middle = support("middle", "xi2_min", symmetry="y")
+    case = strip({"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, "t"]}, supports=[WALL, middle])
+    solution = solve(case, neurons=10, largest_gap=1.0)
+    again = SOLVER.load(solution.save(tmp_path / "half"))
+    assert again.case == case
+    assert np.array_equal(again.displacement([0.4, 0.1], at=0.5), solution.displacement([0.4, 0.1], at=0.5))
+
+
 def test_storage_counts_every_state(sheared, tmp_path):
     kept = load_file(sheared.save(tmp_path / "path"))
     assert sheared.storage_bytes == sum(t.numel() * t.element_size() for t in kept.values())

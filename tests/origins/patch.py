@@ -76,18 +76,25 @@ def uniform(*force: float) -> Callable[[Array, Array], Array]:
 
 
 def converged(
-    compute: Callable[[Mesh], dict[str, float]], fine: Mesh, coarse: Mesh, length: str = "m"
+    compute: Callable[[Mesh], dict[str, float]],
+    fine: Mesh,
+    coarse: Mesh,
+    length: str = "m",
+    rounding: float = ROUNDING,
 ) -> dict[str, Estimate]:
-    """Take the values of a fine discretisation; their distances from a clearly coarser one are the errors."""
+    """Take the values of a fine discretisation; their distances from a clearly coarser one are the errors.
+
+    A relative rounding is added, because two levels may agree by chance.
+    """
     near, far = compute(fine), compute(coarse)
     # Membrane and bending energy trade with one another: the sum may be the only one that converges from one side.
     energies = max((abs(near[name] - far[name]) for name in near if name.endswith("energy")), default=0.0)
     values = {}
     for name, value in near.items():
         kind = name.split("_")[-1]
-        rounding = ROUNDING * abs(value)
+        least = rounding * abs(value)
         if kind == "energy":
-            values[name] = Estimate(value, energies + rounding, "J")
+            values[name] = Estimate(value, energies + least, "J")
         else:
-            values[name] = Estimate.between(value, far[name], "N" if kind in FORCES else length, rounding)
+            values[name] = Estimate.between(value, far[name], "N" if kind in FORCES else length, least)
     return values
