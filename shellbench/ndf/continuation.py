@@ -106,6 +106,8 @@ def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end:
         length = float(seen.norm())
         if before is None:
             rate = float(row @ tangent)
+            if rate == 0.0:
+                raise PathEndsError("the loads do not move the displacement that the path is followed to")
             arc, sign = end / PATH_STEPS / abs(rate) * length, math.copysign(1.0, rate)
             longest = LONGEST_ARC * arc
         else:

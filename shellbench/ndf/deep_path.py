@@ -22,10 +22,12 @@ from shellbench.ndf.jets import VALUE, Placement
 from shellbench.ndf.large_displacement import Rung
 from shellbench.ndf.network import Network, deep_random_features
 from shellbench.ndf.path_solution import PathSolution
-from shellbench.ndf.resolution import RUNGS, rung
+from shellbench.ndf.resolution import rung, rung_count
 from shellbench.ndf.training import Plan, Problem, Quadratures, train, trusted
 from shellbench.places import Whole
 from shellbench.solution import ProgressCallback
+
+WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
 
 Constraints = Callable[[Ansatz, Features], tuple[Tensor, Tensor]]
 
@@ -57,23 +59,25 @@ def follow(
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
         network = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
-        if is_trained(case):
+        if is_trained(case, width):
             network = _trained(problem, plan, network, points)
         features = problem.with_network(network)
         return Rung(features, chosen.rule, chosen.fine, graded_points(case, spec), network.parameters)
 
-    widths = plan.widths or tuple(rung(case, number).neurons for number in range(RUNGS))
-    numbers = [max(0, RUNGS - len(widths) + k) for k in range(len(widths))]
+    count = rung_count(case)
+    widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
+    numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
     solution = large_displacement.solve(case, spec, solver, builds, largest_gap, progress)
-    hidden = "trained in linear theory" if is_trained(case) else "as drawn"
+    hidden = "trained in linear theory" if is_trained(case, solution.diagnostics["neurons"]) else "as drawn"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
 
 
-def is_trained(case: Case) -> bool:
-    """Tell whether the hidden layers are trained: not where all is prescribed, nor where edge moments act."""
+def is_trained(case: Case, width: int) -> bool:
+    """Tell whether hidden layers are trained: not wide ones, nor where all is prescribed, nor where edge moments act."""
     prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
-    return not prescribed and not any(isinstance(load, MomentLoad) for load in case.loads)
+    moments = any(isinstance(load, MomentLoad) for load in case.loads)
+    return width <= WIDEST_TRAINED and not prescribed and not moments
 
 
 def _trained(problem: Problem, plan: Plan, network: Network, points: Quadratures) -> Network:

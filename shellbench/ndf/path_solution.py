@@ -72,7 +72,7 @@ class PathSolution:
         if at is None:
             return self.states[-1]
         nearest = int(np.argmin(np.abs(np.asarray(self.marks) - at)))
-        if abs(self.marks[nearest] - at) > SAME_MARK * max(1.0, abs(at)):
+        if abs(self.marks[nearest] - at) > SAME_MARK * abs(at):
             known = ", ".join(f"{mark:g}" for mark in self.marks)
             raise InputError(f"{self.case.name}: solved at {known}, not at {at:g}")
         return self.states[nearest]

@@ -58,14 +58,18 @@ def resolution(case: Case) -> Resolution:
     return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
-RUNGS = 4  # of ever finer fields for large displacements
 WIDTHS = (0.5, 1.0, 2.0, 3.5)  # of each rung, in units of the usual width
 LENGTHENED = (1.0, 1.0, 2.5, 5.0)  # at most, of the scale along the longer side of a flat shell
 LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
 
 
+def rung_count(case: Case) -> int:
+    """Return the number of rungs: those of a case whose forces act at points begin wider."""
+    return len(WIDTHS) - bool(foci(case))
+
+
 def rung(case: Case, number: int) -> Resolution:
-    """Return one of `RUNGS` ever finer resolutions for large displacements.
+    """Return one of ever finer resolutions for large displacements.
 
     Linear theory tells little of how a thin strip coils, so the finer rungs resolve its length better than its width.
     """

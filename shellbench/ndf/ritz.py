@@ -38,7 +38,7 @@ from shellbench.ndf.loads import check_balance
 from shellbench.ndf.network import random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
-from shellbench.ndf.resolution import RUNGS, Resolution, resolution, rung
+from shellbench.ndf.resolution import Resolution, resolution, rung, rung_count
 from shellbench.ndf.singular import MULTIPLIERS
 from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.solve import OutputLayer, solve_output
@@ -150,7 +150,8 @@ def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progr
         features = build_features(case, spec, network, placement, inputs)
         return Rung(features, chosen.rule, chosen.fine, focal)
 
-    numbers = range(RUNGS) if settings.neurons is None else [RUNGS - 1]
+    last = rung_count(case) - 1
+    numbers = range(last + 1) if settings.neurons is None else [last]
     builds = [partial(build, number) for number in numbers]
     return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
 

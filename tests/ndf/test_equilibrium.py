@@ -51,8 +51,13 @@ STRAINS = ("exact", "published", "linear")
 
 @cache
 def problem_of(name, strain="exact", width=10):
-    """The equilibrium of a few random features; `name` is one of `CASES`."""
-    case, spec = CASES[name], FieldSpec(strain=strain, stretched=False, multipliers=0)
+    """The equilibrium of one of `CASES`."""
+    return problem_for(CASES[name], strain, width)
+
+
+def problem_for(case, strain="exact", width=10):
+    """The equilibrium of a few random features."""
+    spec = FieldSpec(strain=strain, stretched=False, multipliers=0)
     inputs = build_inputs(case, spec)
     network = random_features(PLACEMENT.tensor(np.full(inputs.count, 2.0)), width, 0)
     features = build_features(case, spec, network, PLACEMENT, inputs)
@@ -180,11 +185,8 @@ def test_a_rotated_shell_has_no_energy_and_no_forces():
     """The lift of a support on the whole surface is the finite rotation, whose strains are rounding."""
     turn = {"kind": "rotation", "axis": [1, 2, 3], "centre": [0.5, 0, 0], "angle": "270*t"}
     case = shell("hypar", theory=NONLINEAR, supports=[support("all", "surface", motion=turn)])
-    spec = FieldSpec(strain="exact", stretched=False, multipliers=0)
-    network = random_features(PLACEMENT.tensor(np.full(2, 2.0)), 4, 0)
-    features = build_features(case, spec, network, PLACEMENT, build_inputs(case, spec))
-    problem = Problem(spec, build_ansatz(case, spec), features, RULE, graded_points(case, spec))
-    deformed = problem.deform(torch.zeros(3 * features.count, dtype=torch.float64), 1.0)
+    problem = problem_for(case)
+    deformed = problem.deform(0 * drawn(problem), 1.0)
     assert deformed.membrane + deformed.bending < 1e-20 * case.material.membrane_stiffness * problem.area
     points = inner_points(case)
     x = case.surface.position(points)
@@ -241,6 +243,20 @@ def test_equilibrium_holds_on_the_path():
         assert in_basis(problem, state.deformed) < 1e-6 * in_basis(problem, problem.deform(0 * state.weights, t))
         torch.testing.assert_close(problem.constraints @ state.weights, problem.targets(t), rtol=0, atol=1e-9)
     torch.testing.assert_close(problem.targets(1.0), torch.tensor([0.0, 0.2], dtype=torch.float64), rtol=0, atol=1e-15)
+
+
+def test_feet_stand_where_they_are_put_though_the_wall_moves():
+    """The lift of a moved wall reaches the foot: what the features add there is the difference."""
+    wall = {**WALL, "motion": {"kind": "translation", "vector": [0, 0, "0.1*t"]}}
+    foot = support("foot", "p", components=["y", "z"], motion={"kind": "translation", "vector": [0, 0, "-0.05*t"]})
+    case = shell("plane", theory=NONLINEAR, points={"p": [1.5, 0.5]}, supports=[wall, foot])
+    problem = problem_for(case)
+    for t in (0.5, 1.0):
+        state = equilibrium(problem, State.rest(problem), t)
+        field = Field(problem.ansatz_at(t), problem.features, state.weights.view(3, -1), torch.zeros(6).double())
+        u = field.displacement(np.array([[1.5, 0.5], [0.0, 0.3]])).numpy()
+        np.testing.assert_allclose(u[0, 1:], [0, -0.05 * t], atol=1e-10)
+        np.testing.assert_allclose(u[1], [0, 0, 0.1 * t], atol=1e-14)
 
 
 def test_the_drift_is_the_slope_of_the_path():

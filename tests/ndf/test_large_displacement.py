@@ -264,6 +264,18 @@ def test_what_a_field_cannot_follow_is_declined():
         solve(led)
 
 
+@pytest.mark.parametrize("control", ["displacement", "arc_length"])
+@pytest.mark.parametrize("loads", [[SHEAR], []])
+def test_a_displacement_that_the_loads_do_not_cause_is_a_failure(control, loads):
+    """A point of the wall never moves, and nothing moves that nothing loads."""
+    foot = {"points": {"tip": [0 if loads else 1, 0.25]}}
+    path = {"control": control, "quantity": "up", "until": 0.1}
+    case = strip(SHEAR, **{"loads": loads, "path": path, "quantities": [{**UP, "at": 0.1}], **foot})
+    with pytest.raises(SolveFailure, match="no state beyond rest converged") as caught:
+        solve(case, neurons=16)
+    assert "\n" not in str(caught.value)
+
+
 def test_a_moved_clamp_carries_an_unloaded_strip_along():
     shifted = support("jaw", "xi1_min", clamped=True, motion={"kind": "translation", "vector": ["t", 0, "2*t"]})
     solution = solve(strip({"kind": "gravity", "acceleration": [0, 0, 0]}, supports=[shifted]), neurons=20)
@@ -301,6 +313,31 @@ def test_hidden_layers_stay_as_drawn_where_moments_act(coiled):
     deep = NdfSolver().solve(case, TrainerSettings(widths=(60,), iterations=1, largest_gap=1.0))
     assert deep.diagnostics["hidden_layers"] == "as drawn"
     assert sum(deep.energies(at=0.25)) == pytest.approx(sum(coiled.energies(at=0.25)), rel=1e-2)
+
+
+@pytest.mark.parametrize("control", ["load", "displacement", "arc_length"])
+def test_consistent_units_give_the_same_path(control):
+    """Metres to millimetres and newtons to kilonewtons: the same states, by every control."""
+
+    def roof(length, force):
+        load = 60.0 * force / length**2
+        path = {"control": control, "quantity": "down", "until": 0.1 * length}
+        down = {"name": "down", "kind": "displacement", "points": ["top"], "direction": [0, -1, 0], "primary": True}
+        return shell(
+            {"kind": "cylinder", "axis": "z", "radius": 3 * length, "xi1": [50, 130], "xi2": [0, 5 * length]},
+            {"youngs_modulus": 1e7 * force / length**2, "thickness": 0.05 * length}, theory=NONLINEAR,
+            points={"top": [90, 2.5 * length]}, loads=[{"kind": "area", "vector": [0, f"-{load}*t", 0]}],
+            supports=[support("ends", "xi2_min", "xi2_max", components=["x", "y"])],
+            remove_rigid_motions=FREE[2:3], **({} if control == "load" else {"path": path}),
+            quantities=[down if control == "load" else {**down, "at": 0.1 * length}],
+        )  # fmt: skip
+
+    first, second = (solve(roof(*units), neurons=24, panels=(5, 5), largest_gap=1.0) for units in ((1, 1), (1e3, 1e-3)))
+    points = inner_points(first.case)
+    u, v = first.displacement(points), second.displacement(points * [1, 1000])
+    np.testing.assert_allclose(v, 1000 * u, rtol=0, atol=1e-4 * np.abs(v).max())
+    assert first.history[-1].at == pytest.approx(second.history[-1].at, rel=1e-5)
+    np.testing.assert_allclose(second.energies(), np.array(first.energies()), rtol=1e-4)
 
 
 def test_seeds_are_reproducible_and_differ():

@@ -68,6 +68,36 @@ def test_every_mark_is_kept_and_no_other(sheared):
         sheared.evaluate("stress", points)
 
 
+def test_marks_are_told_apart_however_small():
+    """Displacements of a nanometre are as good as loads of one."""
+    case = strip({"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, "t"]}, path={"until": 1e-9, "states": [5e-10]},
+                 quantities=[{"name": "energy", "kind": "strain_energy", "primary": True, "at": 1e-9}])  # fmt: skip
+    solution = solve(case, neurons=8, largest_gap=1.0)
+    points = inner_points(case)
+    half, whole = (solution.displacement(points, at=at) for at in (5e-10, 1e-9))
+    np.testing.assert_allclose(2 * half, whole, rtol=0, atol=1e-6 * np.abs(whole).max())
+    with pytest.raises(InputError, match="not at 6e-10"):
+        solution.displacement(points, at=6e-10)
+
+
+def test_diaphragms_balance_the_load_on_a_deformed_roof():
+    """They hold two components alone, and are free to slide along the third."""
+    ends = support("ends", "xi2_min", "xi2_max", components=["x", "y"])
+    case = shell("roof", theory=NONLINEAR, supports=[ends], remove_rigid_motions=["translation_z"],
+                 loads=[{"kind": "area", "vector": [0, "-60*t", 0]}])  # fmt: skip
+    solution = SOLVER.solve(case, RitzSettings(neurons=120))
+    nodes, w = np.polynomial.legendre.leggauss(20)
+    lower, size = np.array(case.surface.domain.lower), case.surface.domain.size
+    grid = lower + np.stack(np.meshgrid((nodes + 1) / 2, (nodes + 1) / 2, indexing="ij"), axis=-1) * size
+    weights = np.outer(w, w) / 4 * 3 * np.prod(size)
+    position = case.surface.position(grid) + solution.displacement(grid)
+    load = np.array([0.0, -60.0, 0.0])
+    force, moment = solution.reaction("ends")
+    np.testing.assert_allclose(force, -weights.sum() * load, atol=1e-6)
+    expected = -np.einsum("ij,ijc->c", weights, np.cross(position, load))
+    np.testing.assert_allclose(moment, expected, atol=2e-5 * np.abs(expected).max())
+
+
 def test_states_of_the_history_are_those_of_the_solution(sheared):
     path = {s.at: s for s in sheared.history if s.phase == "path"}
     for mark in MARKS:
