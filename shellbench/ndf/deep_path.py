@@ -74,7 +74,7 @@ def follow(
 
 
 def is_trained(case: Case, width: int) -> bool:
-    """Tell whether hidden layers are trained: not wide ones, nor where all is prescribed, nor where edge moments act."""
+    """Tell whether hidden layers are trained: no wide ones, nor where all is prescribed or edge moments act."""
     prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
     moments = any(isinstance(load, MomentLoad) for load in case.loads)
     return width <= WIDEST_TRAINED and not prescribed and not moments
