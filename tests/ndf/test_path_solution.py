@@ -184,6 +184,19 @@ def test_feet_and_walls_balance_the_load_together(footed):
         np.testing.assert_allclose(foot_moment + wall_moment, -load, atol=2e-4)
 
 
+def test_the_force_of_a_foot_is_the_slope_of_the_energy():
+    """Nothing else works on the strip than the foot, which moves 0.2 m upward: dU = F dz; the wall holds against it."""
+    push = {"kind": "translation", "vector": [0, 0, "0.2*t"]}
+    feet = [WALL, support("foot", "tip", components=["z"], motion=push)]
+    solution = solve(strip({"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, 0]}, supports=feet,
+                           path={"states": [0.99, 1.0, 1.01], "until": 1.01}))  # fmt: skip
+    energy = {step.at: step.energy for step in solution.history if step.phase == "path"}
+    slope = (energy[1.01] - energy[0.99]) / (0.02 * 0.2)
+    force, _ = solution.reaction("foot", at=1.0)
+    assert force[2] == pytest.approx(slope, rel=2e-4)
+    np.testing.assert_allclose(solution.reaction("wall", at=1.0)[0], -force, atol=1e-3 * slope)
+
+
 @pytest.mark.parametrize("name", ["sheared", "footed"])
 def test_a_saved_path_comes_back_the_same(name, request, tmp_path):
     solution = request.getfixturevalue(name)
