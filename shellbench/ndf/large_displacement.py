@@ -93,14 +93,14 @@ def solve(
     history: list[Step] = []
     before: float | None = None
     change: float | None = None
+    solution: PathSolution | None = None
     for number, build in enumerate(rungs):
-        rung = build()
-        run = _Run(case, spec, solver, rung, began, largest_gap, progress)
+        run = _Run(case, spec, solver, build(), began, largest_gap, progress)
         try:
             solution = run.solve()
-        except SolveFailure:
-            if number == len(rungs) - 1:
-                raise
+        except SolveFailure as failure:
+            if number == len(rungs) - 1:  # what a coarser field found is kept, but not taken for the answer
+                raise SolveFailure(str(failure), solution or failure.partial) from None
             before = None
             continue
         energy = solution.diagnostics["certified_energy"]
@@ -111,11 +111,12 @@ def solve(
         history.append(run.summary(len(history), solution))
         if run.prescribed or (change is not None and change <= SETTLED):
             break
+    assert solution is not None  # there is a rung, and the last one would have raised
     states = tuple(replace(s, iteration=len(history) + s.iteration) for s in solution.history)
     diagnostics = {
         **solution.diagnostics,
         "energy_change": change,
-        "settled": run.prescribed or len(rungs) == 1 or (change is not None and change <= SETTLED),
+        "settled": run.prescribed or (change is not None and change <= SETTLED),
     }
     return replace(solution, history=(*history, *states), diagnostics=diagnostics)
 

@@ -64,7 +64,7 @@ LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales
 
 
 def rung_count(case: Case) -> int:
-    """Return the number of rungs: those of a case whose forces act at points begin wider."""
+    """Return the number of rungs; where forces act at points the first ones are wide already, and there is one less."""
     return len(WIDTHS) - bool(foci(case))
 
 

@@ -7,7 +7,7 @@ import torch
 from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import D1, Placement
 from shellbench.ndf.lengths import edge_layers, foci
-from shellbench.ndf.resolution import RUNGS, resolution, rung, side_lengths
+from shellbench.ndf.resolution import resolution, rung, rung_count, side_lengths
 from shellbench.ndf.singular import FixedFeatures
 from shellbench.ndf.supports import edge_samples, edge_supports
 from tests.ndf.shells import FREE, differences, inner_points, shell, support
@@ -173,14 +173,14 @@ def test_axes_of_inputs_are_the_coordinates_that_they_are(surface, periodic, axe
 def test_rungs_are_ever_wider_and_longer_along_a_strip():
     """A strip of 10 by 1: scales and panels grow along its length alone, whichever coordinate runs along it."""
     lying, standing = (shell({"kind": "plane", "xi1": [0, a], "xi2": [0, b]}) for a, b in ((10, 1), (1, 10)))
-    widths = [rung(lying, number).neurons for number in range(RUNGS)]
+    widths = [rung(lying, number).neurons for number in range(rung_count(lying))]
     assert widths == sorted(set(widths))
-    for number in range(RUNGS):
+    for number in range(rung_count(lying)):
         first, second = rung(lying, number), rung(standing, number)
         assert first.along == second.along[::-1]
         assert first.rule.panels == second.rule.panels[::-1]
         assert first.fine.panels == second.fine.panels[::-1]
-    coarse, fine = rung(lying, 0), rung(lying, RUNGS - 1)
+    coarse, fine = rung(lying, 0), rung(lying, rung_count(lying) - 1)
     assert coarse.along == (1, 1)
     assert fine.along[0] > 3
     assert fine.along[1] <= 1
@@ -194,7 +194,7 @@ def test_rungs_are_ever_wider_and_longer_along_a_strip():
 @pytest.mark.parametrize("case", [shell("plane"), shell("roof"), shell("tube")])
 def test_rungs_of_squares_and_of_curved_shells_keep_scales_and_panels(case):
     usual = resolution(case)
-    for number in range(RUNGS):
+    for number in range(rung_count(case)):
         found = rung(case, number)
         assert (found.scale, found.stretched_scale, found.along) == (usual.scale, usual.stretched_scale, (1, 1))
         assert (found.rule.panels, found.fine.panels) == (usual.rule.panels, usual.fine.panels)

@@ -329,9 +329,10 @@ def test_what_fails_says_why_and_keeps_what_it_found():
     if not torch.cuda.is_available():
         with pytest.raises(InputError, match="not available"):
             solve(case, device="cuda")
+    turned = [support("a", "xi1_min", clamped=True, motion=TURN)]
+    case = plate(theory="kirchhoff-love-nonlinear", supports=turned, loads=[])
     with pytest.raises(InputError, match="can't solve case 'test'"):
-        turned = [support("a", "xi1_min", clamped=True, motion=TURN)]
-        solve(plate(theory="kirchhoff-love-nonlinear", supports=turned, loads=[]))
+        solve(case)
     with pytest.raises(InputError, match="not in balance"):
         solve(shell("tube", loads=[DOWN]))
 
