@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field, PositiveInt
+from threadpoolctl import ThreadpoolController
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
@@ -104,6 +105,11 @@ class FemSolver:
         refusal = self.declines(case)
         if refusal:
             raise InputError(f"fem can't take {case.name}: {refusal}")
+        # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
+        with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
+            return self._refined(case, chosen, progress)
+
+    def _refined(self, case: Case, chosen: FemSettings, progress: ProgressCallback | None) -> FemSolution:
         began = time.perf_counter()
         on_mesh, trials = _solves(case, chosen, progress or (lambda _: None))
         tolerance = chosen.tolerance or usual_tolerance(case)
