@@ -9,7 +9,10 @@ import pytest
 from shellbench import catalog
 from shellbench.case import build_case
 from shellbench.errors import InputError, SolveFailure
+from shellbench.fem import large_displacement
+from shellbench.fem.grading import graded_mesh
 from shellbench.fem.solver import FemSolver
+from shellbench.measure import measure_all
 from tests.fem.shells import SURFACES, shell
 from tests.fem.test_large_displacement import DEFLECTION, NONLINEAR, WALL, data_of, on_mesh, path_of, solve
 
@@ -229,3 +232,37 @@ def test_loads_that_push_along_a_free_motion_are_refused():
     assert FemSolver().declines(case) is None
     with pytest.raises(SolveFailure, match="the loads are not in balance"):
         solve(case, max_unknowns=1000)
+
+
+@pytest.mark.long
+def test_under_a_point_load_the_pulled_cylinder_loses_its_equilibrium_the_earlier_the_finer_the_mesh():
+    """Why `cylinder_pull_out` spreads its loads: a quarter of 40000 at one point is more than this theory carries."""
+    data = data_of("cylinder_pull_out")
+    load = {"kind": "point", "on": ["A"], "force": [0, 0, "10000*t"]}
+    case = build_case(data | {"loads": [load]}, "pulled", "test")
+    ends = []
+    for cells, grading in ((12, 2.0), (16, 2.0), (16, 2.5)):
+        mesh = graded_mesh(case, (cells, cells), grading)
+        with pytest.raises(SolveFailure, match="no equilibrium was found") as caught:
+            large_displacement.solve(case, mesh, 7, (1 / 8, 1e-3))
+        ends.append(caught.value.partial.history[-1].at)
+    assert ends == sorted(ends, reverse=True)
+    assert ends[-1] < 0.6
+
+
+@pytest.mark.long
+def test_the_path_of_the_pulled_cylinder_has_a_loop():
+    """Load steps jump over it; under displacement control both limit points are seen (`tests/origins`: .51664, .51520)."""
+    data = data_of("cylinder_pull_out")
+    inward = next(q for q in data["quantities"] if q["name"] == "U_B") | {"at": 4.2, "primary": False}
+    turning = [
+        {"name": "maximum", "kind": "limit_point", "number": 1, "primary": True},
+        {"name": "minimum", "kind": "limit_point", "number": 2},
+    ]
+    changes = {"quantities": [inward, *turning], "path": {"control": "displacement", "quantity": "U_B", "until": 4.2}}
+    case = build_case(data | changes, "pulled", "test")
+    found, _ = large_displacement.solve(case, graded_mesh(case, (16, 12), 2.0), 7, (1 / 8, 1e-3))
+    values = measure_all(found.solution)
+    assert values["maximum"] == pytest.approx(0.5166, rel=2e-3)
+    assert values["minimum"] == pytest.approx(0.5152, rel=2e-3)
+    assert values["maximum"] > values["minimum"]
