@@ -52,6 +52,7 @@ from shellbench.surface import SurfaceModel
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
 SAMPLES = 9  # points a side at which loads and motions are looked at
+ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
@@ -284,6 +285,10 @@ class Case(Model):
             for name in load.on if isinstance(load, EdgeLoad | PointLoad | MomentLoad) else ():
                 if not isinstance(self.places[name], Point if isinstance(load, PointLoad) else Edge):
                     raise ValueError(f"a load of kind '{load.kind}' can't act on '{name}'")
+                if isinstance(load, MomentLoad) and self._is_normal(load.axis, self.places[name]):
+                    raise ValueError(
+                        f"the axis of a moment on '{name}' is the normal there, which no moment about itself turns"
+                    )
         for quantity in self.quantities:
             if isinstance(quantity, DisplacementQuantity):
                 for name in quantity.points:
@@ -293,6 +298,16 @@ class Case(Model):
             if isinstance(quantity, ReactionQuantity | TorqueQuantity) and quantity.support not in names:
                 raise ValueError(f"quantity '{quantity.name}' names support '{quantity.support}'; known are {names}")
         return self
+
+    def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
+        """Tell whether an axis is along the normal anywhere on an edge."""
+        assert isinstance(place, Edge)
+        domain, running = self.surface.domain, 1 - place.axis
+        points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+        x = self.surface.derivatives(points, order=1)
+        normal = np.cross(x[1, 0], x[0, 1])
+        across = np.linalg.norm(np.cross(normal, axis), axis=-1)
+        return bool(np.any(across <= ALONG * np.linalg.norm(normal, axis=-1) * np.linalg.norm(axis)))
 
     @model_validator(mode="after")
     def _formulas_are_finite(self) -> Self:
@@ -344,6 +359,9 @@ class Case(Model):
                 raise ValueError(
                     f"{what} acts at t = 0; in the non-linear theory t is the load factor, and rest is at 0"
                 )
+            for t in np.linspace(0.0, path.until, SAMPLES)[1:] if path.quantity is None else ():
+                if not np.all(np.isfinite(at(float(t)))):
+                    raise ValueError(f"{what} is not finite at t = {t:.4g}, on the way to {path.until:g}")
             if path.quantity is not None and np.abs(twice - 2 * unit).max() > PROPORTIONAL * np.abs(unit).max():
                 raise ValueError(f"{what} is not proportional to t, as a path with control '{path.control}' needs")
         return self

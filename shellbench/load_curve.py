@@ -94,8 +94,14 @@ class Curve:
             If the path has fewer.
         """
         values = self.factors if of == "load" else self.displacements
-        own = CubicSpline(self._spline.x, values)
-        roots = [r for r in own.derivative().roots(extrapolate=False) if own(r, 2) != 0 and r > self._spline.x[0]]
+        lengths, trend = self._spline.x, np.sign(np.diff(values))
+        own = CubicSpline(lengths, values)
+        roots = []
+        for root in own.derivative().roots(extrapolate=False):
+            span = min(int(np.searchsorted(lengths, root, side="right")) - 1, len(trend) - 1)
+            turns = trend[max(span - 1, 0)] != trend[min(span + 1, len(trend) - 1)]
+            if turns and own(root, 2) != 0 and root > lengths[0]:  # the states turn, and not only the spline
+                roots.append(root)
         if len(roots) < number:
             raise ValueError(f"the path has {len(roots)} turning points of the {of}, not {number}")
         factor, displacement = self._spline(sorted(roots)[number - 1])

@@ -84,7 +84,7 @@ def halved_moments(module):
     return inject
 
 
-def following_load(patch):
+def quadratic_loads(patch):
     """Let the dead loads of fem grow with the square of the load factor."""
     original = problem.Loading.of.__func__
     patch.setattr(
@@ -108,7 +108,7 @@ FAULTS = [
     Fault("bending stiffness 0.1 % off", "fem", ROLLED, stiffness("bending_stiffness", 1.001)),
     Fault("an edge forgotten", "fem", PLATE, only_three_edges),
     Fault("halved moments", "fem", MOMENT, halved_moments(moments)),
-    Fault("loads that grow otherwise", "fem", SHEAR, following_load),
+    Fault("loads that grow otherwise", "fem", SHEAR, quadratic_loads),
     Fault("published strains", "ndf-ritz", SHEAR, ndf_strain("published")),
     Fault("published strains, turned", "ndf-ritz", TURNED, ndf_strain("published")),
     Fault("linear strains", "ndf-ritz", PLATE, ndf_strain("linear")),

@@ -29,7 +29,13 @@ GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did no
 SMALLEST_STEP = 1e-4  # of the whole path
 PATH_STEPS = 48  # steps of a path that is followed by displacement, and of its length by arc
 LONGEST_ARC = 1.5  # arc in units of the first one
-MOST_STEPS = 2000  # of a path, whatever its control
+MOST_STEPS = 2000  # of a path that is followed by arc length
+STRAIGHT = 0.7  # least share of a step that lies along the path's tangent: less is another branch
+CLOSE, CLOSER = (
+    1 / 8,
+    1 / 4,
+)  # of the longest step: one over a turning point is no longer, and cut to this share if it is
+UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
 
 
 class PathEndsError(Exception):
@@ -99,23 +105,29 @@ def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end
     Raises
     ------
     PathEndsError
-        If a step can't be cut further.
+        If the loads do not move it, a step can't be cut further, or the path has passed a branch.
     """
-    state = problem.rest()
+    state, value, rising = problem.rest(), 0.0, True
+    first = _first_rate(row, problem.drift(state))
     step = longest = end / PATH_STEPS
-    value = 0.0
     for mark in sorted({*marks, end}):
         while value < mark:
             remaining = mark - value
             parts = np.ceil(remaining / step * (1 - 1e-9))
             target = mark if parts <= 1 else value + remaining / parts
             try:
-                state, value = _to_displacement(problem, state, row, value, target), target
+                found = _to_displacement(problem, state, row, value, target)
+                rises = float(np.sum(row * problem.drift(found))) * first > 0
             except NotConvergedError:
                 step = (target - value) * CUT
                 if step < SMALLEST_STEP * end:
                     raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
                 continue
+            if rises != rising and target - value > CLOSE * longest:
+                step = CLOSER * (target - value)
+                continue
+            _check_branch(found, rises)
+            state, value, rising = found, target, rises
             yield state
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
 
@@ -129,6 +141,20 @@ def _to_displacement(problem: Problem, state: State, row: Array, value: float, t
     return problem.on_path(state, Constraint(row, 0.0, target), (change * drift, change))
 
 
+def _first_rate(row: Array, drift: Array) -> float:
+    """Return the controlled displacement's rate at rest."""
+    rate = float(np.sum(row * drift))
+    if not abs(rate) > UNMOVED * float(np.linalg.norm(row) * np.linalg.norm(drift)):
+        raise PathEndsError("the loads do not move the displacement that the path is followed to")
+    return rate
+
+
+def _check_branch(found: State, rises: bool) -> None:
+    """Check that only limit points were passed: each changes the tangent's inertia by one, and the load's direction."""
+    if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
+        raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
+
+
 def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: float) -> Iterator[State]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
@@ -137,34 +163,42 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
     Raises
     ------
     PathEndsError
-        If a step can't be cut further, or the path does not get there.
+        If the loads do not move the displacement, a step can't be cut further, or the path has passed a branch or does
+        not get there.
     """
     weights = np.zeros(row.shape)
     weights[:, :: len(KINDS)] = 1.0 / len(row)  # the mean square of the nodes' displacements
+
+    def size(change: Array) -> float:
+        return float(np.sqrt(np.sum(weights * change**2)))
+
     state, value, highest = problem.rest(), 0.0, 0.0
     waiting = sorted({*marks, end})
     drift = problem.drift(state)
-    arc = longest = 0.0
-    before: Array | None = None
+    first = _first_rate(row, drift)
+    arc = end / PATH_STEPS / abs(first) * size(drift)  # the first one moves the displacement by its share of the path
+    longest, sign, heading = LONGEST_ARC * arc, float(np.sign(first)), 1.0
     for _ in range(MOST_STEPS):
-        length = float(np.sqrt(np.sum(weights * drift**2)))
-        if before is None:  # the first arc moves the displacement by its share of the path
-            rate = float(np.sum(row * drift))
-            arc = end / PATH_STEPS / abs(rate) * length
-            longest, sign = LONGEST_ARC * arc, float(np.sign(rate))
-        else:
-            sign = float(np.sign(np.sum(weights * before * drift)))
+        length = size(drift)
         change = sign * arc / length
         row_of_arc = weights * drift * sign / length
         target = float(np.sum(row_of_arc * state.q)) + arc
         try:
             found = problem.on_path(state, Constraint(row_of_arc, 0.0, target), (change * drift, change))
-            drift_found = problem.drift(found)
+            if arc < STRAIGHT * size(found.q - state.q):
+                raise NotConvergedError
+            ahead = problem.drift(found)
         except NotConvergedError:
             arc *= CUT
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
+        sign_found = float(np.sign(np.sum(weights * (found.q - state.q) * ahead)))
+        heads = float(np.sign(np.sum(row * ahead))) * sign_found
+        if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
+            arc *= CLOSER
+            continue
+        _check_branch(found, sign_found * first > 0)
         reached = float(np.sum(row * found.q))
         near, at = state, value
         while waiting and reached >= waiting[0] > highest:
@@ -178,8 +212,7 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
             return
         if reached != at:
             yield found
-        before = found.q - state.q
         state, value, highest = found, reached, max(highest, reached)
-        drift = drift_found
+        drift, sign, heading = ahead, sign_found, heads
         arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")

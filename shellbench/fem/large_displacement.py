@@ -52,6 +52,8 @@ def declined(case: Case) -> str | None:
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
     loose = free_motions(case)
+    if case.path.quantity is not None and loose.size:
+        return f"it needs supports against all rigid motions on a path with control = '{case.path.control}'"
     if loose.size and np.abs(loose[3:]).max() > RIGID:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
         return f"it needs supports against {name} at finite strain"
@@ -101,8 +103,8 @@ def solve(
     """
     began = time.perf_counter()
     problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
-    loading = Loading.of(case, mesh, problem.quadrature, (1.0,))
-    check_balance(loading, free_motions(case))
+    for t in case.states if case.path.quantity is None else (1.0,):
+        check_balance(Loading.of(case, mesh, problem.quadrature, (t,)), free_motions(case))
     quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
     states: list[State] = []
@@ -128,11 +130,11 @@ def solve(
             energy=problem.potential(state),
             unknowns=_unknowns(problem),
             at=state.t,
-            quantities={name: float(np.sum(row * state.q)) for name, row in quantities.items()},
+            quantities={name: float(np.sum(row * q)) for name, row in quantities.items()},
             phase="path",
             iterations=state.iterations,
         )
-        for number, (state, after) in enumerate(zip(states, seconds, strict=True))
+        for number, (state, after, q) in enumerate(zip(states, seconds, _held(problem, states), strict=True))
     )
     kept = _kept(case, marks, complete=reason is None)
     solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
@@ -228,6 +230,17 @@ def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
 
 def _unknowns(problem: Problem) -> int:
     return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
+
+
+def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
+    """Return the displacements (nodes, 12) of states without the rigid motions that nothing holds."""
+    loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
+    if not loose.size:
+        return [state.q for state in states]
+    stacked = np.stack([state.q for state in states], axis=-1)
+    fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
+    fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)
+    return list(np.moveaxis((fields * scales).reshape(stacked.shape), -1, 0))
 
 
 def _solution(

@@ -239,7 +239,8 @@ class Problem:
         for iteration in range(1, MOST_ITERATIONS + 1):
             forces = self.forces(q, t)
             right = forces - strained.forces
-            residuals.append(_size(ties, right) / max(np.abs(forces).max(), np.abs(strained.forces).max(), 1e-300))
+            largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
+            residuals.append(_size(ties, right) / max(largest, np.finfo(float).tiny))
             try:
                 if iteration > 1 or factor is None:
                     factor = self._factorised(q, t, strained, stresses)
@@ -254,8 +255,8 @@ class Problem:
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
             strained = self.energy.at(q)
-            scale = strained.energy + abs(float(np.sum(forces * q)))
-            first = max(first, decrement)
+            scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
+            first = first or decrement
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
             if decrement <= tolerance * scale and residuals[-1] <= BALANCED:

@@ -25,6 +25,11 @@ PATH_STEPS = 32  # steps of a path that is followed by displacement, and of its 
 LONGEST_ARC = 1.5  # in units of the first one
 STRAIGHT = 0.7  # cosine between a step and the tangent it started along, below which it may be on another branch
 MOST_STEPS = 1000
+CLOSE, CLOSER = (
+    1 / 8,
+    1 / 4,
+)  # of the longest step: one over a turning point is no longer, and cut to this share if it is
+UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
 SAMPLES = 9  # points a side at which the length of an arc is measured
 
 
@@ -67,20 +72,28 @@ def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], en
     Raises
     ------
     PathEndsError
-        If a step can't be cut further.
+        If the loads do not move it, a step can't be cut further, or the path has passed a branch.
     """
     state, value = State.rest(problem), 0.0
+    first = _first_rate(row, drift(problem, state))
     step = longest = end / PATH_STEPS
+    rising = True
     for mark in sorted({*marks, end}):
         while value < mark:
             target = _landing(value, mark, step)
             try:
-                state, value = _to_displacement(problem, state, row, value, target), target
+                found = _to_displacement(problem, state, row, value, target)
+                rises = float(row @ drift(problem, found)) * first > 0
             except NotConvergedError:
                 step = (target - value) * CUT
                 if step < SMALLEST_STEP * end:
                     raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
                 continue
+            if rises != rising and target - value > CLOSE * longest:
+                step = CLOSER * (target - value)
+                continue
+            _check_branch(found, rises)
+            state, value, rising = found, target, rises
             yield state
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
 
@@ -93,38 +106,39 @@ def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end:
     Raises
     ------
     PathEndsError
-        If a step can't be cut further, or the path does not get there.
+        If the loads do not move the displacement, a step can't be cut further, or the path has passed a branch or does
+        not get there.
     """
     measured = _samples(problem)
     state, value, highest = State.rest(problem), 0.0, 0.0
     waiting = sorted({*marks, end})
     tangent = drift(problem, state)
-    arc = longest = 0.0
-    before: Tensor | None = None
+    first = _first_rate(row, tangent)
+    seen = measured @ tangent
+    arc = end / PATH_STEPS / abs(first) * float(seen.norm())
+    longest, sign, heading = LONGEST_ARC * arc, math.copysign(1.0, first), 1.0
     for _ in range(MOST_STEPS):
-        seen = measured @ tangent
         length = float(seen.norm())
-        if before is None:
-            rate = float(row @ tangent)
-            if rate == 0.0:
-                raise PathEndsError("the loads do not move the displacement that the path is followed to")
-            arc, sign = end / PATH_STEPS / abs(rate) * length, math.copysign(1.0, rate)
-            longest = LONGEST_ARC * arc
-        else:
-            sign = math.copysign(1.0, float((measured @ before) @ seen))
         change = sign * arc / length
         arc_row = measured.T @ seen * (sign / length)
         constraint = Constraint(arc_row, float(arc_row @ state.weights) + arc)
         try:
             found = on_path(problem, state, constraint, (change * tangent, change))
-            if arc < STRAIGHT * float((measured @ (found.weights - state.weights)).norm()):
+            moved = measured @ (found.weights - state.weights)
+            if arc < STRAIGHT * float(moved.norm()):
                 raise NotConvergedError
-            tangent_found = drift(problem, found)
+            ahead = drift(problem, found)
         except NotConvergedError:
             arc *= CUT
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
+        sign_found = math.copysign(1.0, float(moved @ (measured @ ahead)))
+        heads = math.copysign(1.0, float(row @ ahead)) * sign_found
+        if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
+            arc *= CLOSER
+            continue
+        _check_branch(found, sign_found * first > 0)
         reached = float(row @ found.weights)
         near, at = state, value
         while waiting and reached >= waiting[0] > highest:
@@ -138,10 +152,25 @@ def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end:
             return
         if reached != at:
             yield found
-        before = found.weights - state.weights
-        state, value, highest, tangent = found, reached, max(highest, reached), tangent_found
+        state, value, highest = found, reached, max(highest, reached)
+        tangent, sign, heading = ahead, sign_found, heads
+        seen = measured @ tangent
         arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
+
+
+def _first_rate(row: Tensor, tangent: Tensor) -> float:
+    """Return the controlled displacement's rate at rest."""
+    rate = float(row @ tangent)
+    if not abs(rate) > UNMOVED * float(row.norm() * tangent.norm()):
+        raise PathEndsError("the loads do not move the displacement that the path is followed to")
+    return rate
+
+
+def _check_branch(found: State, rises: bool) -> None:
+    """Check that only limit points were passed: there the tangent's determinant changes sign with the load's rate."""
+    if found.tangent is not None and found.tangent.positive != rises:
+        raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
 
 
 def _landing(value: float, mark: float, step: float) -> float:

@@ -230,6 +230,16 @@ class Problem:
         points = np.array([place.xi for place in places if isinstance(place, Point)])
         return self.row(points, np.array([unit(d) for d in quantity.directions]))
 
+    def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
+        """Return the lift's share of a displacement quantity at a load factor, metres."""
+        ansatz = self.ansatz_at(t)
+        if not ansatz.lift.moves:
+            return 0.0
+        places = [self.ansatz.case.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
+        return float(np.mean(np.sum(lift * np.array([unit(d) for d in quantity.directions]), axis=-1)))
+
     @cached_property
     def basis(self) -> Basis:
         """The unknowns."""

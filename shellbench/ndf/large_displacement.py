@@ -25,7 +25,7 @@ from shellbench.ndf.equilibrium import Deformed, NotConvergedError, Problem
 from shellbench.ndf.field import Features, Field
 from shellbench.ndf.jets import Array
 from shellbench.ndf.loads import check_balance
-from shellbench.ndf.newton import State
+from shellbench.ndf.newton import State, equilibrium
 from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.solution import NdfSolution
@@ -139,11 +139,12 @@ class _Run:
         self.prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
         ansatz = build_ansatz(case, spec)
         rule = area_rule(case.surface.domain, rung.focal, rung.rule)
-        check_balance(case, rule, rung.rule, rung.focal)
+        for t in case.states if case.path.quantity is None else (1.0,):
+            check_balance(case, rule, rung.rule, rung.focal, t)
         problem = Problem(spec, ansatz, rung.features, rung.rule, rung.focal)
         self.problem = problem if self.prescribed else problem.independent()
-        quantities = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-        self.rows = {q.name: self.problem.functional(q) for q in quantities}
+        self.quantities = {q.name: q for q in case.quantities if isinstance(q, DisplacementQuantity)}
+        self.rows = {name: self.problem.functional(q) for name, q in self.quantities.items()}
         self.controlled = self.rows.get(case.path.quantity or "")
 
     def solve(self) -> PathSolution:
@@ -192,6 +193,10 @@ class _Run:
             rest = State.rest(problem)
             for t in case.states:
                 yield State(t, rest.weights, problem.deform(rest.weights, t))
+            return
+        if case.linear:
+            for t in case.states:
+                yield equilibrium(problem, State.rest(problem), t)
             return
         match case.path.control:
             case "load":
@@ -262,7 +267,10 @@ class _Run:
             unknowns=0 if self.prescribed else self.problem.basis.size,
             at=state.t,
             gap=gap,
-            quantities={name: float(row @ state.weights) for name, row in self.rows.items()},
+            quantities={
+                name: float(row @ state.weights) + self.problem.lifted(self.quantities[name], state.t)
+                for name, row in self.rows.items()
+            },
             phase="path",
             iterations=state.iterations,
         )

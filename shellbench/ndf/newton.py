@@ -66,7 +66,7 @@ def equilibrium(problem: Problem, start: State, t: float) -> State:
         If Newton's method does not get there.
     """
     basis = problem.basis
-    change = basis.held @ (problem.targets(t) - problem.targets(start.t))
+    change = basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     return _newton(problem, start, t, change, None)
 
 
@@ -106,10 +106,12 @@ class Tangent:
             raise NotConvergedError
         self.factor, info = torch.linalg.cholesky_ex(self.reduced)
         self.definite = int(info) == 0
+        self.positive = True  # its determinant
         if not self.definite:
             self.factor, self.pivots, info = torch.linalg.ldl_factor_ex(self.reduced)
             if int(info) != 0:
                 raise NotConvergedError
+            self.positive = bool(torch.linalg.slogdet(self.reduced)[0] > 0)
 
     def solve(self, right: Tensor) -> Tensor:
         """Return the output weights (3 M,) of a right-hand side (3 M,)."""
@@ -146,7 +148,7 @@ def _newton(problem: Problem, start: State, t: float, step: Tensor, constraint: 
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
         scale = deformed.membrane + deformed.bending + abs(deformed.work)
-        first = max(first, decrement)
+        first = first or decrement
         if not scale < float("inf") or decrement > HOPELESS * first:
             break
         if decrement <= CONVERGED * scale:

@@ -266,3 +266,43 @@ def test_the_path_of_the_pulled_cylinder_has_a_loop():
     assert values["maximum"] == pytest.approx(0.5166, rel=2e-3)
     assert values["minimum"] == pytest.approx(0.5152, rel=2e-3)
     assert values["maximum"] > values["minimum"]
+
+
+@pytest.mark.parametrize("control", ["displacement", "arc_length"])
+def test_a_path_that_passes_a_branch_ends_there(control):
+    """A pressed strip whose tip is followed along its axis stays straight beyond Euler's load, and says so."""
+    data = data_of("cantilever_shear")
+    push = {"kind": "edge", "on": ["xi1_max"], "vector": ["-t", 0, 0]}
+    shortening = {"name": "u", "kind": "displacement", "primary": True, "points": ["tip"], "direction": [-1, 0, 0]}
+    euler, stretch = np.pi**2 * 100 / 400, 1.2e6 * 0.1 / 10
+    until = 4 * euler / stretch
+    case = build_case(
+        data | {
+            "loads": [push], "quantities": [shortening | {"at": until}],
+            "path": {"control": control, "quantity": "u", "until": until},
+        },
+        "column", "test",
+    )  # fmt: skip
+    with pytest.raises(SolveFailure, match=r"^a branch of other equilibria was passed before load factor") as caught:
+        on_mesh(case, (4, 1))
+    assert caught.value.partial.history[-1].at == pytest.approx(euler, rel=0.15)
+
+
+@pytest.mark.parametrize("control", ["displacement", "arc_length"])
+def test_a_displacement_that_no_load_moves_can_not_be_followed(control):
+    data = data_of("cantilever_shear")
+    aside = {"name": "v", "kind": "displacement", "primary": True, "points": ["tip"], "direction": [0, 1, 0], "at": 1}
+    case = build_case(
+        data | {"quantities": [aside], "path": {"control": control, "quantity": "v", "until": 1}}, "aside", "test"
+    )
+    with pytest.raises(SolveFailure, match="the loads do not move the displacement that the path is followed to"):
+        on_mesh(case, (4, 1))
+
+
+def test_a_load_that_goes_back_to_zero_leaves_the_shell_at_rest():
+    data = data_of("cantilever_shear")
+    load = data["loads"][0] | {"vector": [0, 0, "4*t*(1-t)"]}
+    case = build_case(data | {"loads": [load], "quantities": [DEFLECTION], "path": {"states": [0.5]}}, "back", "test")
+    solution = on_mesh(case, (6, 1))[0].solution
+    assert abs(solution.displacement(case.places["tip"].xi)[2]) < 1e-6
+    assert solution.displacement(case.places["tip"].xi, at=0.5)[2] > 2

@@ -357,3 +357,22 @@ def test_gated_quantities_are_within_their_tolerance(name):
         if SOLVER.name in quantity.tolerance:
             known = known_values(name).judge(quantity.name, case.theory).value
             assert measure_all(solution)[quantity.name] == pytest.approx(known, rel=quantity.tolerance[SOLVER.name])
+
+
+@pytest.mark.parametrize("at", [1.0, 0.0, -1.0])
+def test_a_point_support_is_moved_from_the_start_in_linear_theory(at):
+    """In linear theory a prescribed displacement need not vanish at t = 0, and any t may be asked for."""
+    moment = {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": "0.1*t"}
+    pin = support("pin", "xi1_max,xi2_max", components=["z"], motion={"kind": "translation", "vector": [0, 0, 0.1]})
+    case = strip(moment, theory="kirchhoff-love-linear", supports=[WALL, pin], quantities=[UP | {"at": at}])
+    solution = solve(case, neurons=40)
+    assert solution.displacement(np.array([1.0, 0.5]), at=at)[2] == pytest.approx(0.1, rel=1e-8)
+    force, _ = solution.reaction("pin", at=at)
+    assert abs(force[2]) > 0.01
+
+
+def test_the_history_tells_what_the_solution_measures_where_supports_move():
+    moved = WALL | {"motion": {"kind": "translation", "vector": [0, 0, "0.5*t"]}}
+    solution = solve(strip(SHEAR, supports=[moved]), **STRIP)
+    assert solution.history[-1].quantities["up"] == pytest.approx(measure_all(solution)["up"], rel=1e-9)
+    assert measure_all(solution)["up"] > 0.5
