@@ -270,6 +270,7 @@ def nonlinear_refusal(data, change):
         (lambda d: d["loads"].append({"kind": "pressure", "value": "1 + t"}), ["kind 'pressure'", "acts at t = 0"]),
         (lambda d: d["loads"].append({"kind": "moment", "on": ["xi2_max"], "axis": [1, 0, 0], "value": 1}), ["kind 'moment'", "acts at t = 0"]),
         (lambda d: d["loads"].append({"kind": "moment", "on": ["xi2_max"], "axis": [0, 0, 0], "value": "t"}), ["axis of a moment", "zero"]),
+        (lambda d: d["loads"].append({"kind": "moment", "on": ["xi2_max"], "axis": [0, 0, 2], "value": "t"}), ["axis of a moment", "normal"]),
         (lambda d: d["loads"].append({"kind": "moment", "on": ["centre"], "axis": [1, 0, 0], "value": "t"}), ["moment", "can't act on 'centre'"]),
         (lambda d: d["loads"].append({"kind": "moment", "on": ["rim"], "axis": [1, 0, 0], "value": "t"}), ["kind 'moment'", "'rim'", "not a place"]),
         (lambda d: d["loads"].append({"kind": "moment", "on": ["xi2_max"], "axis": [1, 0, 0], "value": "t*log(-1)"}), ["moment", "finite"]),
@@ -376,3 +377,10 @@ def test_a_fuzzed_path_is_a_case_or_a_clear_sentence(path, value):
         return
     assert message.startswith("roof.toml: ")
     assert "\n" not in message
+
+
+def test_a_load_that_is_infinite_on_the_way_is_one_sentence():
+    data = read_toml(catalog.data_folder("cases") / "square_plate_nonlinear.toml")
+    data["loads"] = [{"kind": "area", "vector": [0, 0, "t/(t-0.25)"]}]
+    with pytest.raises(InputError, match=r"kind 'area' is not finite at t = 0\.25, on the way to 1"):
+        build_case(data, "pole", "case.toml")
