@@ -74,7 +74,7 @@ def example(session: nox.Session) -> None:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
-    session.run("shellbench", "report", "--out", "reports/example")
+    session.run("shellbench", "report", "--no-print", "--out", "reports/example")
 
 
 @nox.session

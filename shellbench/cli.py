@@ -283,6 +283,7 @@ def report(
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
+    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures as PDF too, for print.")] = True,
 ) -> None:
     """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them."""
     from shellbench.report import page
@@ -290,7 +291,7 @@ def report(
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
     _warn(notes)
     rows += missing_rows(Store(store), rows)
-    typer.echo(f"written to {page.write_report(Store(store), rows, out)}")
+    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print)}")
 
 
 @app.command()

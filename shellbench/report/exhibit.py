@@ -41,12 +41,13 @@ class Exhibit:
         """Width in print."""
         return float(self.figure.get_figwidth())
 
-    def save(self, folder: Path) -> str:
-        """Write it as PDF and PNG, drawings as SVG too; return it as a data URI for the page."""
+    def save(self, folder: Path, for_print: bool = True) -> str:
+        """Write it as PNG, drawings as SVG too, and PDF for print; return it as a data URI for the page."""
         with style():
             self.figure.draw_without_rendering()  # lays it out, once for all formats
             self.figure.set_layout_engine(None)
-            (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
+            if for_print:
+                (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
             png = self._rendered("png", SCREEN_DPI)
             (folder / f"{self.name}.png").write_bytes(png)
             if not self.drawing:

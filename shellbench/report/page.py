@@ -65,6 +65,7 @@ def write_report(
     rows: Sequence[Row],
     out: Path,
     known: Known = catalog.known_values,
+    for_print: bool = True,
 ) -> Path:
     """Write the report.
 
@@ -78,6 +79,8 @@ def write_report(
         Folder to write; made if need be, files of an older report are replaced.
     known
         Known values by name of case.
+    for_print
+        Whether figures are written as PDF too.
 
     Returns
     -------
@@ -104,11 +107,11 @@ def write_report(
         figures = out / "figures"
         shutil.rmtree(figures, ignore_errors=True)
         figures.mkdir(parents=True)
-        shown = [(exhibit, exhibit.save(figures)) for exhibit in exhibits(by_id, rows, store.folder, known)]
+        shown = [(exhibit, exhibit.save(figures, for_print)) for exhibit in exhibits(by_id, rows, store.folder, known)]
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         sources = read_bibliography(bibliography)
         facts = _facts(by_id, rows, tables, sources)
-        facts["exhibits"] = shown
+        facts["exhibits"], facts["for_print"] = shown, for_print
         facts["paths_shown"] = tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit, _ in shown)
         _write(out / "index.html", _page("page.html.j2", HTML, tables, facts))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, tables, facts))

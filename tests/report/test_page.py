@@ -213,3 +213,11 @@ def test_the_overall_verdict_counts_rows_and_runs(store):
     assert not verdict.good
     assert overall([row for row in store.rows if row.passed]).good
     assert not overall([]).good
+
+
+def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_path):
+    """What the committed example is: half the size."""
+    page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
+    assert not list((tmp_path / "figures").glob("*.pdf"))
+    assert list((tmp_path / "figures").glob("*.svg"))
+    assert ".pdf" not in page.read_text()
