@@ -58,29 +58,30 @@ def follow(
         points = Quadratures.of(problem, width)
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
-        network = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
-        if is_trained(case, width):
-            network = _trained(problem, plan, network, points)
-        features = problem.with_network(network)
-        return Rung(features, chosen.rule, chosen.fine, graded_points(case, spec), network.parameters)
+        drawn = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
+        network = _trained(problem, plan, drawn, points) if may_be_trained(case, width) else drawn
+        trained = 0 if network is drawn else network.parameters
+        return Rung(problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), trained)
 
     count = rung_count(case)
     widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
     solution = large_displacement.solve(case, spec, solver, builds, largest_gap, progress)
-    hidden = "trained in linear theory" if is_trained(case, solution.diagnostics["neurons"]) else "as drawn"
+    trained = solution.parameters > solution.states[-1].field.output.numel()
+    hidden = "trained in linear theory" if trained else "as drawn"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
 
 
-def is_trained(case: Case, width: int) -> bool:
-    """Tell whether hidden layers are trained: no wide ones, nor where all is prescribed or edge moments act."""
+def may_be_trained(case: Case, width: int) -> bool:
+    """Tell whether hidden layers can be trained: no wide ones, nor where all is prescribed or edge moments act."""
     prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
     moments = any(isinstance(load, MomentLoad) for load in case.loads)
     return width <= WIDEST_TRAINED and not prescribed and not moments
 
 
 def _trained(problem: Problem, plan: Plan, network: Network, points: Quadratures) -> Network:
+    """Return a better network, or the same one if no step is certified."""
     try:
         state, points = trusted(problem, plan, points.evaluate(problem, network), points)
         state, _ = train(problem, plan, state, points, lambda iteration, state: None)

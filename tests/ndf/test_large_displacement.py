@@ -305,7 +305,14 @@ def test_a_deep_network_agrees_with_random_features():
     for name in ("centre_deflection", "strain_energy", "membrane_energy"):
         assert measure_all(deep)[name] == pytest.approx(measure_all(reference)[name], rel=1e-3)
     assert deep.diagnostics["hidden_layers"] == "trained in linear theory"
-    assert deep.parameters > 3 * deep.diagnostics["features"]
+    assert deep.parameters == 3 * deep.diagnostics["features"] + deep.states[-1].field.features.network.parameters
+
+
+def test_what_is_not_trained_is_not_counted_as_trained():
+    case = named_case("square_plate_nonlinear")
+    drawn = NdfSolver().solve(case, TrainerSettings(widths=(40,), iterations=0))
+    assert drawn.diagnostics["hidden_layers"] == "as drawn"
+    assert drawn.parameters == 3 * drawn.diagnostics["features"]
 
 
 def test_hidden_layers_stay_as_drawn_where_moments_act(coiled):
