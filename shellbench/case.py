@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self, cast
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,11 +27,14 @@ from shellbench.conditions import (
     Name,
     PointLoad,
     Rotation,
+    Spring,
     Support,
     Translation,
     Value,
     VectorFormula,
 )
+from shellbench.course import SAMPLES, check_motion, check_path, formulas_of
+from shellbench.dynamics import Dynamics
 from shellbench.errors import InputError
 from shellbench.expression import Expression
 from shellbench.material import Material
@@ -39,21 +42,20 @@ from shellbench.model import Finite, Model, one_sentence, read_toml
 from shellbench.path import Path as LoadPath
 from shellbench.places import Edge, Place, Point, Whole, places_of
 from shellbench.quantities import (
+    CriticalPoint,
     DisplacementQuantity,
-    LimitPoint,
-    LoadQuantity,
+    PositionQuantity,
     QuantityModel,
     ReactionQuantity,
     TorqueQuantity,
+    Unmarked,
 )
 from shellbench.rigid import RigidMotion, check_held
 from shellbench.surface import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
-SAMPLES = 9  # points a side at which loads and motions are looked at
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
-PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
 NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
@@ -86,6 +88,8 @@ class Case(Model):
         may be graded toward them.
     path
         How a non-linear static case is loaded.
+    dynamics
+        That, and until when, the shell moves by Newton's law; None in a static case.
     remove_rigid_motions
         Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
     """
@@ -101,10 +105,12 @@ class Case(Model):
     material: Material
     points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
     supports: tuple[Support, ...] = ()
+    springs: tuple[Spring, ...] = ()
     remove_rigid_motions: tuple[RigidMotion, ...] = ()
     loads: tuple[Load, ...] = ()
     focus: tuple[Name, ...] = ()
     path: LoadPath = Field(default_factory=lambda: LoadPath())
+    dynamics: Dynamics | None = None
     quantities: tuple[QuantityModel, ...] = Field(min_length=1)
     picture: Picture = Field(default_factory=lambda: Picture())
 
@@ -119,6 +125,25 @@ class Case(Model):
         return places_of(self.surface.domain, self.points)
 
     @property
+    def prescribed(self) -> bool:
+        """Whether the whole surface is moved as prescribed, so that nothing is left to solve for."""
+        return any(isinstance(place, Whole) and support.motion for support, place in self.supported_places())
+
+    @property
+    def held_everywhere(self) -> tuple[int, ...]:
+        """Components (0, 1, 2) that are held at zero on the whole surface, as in plane motion."""
+        held = {c for s, place in self.supported_places() if isinstance(place, Whole) and not s.motion for c in s.held}
+        return tuple("xyz".index(c) for c in sorted(held))
+
+    def spring_stiffness(self, points: ArrayLike) -> Array:
+        """Return the stiffness (..., 3) of all springs at points (..., 2), by component, N/m^3."""
+        xi = np.asarray(points, dtype=float)
+        total = np.zeros((*xi.shape[:-1], 3))
+        for spring in self.springs:
+            total[..., ["xyz".index(c) for c in spring.components]] += self._checked_stiffness(spring, xi)[..., None]
+        return total
+
+    @property
     def primary(self) -> QuantityModel:
         """The headline quantity."""
         return next(q for q in self.quantities if q.primary)
@@ -127,9 +152,11 @@ class Case(Model):
     def states(self) -> tuple[float, ...]:
         """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing.
 
-        In the non-linear theory the last one is the end of the path.
+        In the non-linear theory the last one is the end of the path, or of the motion.
         """
-        asked = {q.at for q in self.quantities if not isinstance(q, LimitPoint)}
+        asked = {q.at for q in self.quantities if not isinstance(q, Unmarked)}
+        if self.dynamics is not None:
+            return tuple(sorted(asked | {*self.dynamics.states, self.dynamics.until}))
         end = set() if self.linear else {self.path.until}
         return tuple(sorted(asked | set(self.path.states) | end))
 
@@ -239,6 +266,7 @@ class Case(Model):
         places = self.places
         for what, names in (
             ("support", [s.name for s in self.supports]),
+            ("spring", [s.name for s in self.springs]),
             ("quantity", [q.name for q in self.quantities]),
         ):
             for name in names:
@@ -259,7 +287,7 @@ class Case(Model):
                 yield from ((f"a load of kind '{load.kind}'", name) for name in load.on)
         yield from (("the focus", name) for name in self.focus)
         for quantity in self.quantities:
-            if isinstance(quantity, DisplacementQuantity):
+            if isinstance(quantity, DisplacementQuantity | PositionQuantity):
                 yield from ((f"quantity '{quantity.name}'", name) for name in quantity.points)
 
     @model_validator(mode="after")
@@ -268,19 +296,26 @@ class Case(Model):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
-            if isinstance(place, Whole):
-                if support.motion is None or len(self.supports) > 1 or len(support.on) > 1:
+            if isinstance(place, Whole) and support.motion is not None:
+                if len(self.supports) > 1 or len(support.on) > 1:
                     raise ValueError(
-                        f"support '{support.name}' on the surface needs a motion, and no other place or support"
+                        f"support '{support.name}' moves the whole surface, so there can be no other place or support"
                     )
                 if len(support.held) < len(COMPONENTS):
                     raise ValueError(
                         f"support '{support.name}' on the surface holds all components, not {support.held}"
                     )
+            elif isinstance(place, Whole) and len(support.held) == len(COMPONENTS):
+                raise ValueError(f"support '{support.name}' on the surface needs a motion, or leaves a component free")
             for component in support.held:
                 if (place.name, component) in held:
                     raise ValueError(f"component {component} on '{place.name}' is held by two supports")
                 held.add((place.name, component))
+        everywhere = {c for s, place in self.supported_places() if isinstance(place, Whole) for c in s.held}
+        for support, place in self.supported_places():
+            twice = everywhere & set(support.held) if not isinstance(place, Whole) else ()
+            if twice:
+                raise ValueError(f"component {min(twice)} on '{place.name}' is held on the whole surface already")
         for load in self.loads:
             for name in load.on if isinstance(load, EdgeLoad | PointLoad | MomentLoad) else ():
                 if not isinstance(self.places[name], Point if isinstance(load, PointLoad) else Edge):
@@ -290,13 +325,17 @@ class Case(Model):
                         f"the axis of a moment on '{name}' is the normal there, which no moment about itself turns"
                     )
         for quantity in self.quantities:
-            if isinstance(quantity, DisplacementQuantity):
+            if isinstance(quantity, DisplacementQuantity | PositionQuantity):
                 for name in quantity.points:
                     if not isinstance(self.places[name], Point):
                         raise ValueError(f"quantity '{quantity.name}' needs points, but '{name}' is none")
             names = [s.name for s in self.supports]
             if isinstance(quantity, ReactionQuantity | TorqueQuantity) and quantity.support not in names:
                 raise ValueError(f"quantity '{quantity.name}' names support '{quantity.support}'; known are {names}")
+            if isinstance(quantity, CriticalPoint) and quantity.gives != "load":
+                others = [q.name for q in self.quantities if not isinstance(q, Unmarked)]
+                if quantity.gives not in others:
+                    raise ValueError(f"quantity '{quantity.name}' gives '{quantity.gives}'; known are {others}")
         return self
 
     def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
@@ -312,11 +351,15 @@ class Case(Model):
     @model_validator(mode="after")
     def _formulas_are_finite(self) -> Self:
         sample = self.surface.domain.grid(SAMPLES, SAMPLES)
+        for spring in self.springs:
+            stiffness = self._checked_stiffness(spring, sample)
+            if not np.all(np.isfinite(stiffness)) or np.any(stiffness < 0):
+                raise ValueError(f"the stiffness of spring '{spring.name}' is not finite and positive on the shell")
         for support, place in self.supported_places():
             if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
                 raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")
         for load in self.loads:
-            formulas = [f for value in load for f in _formulas_of(value)]
+            formulas = formulas_of(load)
             try:
                 values = [self.formula(f).derivatives(sample, 0)[0, 0] for f in formulas]
             except InputError as error:
@@ -325,6 +368,10 @@ class Case(Model):
                 raise ValueError(f"a load of kind '{load.kind}' is not finite on the shell")
         return self
 
+    def _checked_stiffness(self, spring: Spring, sample: Array) -> Array:
+        formula = Expression(spring.stiffness, MOTION_VARIABLES[:2], self.surface.named_constants)
+        return formula.derivatives(sample, 0)[0, 0]
+
     def _checked_motion(self, support: Support, place: Place, sample: Array) -> dict[tuple[int, int], Array]:
         try:
             return self.motion(support, place, sample, order=2)
@@ -332,69 +379,18 @@ class Case(Model):
             raise ValueError(f"support '{support.name}': {error}") from None
 
     @model_validator(mode="after")
-    def _path_is_possible(self) -> Self:
-        path = self.path
-        if path.quantity is not None:
-            named = next((q for q in self.quantities if q.name == path.quantity), None)
-            if not isinstance(named, DisplacementQuantity):
-                raise ValueError(f"the path names '{path.quantity}', which is no displacement quantity")
-            if self.linear:
-                raise ValueError(f"a path with control = '{path.control}' belongs to the non-linear theory")
-            if any(isinstance(place, Whole) for _, place in self.supported_places()):
-                raise ValueError(
-                    f"where everything is prescribed no path is followed, so that control can't be '{path.control}'"
-                )
-        for quantity in self.quantities:
-            if isinstance(quantity, LoadQuantity | LimitPoint) and path.quantity is None:
-                raise ValueError(f"quantity '{quantity.name}' needs a path with control 'displacement' or 'arc_length'")
-        if self.linear:
-            return self
-        beyond = [state for state in self.states if not 0 < state <= path.until]
-        if beyond:
-            raise ValueError(f"a state is asked for at {beyond[0]:g}, but the path goes from 0 to {path.until:g}")
-        sample = self.surface.domain.grid(SAMPLES, SAMPLES)
-        for what, at in self._acting(sample):
-            rest, unit, twice = at(0.0), at(1.0), at(2.0)
-            if np.any(rest != 0):
-                raise ValueError(
-                    f"{what} acts at t = 0; in the non-linear theory t is the load factor, and rest is at 0"
-                )
-            for t in np.linspace(0.0, path.until, SAMPLES)[1:] if path.quantity is None else ():
-                if not np.all(np.isfinite(at(float(t)))):
-                    raise ValueError(f"{what} is not finite at t = {t:.4g}, on the way to {path.until:g}")
-            if path.quantity is not None and np.abs(twice - 2 * unit).max() > PROPORTIONAL * np.abs(unit).max():
-                raise ValueError(f"{what} is not proportional to t, as a path with control '{path.control}' needs")
+    def _course_is_possible(self) -> Self:
+        if self.dynamics is None:
+            check_path(self)
+        else:
+            check_motion(self)
         return self
-
-    def _acting(self, sample: Array) -> Iterator[tuple[str, Callable[[float], Array]]]:
-        """Yield what moves or loads the shell, as functions of t."""
-        for support, place in self.supported_places():
-            if isinstance(place, Whole):
-                continue  # where everything is prescribed no path leads there from rest
-            yield (
-                f"the motion of support '{support.name}'",
-                lambda t, s=support, p=place: self.motion(s, p, sample, t)[0, 0],  # type: ignore[misc]
-            )
-        for load in self.loads:
-            formulas = [f for field in load for f in _formulas_of(field)]
-            yield (
-                f"a load of kind '{load.kind}'",
-                lambda t, fs=formulas: np.stack(  # type: ignore[misc]
-                    [self.formula(f).derivatives(sample, 0, t)[0, 0] for f in fs]
-                ),
-            )
 
     @model_validator(mode="after")
     def _is_held(self) -> Self:
-        check_held(self)
+        if self.dynamics is None:
+            check_held(self)
         return self
-
-
-def _formulas_of(field: tuple[str, Any]) -> tuple[Formula, ...]:
-    name, value = field
-    if name in {"vector", "force", "acceleration"}:
-        return cast(tuple[Formula, ...], value)
-    return (value,) if name == "value" else ()
 
 
 def rotation_matrix(rotation: Rotation, degrees: float, linear: bool) -> Array:

@@ -94,6 +94,27 @@ class Support(Model):
         return self.clamped or self.symmetry is not None
 
 
+class Spring(Model):
+    """An elastic support spread over the shell: it draws each point back to where it was at rest.
+
+    Attributes
+    ----------
+    stiffness
+        k, N/m^3: a number or formula in xi1 and xi2. The energy per reference area is k |u|^2 / 2, of the components
+        that it holds.
+    """
+
+    name: Name
+    stiffness: Formula
+    components: tuple[Component, ...] = COMPONENTS
+
+    @model_validator(mode="after")
+    def _holds_something(self) -> Self:
+        if not self.components or len(set(self.components)) != len(self.components):
+            raise ValueError("a spring holds at least one component, and none twice")
+        return self
+
+
 class AreaLoad(Model):
     """A dead load per reference area, N/m^2: numbers or formulas in xi1, xi2 and t."""
 

@@ -23,6 +23,9 @@ class Path(Model):
         Name of that displacement quantity.
     until
         End of the path: a load factor, or a displacement in metres.
+    after_buckling
+        Under load control, at a state that is no minimum of the energy: "stop" there, or "follow" the shell to a stable
+        state and go on from it.
     states
         Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
         the displacement quantity at its first passage.
@@ -31,12 +34,15 @@ class Path(Model):
     control: Literal["load", "displacement", "arc_length"] = "load"
     quantity: Name | None = None
     until: Positive = 1.0
+    after_buckling: Literal["stop", "follow"] = "stop"
     states: tuple[Positive, ...] = ()
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         if (self.control == "load") != (self.quantity is None):
             raise ValueError("a path names its displacement quantity if, and only if, its control is not 'load'")
+        if self.after_buckling == "follow" and self.control != "load":
+            raise ValueError("after_buckling = 'follow' belongs to a path with control = 'load'")
         if any(state > self.until for state in self.states):
             raise ValueError(f"the path ends at {self.until:g}, but a state beyond it is to be kept")
         return self

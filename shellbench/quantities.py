@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from shellbench.conditions import Name, Places
 from shellbench.model import Finite, Model, Positive, Vector
+
+
+def _not_zero(direction: Vector) -> Vector:
+    if not any(direction):
+        raise ValueError("a direction can't be zero")
+    return direction
+
+
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
 class Quantity(Model):
@@ -59,6 +68,21 @@ class DisplacementQuantity(Quantity):
         return (self.direction,) * len(self.points)
 
 
+class PositionQuantity(Quantity):
+    """The position x + u along a direction at a point, or its mean over points."""
+
+    kind: Literal["position"]
+    points: Places
+    direction: Direction
+
+
+class CentreOfMass(Quantity):
+    """The position of the shell's centre of mass along a direction."""
+
+    kind: Literal["centre_of_mass"]
+    direction: Direction
+
+
 class LargestDisplacement(Quantity):
     """The largest magnitude of the displacement anywhere on the shell."""
 
@@ -69,6 +93,17 @@ class EnergyQuantity(Quantity):
     """Strain energy of the whole shell, or its membrane or bending part, J."""
 
     kind: Literal["strain_energy", "membrane_energy", "bending_energy"]
+    unit: str = "J"
+
+
+class MotionEnergy(Quantity):
+    """Kinetic energy of the whole shell, or its total energy, J.
+
+    The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
+    are constant in time: what starts from rest keeps it at zero.
+    """
+
+    kind: Literal["kinetic_energy", "total_energy"]
     unit: str = "J"
 
 
@@ -120,13 +155,35 @@ class LimitPoint(Quantity):
     unit: str = "N"
 
 
+class CriticalPoint(Quantity):
+    """The first state of a path at which the shell can buckle: its stiffness ceases to be positive definite.
+
+    Attributes
+    ----------
+    gives
+        "load", the load factor times `scale`; or the name of another quantity, whose value there is given.
+    """
+
+    kind: Literal["critical_point"]
+    gives: Name = "load"
+    scale: Finite = 1.0
+    unit: str = "N"
+
+
+Unmarked = LimitPoint | CriticalPoint
+"""Quantities of a state that the path itself marks."""
+
 QuantityModel = Annotated[
     DisplacementQuantity
+    | PositionQuantity
+    | CentreOfMass
     | LargestDisplacement
     | EnergyQuantity
+    | MotionEnergy
     | ReactionQuantity
     | TorqueQuantity
     | LoadQuantity
-    | LimitPoint,
+    | LimitPoint
+    | CriticalPoint,
     Field(discriminator="kind"),
 ]

@@ -21,7 +21,7 @@ from shellbench.model import Model
 
 Array = NDArray[np.float64]
 Device = Literal["cpu", "cuda"]
-Phase = Literal["solve", "path"]
+Phase = Literal["solve", "path", "critical", "time"]
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
 """Names that `Solution.evaluate` knows.
@@ -78,7 +78,8 @@ class Step:
     seconds
         Wall time since the start of the solve.
     energy
-        Potential energy of the step's own discretisation, J.
+        Potential energy of the step's own discretisation, J; of a step in time the kinetic energy and those of strains
+        and springs, less the work done by loads and supports since rest: what has been lost or gained.
     unknowns
         Free parameters or degrees of freedom at this step.
     at
@@ -90,7 +91,8 @@ class Step:
         quantities at the state of this step, whatever state they are asked for.
     phase
         "path": one equilibrium state of the final discretisation on its way from rest, in order: the
-        load-displacement curve; "solve": anything else.
+        load-displacement curve; "critical": the first state at which the shell can buckle, which is kept; "time": one
+        step of a motion, in order; "solve": anything else.
     iterations
         Iterations that this step took; None where that says nothing.
     """
@@ -161,9 +163,13 @@ class Solution(Protocol):
     ) -> Array:
         """Return the displacement (..., 3) in metres at any points (..., 2), angles in radians.
 
-        `at` is the time, s, or the load factor (the last one if None); `parameters` a material, for fields
-        that are conditioned on one.
+        `at` is the time, s, or the load factor (the last one if None); a motion answers at any time that it has
+        reached. `parameters` are a material, for fields that are conditioned on one.
         """
+        ...
+
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) in m/s at points (..., 2) and a time; zero in a static case."""
         ...
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:

@@ -6,19 +6,21 @@ A mark is a time or load factor, or the displacement by which a path is controll
 from __future__ import annotations
 
 from shellbench.case import Case
-from shellbench.quantities import LimitPoint, QuantityModel
+from shellbench.quantities import QuantityModel, Unmarked
 
 FULL = 1.0  # the load factor of a figure of which nothing else is said
 
 
 def mark_of(quantity: QuantityModel) -> float | None:
-    """Return the mark of a quantity's state; None for a turning point, which is wherever the path turns."""
-    return None if isinstance(quantity, LimitPoint) else quantity.at
+    """Return the mark of a quantity's state; None for a turning or critical point, which the path marks."""
+    return None if isinstance(quantity, Unmarked) else quantity.at
 
 
 def mark_words(case: Case, mark: float) -> str:
     """Return what a mark of a case means, such as "t = 0.25" or "deflection = 12 mm"."""
     path = case.path
+    if case.dynamics is not None:
+        return f"t = {mark:.4g} s"
     if path.quantity is None:
         return f"t = {mark:.4g}"
     unit = case.quantity(path.quantity).unit
@@ -29,4 +31,8 @@ def telling_mark(case: Case, quantity: QuantityModel) -> str:
     """Return the words for a quantity's mark; empty where all of the case's figures belong to its full load."""
     mark = mark_of(quantity)
     asked = {mark_of(other) for other in case.quantities} - {None}
-    return "" if mark is None or (asked == {FULL} and case.path.quantity is None) else mark_words(case, mark)
+    return (
+        ""
+        if mark is None or (asked == {FULL} and case.path.quantity is None and case.dynamics is None)
+        else mark_words(case, mark)
+    )

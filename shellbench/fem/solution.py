@@ -93,6 +93,10 @@ class FemSolution:
         """Return the displacement (..., 3) in metres at points (..., 2)."""
         return self.derivative(points, (0, 0), at)
 
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
+        return np.zeros((*np.asarray(points).shape[:-1], 3))
+
     def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
         xi = np.asarray(points, dtype=float)

@@ -22,7 +22,6 @@ from shellbench.fem.linear_solve import Method
 from shellbench.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
 from shellbench.fem.solution import FemSolution
 from shellbench.measure import measure_all
-from shellbench.places import Whole
 from shellbench.quantities import EnergyQuantity
 from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 
@@ -169,7 +168,7 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
 
         return solve
 
-    if any(isinstance(place, Whole) for _, place in case.supported_places()):
+    if case.prescribed:
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
             mesh = graded_mesh(case, cells, settings.grading)

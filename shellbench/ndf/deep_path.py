@@ -24,7 +24,6 @@ from shellbench.ndf.network import Network, deep_random_features
 from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.resolution import rung, rung_count
 from shellbench.ndf.training import Plan, Problem, Quadratures, train, trusted
-from shellbench.places import Whole
 from shellbench.solution import ProgressCallback
 
 WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
@@ -75,7 +74,7 @@ def follow(
 
 def may_be_trained(case: Case, width: int) -> bool:
     """Tell whether hidden layers can be trained: no wide ones, nor where all is prescribed or edge moments act."""
-    prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
+    prescribed = case.prescribed
     moments = any(isinstance(load, MomentLoad) for load in case.loads)
     return width <= WIDEST_TRAINED and not prescribed and not moments
 

@@ -37,7 +37,7 @@ from shellbench.ndf.jets import (
     sine,
 )
 from shellbench.ndf.supports import TANGENTIAL, EdgeSupport, edge_supports, even_sides
-from shellbench.places import SIDES, Edge, Whole
+from shellbench.places import SIDES, Edge
 from shellbench.surface import Domain
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
@@ -85,7 +85,7 @@ class BoundaryFactors:
 
     @cached_property
     def _all_held(self) -> bool:
-        return any(isinstance(place, Whole) for _, place in self.case.supported_places())
+        return self.case.prescribed
 
     @cached_property
     def _supports(self) -> tuple[EdgeSupport, ...]:

@@ -29,7 +29,6 @@ from shellbench.ndf.newton import State, equilibrium
 from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.solution import NdfSolution
-from shellbench.places import Whole
 from shellbench.quantities import DisplacementQuantity
 from shellbench.rigid import RIGID_MOTIONS, free_motions
 from shellbench.solution import Progress, ProgressCallback, Step
@@ -69,7 +68,7 @@ def is_path(case: Case) -> bool:
     """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
     if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
         return True
-    return any(isinstance(place, Whole) for _, place in case.supported_places())
+    return case.prescribed
 
 
 def solve(
@@ -136,7 +135,7 @@ class _Run:
     ) -> None:
         self.case, self.spec, self.solver, self.rung = case, spec, solver, rung
         self.began, self.largest_gap, self.progress = began, largest_gap, progress
-        self.prescribed = any(isinstance(place, Whole) for _, place in case.supported_places())
+        self.prescribed = case.prescribed
         ansatz = build_ansatz(case, spec)
         rule = area_rule(case.surface.domain, rung.focal, rung.rule)
         for t in case.states if case.path.quantity is None else (1.0,):

@@ -63,7 +63,7 @@ class Lift:
 
     @cached_property
     def _whole(self) -> tuple[Support, Whole] | None:
-        found = [(s, place) for s, place in self.case.supported_places() if isinstance(place, Whole)]
+        found = [(s, place) for s, place in self.case.supported_places() if isinstance(place, Whole) and s.motion]
         return found[0] if found else None
 
     @property

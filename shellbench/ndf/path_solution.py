@@ -83,6 +83,10 @@ class PathSolution:
         """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
         return self.state(at).displacement(points)
 
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
+        return np.zeros((*np.asarray(points).shape[:-1], 3))
+
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return one of `shellbench.solution.FIELDS` at points (..., 2); KeyError for an unknown name."""
         return self.state(at).evaluate(name, points)

@@ -76,6 +76,10 @@ class NdfSolution:
         """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
         return self._at(points, lambda xi: self.field.displacement(xi))
 
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
+        return np.zeros((*np.asarray(points).shape[:-1], 3))
+
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return one of `shellbench.solution.FIELDS` at points (..., 2); KeyError for an unknown name."""
         if name not in FIELDS:
