@@ -201,6 +201,11 @@ class Case(Model):
         """Read a number or formula of a support or load; the surface's constants are known to it."""
         return Expression(text, MOTION_VARIABLES, self.surface.named_constants)
 
+    @property
+    def steady(self) -> bool:
+        """Whether no load depends on t."""
+        return not any(self.formula(f).depends_on("t") for load in self.loads for f in formulas_of(load))
+
     def scalar(self, text: Formula, t: float) -> float:
         """Evaluate a number or a formula in t alone."""
         return float(self.formula(text).derivatives(np.zeros(2), 0, t)[0, 0])

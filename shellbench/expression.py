@@ -240,6 +240,10 @@ class Expression:
             raise InputError(f"'{self.text}' is not a formula") from None
         self._check(self._tree, depth=0)
 
+    def depends_on(self, variable: str) -> bool:
+        """Tell whether a variable stands in the formula."""
+        return any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(self._tree))
+
     def _check(self, node: ast.AST, depth: int) -> None:
         if depth > MAX_DEPTH:
             raise InputError(f"'{self.text[:40]}...' is nested more than {MAX_DEPTH} levels deep")

@@ -28,7 +28,7 @@ from shellbench.errors import InputError
 from shellbench.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
 from shellbench.fem.hermite import KINDS, Derivative
 from shellbench.fem.mesh import TensorMesh
-from shellbench.places import Edge, Place, Point
+from shellbench.places import Edge, Place, Point, Whole
 from shellbench.surface import Domain
 
 Array = NDArray[np.float64]
@@ -80,7 +80,7 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
             motion = _motion(case, support, place, mesh.domain, points, states)
-            rows, values = _held(support, edge, motion)
+            rows, values = _held(support, place, motion)
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
                 slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion)
@@ -123,11 +123,13 @@ def _dof(component: int, kind: Derivative) -> int:
     return component * len(KINDS) + KINDS.index(kind)
 
 
-def _held(support: Support, edge: Edge | None, motion: Motion) -> tuple[Array, Array]:
-    """Prescribe the held components, along an edge with their tangential derivative."""
+def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
+    """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
     kinds: list[Derivative] = [(0, 0)]
-    if edge is not None:
-        kinds.append((1, 0) if edge.axis == 1 else (0, 1))
+    if isinstance(place, Edge):
+        kinds.append((1, 0) if place.axis == 1 else (0, 1))
+    elif isinstance(place, Whole):
+        kinds = list(KINDS)
     chosen = [(COMPONENTS.index(c), kind) for c in support.held for kind in kinds]
     count, _, states = motion[0, 0].shape
     rows = np.zeros((count, len(chosen), NODE_DOFS))

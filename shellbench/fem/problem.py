@@ -135,6 +135,8 @@ class Problem:
 
     def _ties(self, t: float) -> Ties:
         ties = Ties.of(self.case, self.mesh, (t,))
+        if self.case.dynamics is not None:
+            return ties  # what nothing holds moves
         loose = free_motions(self.case)
         if not loose.size:
             return ties
@@ -147,6 +149,9 @@ class Problem:
         def at(t: float) -> Array:
             return Loading.of(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
 
+        if self.case.dynamics is not None and self.case.steady:
+            always = at(0.0)
+            return lambda t: always
         if self.case.path.quantity is None:
             return lru_cache(maxsize=4)(at)
         unit = at(1.0)

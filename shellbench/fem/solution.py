@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -217,23 +217,12 @@ class FemSolution:
         InputError
             If the file is missing, damaged, or not a solution of this solver.
         """
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                arrays = {name: data[name] for name in data.files}
-            words = json.loads(str(arrays.pop("words")))
-            if words["format"] != FORMAT:
-                raise InputError(f"{path}: is of format {words['format']}; this program reads format {FORMAT}")
-            case = Case.model_validate({**words["case"], "name": words["case_name"]})
-            return cls._assembled(case, arrays, words)
-        except OSError as error:
-            raise InputError(f"{path}: can't be read as a solution of fem ({error.strerror or 'damaged'})") from None
-        except InputError:
-            raise
-        except (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
-            raise InputError(f"{path}: is damaged, or not a solution of fem") from None
+        solution: FemSolution = read_solution(path, {False: cls.assembled})
+        return solution
 
     @classmethod
-    def _assembled(cls, case: Case, arrays: Mapping[str, Array], words: Mapping[str, Any]) -> FemSolution:
+    def assembled(cls, case: Case, arrays: Mapping[str, Array], words: Mapping[str, Any]) -> FemSolution:
+        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
         mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]))
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
@@ -256,3 +245,30 @@ class FemSolution:
             words["uncertainty"],
             words["extrapolated"],
         )
+
+
+Assemble = Callable[[Case, Mapping[str, Array], Mapping[str, Any]], Any]
+
+
+def read_solution(path: Path, assemble: Mapping[bool, Assemble]) -> Any:
+    """Read a file of this solver, and make of it what `assemble` says for one in motion (True) or a static one (False).
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, or not a solution of this solver.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        words = json.loads(str(arrays.pop("words")))
+        if words["format"] != FORMAT:
+            raise InputError(f"{path}: is of format {words['format']}; this program reads format {FORMAT}")
+        case = Case.model_validate({**words["case"], "name": words["case_name"]})
+        return assemble[case.dynamics is not None](case, arrays, words)
+    except OSError as error:
+        raise InputError(f"{path}: can't be read as a solution of fem ({error.strerror or 'damaged'})") from None
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
+        raise InputError(f"{path}: is damaged, or not a solution of fem") from None

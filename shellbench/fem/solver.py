@@ -15,18 +15,21 @@ from threadpoolctl import ThreadpoolController
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.fem import equilibrium, large_displacement
+from shellbench.fem import equilibrium, large_displacement, motion
 from shellbench.fem.assembly import NODE_DOFS
 from shellbench.fem.grading import graded_mesh, singular_points
 from shellbench.fem.linear_solve import Method
+from shellbench.fem.motion_solution import MotionSolution
 from shellbench.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
-from shellbench.fem.solution import FemSolution
+from shellbench.fem.solution import FemSolution, read_solution
+from shellbench.fem.time_step import Scheme
 from shellbench.measure import measure_all
 from shellbench.quantities import EnergyQuantity
 from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
+MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
@@ -57,6 +60,10 @@ class FemSettings(Settings):
     direct_solver
         "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
         theory always takes "dissection", which counts negative eigenvalues.
+    time_step
+        Of a motion, s: one fixed level, cut only where it must be. None: refine.
+    spectral_radius
+        Of the generalised-alpha method at infinite frequency: the less, the more it damps what a step does not resolve.
     """
 
     tolerance: float | None = Field(None, gt=0, lt=1)
@@ -65,6 +72,8 @@ class FemSettings(Settings):
     grading: float = Field(2.0, ge=1, le=3)
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
+    time_step: float | None = Field(None, gt=0)
+    spectral_radius: float = Field(0.5, ge=0, lt=1)
 
 
 class FemSolver:
@@ -80,6 +89,8 @@ class FemSolver:
         """Return why the solver can't take this case, or None."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
+        if case.dynamics is not None:
+            return motion.declined(case)
         return None if case.linear else large_displacement.declined(case)
 
     def solve(
@@ -88,7 +99,7 @@ class FemSolver:
         settings: Any,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> FemSolution:
+    ) -> FemSolution | MotionSolution:
         """Solve a case on ever finer meshes until all its quantities are converged.
 
         A linear solve gains nothing from an earlier solution, so `start` is not used.
@@ -106,7 +117,17 @@ class FemSolver:
             raise InputError(f"fem can't take {case.name}: {refusal}")
         # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
         with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
+            if case.dynamics is not None:
+                return self._moved(case, chosen, progress or (lambda _: None))
             return self._refined(case, chosen, progress)
+
+    def _moved(self, case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
+        scheme = Scheme(chosen.spectral_radius)
+        mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading, chosen.quadrature_order)
+        try:
+            return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
+        except MemoryError:
+            raise SolveFailure("the motion does not fit into memory") from None
 
     def _refined(self, case: Case, chosen: FemSettings, progress: ProgressCallback | None) -> FemSolution:
         began = time.perf_counter()
@@ -143,9 +164,12 @@ class FemSolver:
         assert solution is not None  # there is always a first mesh
         return solution
 
-    def load(self, path: Path) -> FemSolution:
-        """Read a solution that `FemSolution.save` wrote."""
-        return FemSolution.load(path)
+    def load(self, path: Path) -> FemSolution | MotionSolution:
+        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        found: FemSolution | MotionSolution = read_solution(
+            path, {False: FemSolution.assembled, True: MotionSolution.assembled}
+        )
+        return found
 
 
 def usual_tolerance(case: Case) -> float:

@@ -151,6 +151,14 @@ class StrainEnergy:
             stresses.append(stress)
         return Strained(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
 
+    def parts(self, q: Array) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy, J, at half the cost of `at`."""
+        energies = np.zeros(2)
+        for portion in self.portions:
+            strains = Deformation.of(portion.reference, self.gradients(portion, q)).strains
+            energies += (strains * portion.stresses(strains)).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
+        return float(energies[0]), float(energies[1])
+
     def predicted_stresses(self, strained: Strained, step: Array) -> tuple[Array, ...]:
         """Return the stresses by portion that the strains' first variation predicts after a step (nodes, 12)."""
         predicted = []
