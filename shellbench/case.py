@@ -253,6 +253,15 @@ class Case(Model):
                     result[key] = (x - np.asarray(rotation.centre) if key == (0, 0) else x) @ turn.T
         return result
 
+    def turn(self, support: Support, t: float = 1.0) -> Array:
+        """Return the matrix (3, 3) by which a support turns the normals that it carries.
+
+        In linear theory a turned normal differs by what is of second order, and it is the identity.
+        """
+        if self.linear or not isinstance(support.motion, Rotation):
+            return np.eye(3)
+        return rotation_matrix(support.motion, self.scalar(support.motion.angle, t), linear=False)
+
     def physics(self) -> dict[str, Any]:
         """Return all that an answer depends on: no tolerances, suites or prose."""
         data = self.model_dump(mode="json", exclude=NOT_PHYSICS)

@@ -7,7 +7,8 @@ whole edge. A clamped edge prescribes besides, for the fixed coordinate k and th
     c(u) = (a_tt u,k - a_kt u,t) . N  =  (a positive factor) u,n . a3,      N = a1 x a2,
 
 and its derivative along the edge: u,n is the derivative along the conormal. The right-hand sides are c of the
-prescribed motion, so that a support that turns carries its normal along. Across a plane of symmetry the components
+prescribed motion, so that a support that turns carries its normal along. At finite strain N is the turned normal: on
+an edge whose position is prescribed, the condition that the surface there is normal to it is linear all the same. Across a plane of symmetry the components
 in the plane have no derivative at all.
 
 All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
@@ -83,7 +84,8 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             rows, values = _held(support, place, motion)
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
-                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion)
+                turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
+                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion, turn)
                 slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
                 rows = np.concatenate([rows, slope[0]], axis=1)
                 values = np.concatenate([values, slope[1]], axis=1)
@@ -164,14 +166,17 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tupl
     return rows, np.zeros(1)
 
 
-def _slope(edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion) -> tuple[Array, Array]:
-    """Prescribe the rotation about an edge, and its derivative along the edge."""
+def _slope(
+    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array
+) -> tuple[Array, Array]:
+    """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
     twice = (2 * running[0], 2 * running[1])
     x_k, x_t, x_tt, x_kt = x[fixed], x[running], x[twice], x[1, 1]
     along = x_tt if edge.axis == 0 else x_kt  # derivative of a2 or of a1 along the edge
     normal = np.cross(x[1, 0], x[0, 1])
     turning = np.cross(x_kt if edge.axis == 0 else x_tt, x[0, 1]) + np.cross(x[1, 0], along)
+    normal, turning = normal @ turn.T, turning @ turn.T
     tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
     tt_t = 2 * np.sum(x_t * x_tt, axis=-1, keepdims=True)
     kt_t = np.sum(x_kt * x_t + x_k * x_tt, axis=-1, keepdims=True)

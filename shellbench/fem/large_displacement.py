@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.case import Case
-from shellbench.conditions import Translation
+from shellbench.conditions import Value
 from shellbench.errors import SolveFailure
 from shellbench.fem.assembly import COMPONENTS, Quadrature
 from shellbench.fem.continuation import (
@@ -26,28 +26,21 @@ from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.problem import NotConvergedError, Problem, State
 from shellbench.fem.rigid_motions import mean_rigid_motion
 from shellbench.fem.solution import FemSolution
-from shellbench.places import Edge
 from shellbench.quantities import DisplacementQuantity
 from shellbench.rigid import RIGID_MOTIONS, free_motions
 from shellbench.solution import Step
 
 Array = NDArray[np.float64]
 
-STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
-EDGE_SAMPLES = 17  # points of an edge at which its normal is looked at
 SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
 RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
 
 
 def declined(case: Case) -> str | None:
     """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
-    for support, place in case.supported_places():
-        if support.clamped and isinstance(place, Edge):
-            if not (support.motion is None or isinstance(support.motion, Translation)):
-                return f"it can't turn the clamped support '{support.name}' by finite angles"
-            normals = _normals(case, place)
-            if np.ptp(normals, axis=0).max() > STRAIGHT:
-                return f"it can't clamp '{place.name}' at finite strain, because the normal turns along it"
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't move the clamped support '{support.name}' by a formula at finite strain"
     moved = next((support for support in case.supports if support.motion is not None), None)
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
@@ -58,14 +51,6 @@ def declined(case: Case) -> str | None:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
         return f"it needs supports against {name} at finite strain"
     return None
-
-
-def _normals(case: Case, edge: Edge) -> Array:
-    domain, running = case.surface.domain, 1 - edge.axis
-    points = edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
-    x = case.surface.derivatives(points, order=1)
-    normal = np.cross(x[1, 0], x[0, 1])
-    return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
 
 
 def solve(
@@ -252,10 +237,7 @@ def _solution(
     coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
     ties = [problem.ties(state.t) for state in states]
     nodes = ties[0].nodes
-    shares = [
-        tie.shares((state.strained.forces - problem.forces(state.q, state.t))[nodes][..., None])
-        for tie, state in zip(ties, states, strict=True)
-    ]
+    shares = [tie.shares(problem.reactions(state)[nodes][..., None]) for tie, state in zip(ties, states, strict=True)]
     forces = np.concatenate(shares, axis=-1).reshape(len(case.supports), len(nodes), *shape)
     loose = free_motions(case)
     if loose.size:

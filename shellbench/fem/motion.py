@@ -19,8 +19,8 @@ from shellbench.conditions import MomentLoad
 from shellbench.errors import SolveFailure
 from shellbench.fem.assembly import COMPONENTS, Quadrature
 from shellbench.fem.convergence import Estimate, estimate
-from shellbench.fem.grading import graded_mesh
-from shellbench.fem.hermite import KINDS
+from shellbench.fem.grading import FEWEST, graded_mesh
+from shellbench.fem.hermite import KINDS, Derivative
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.motion_solution import MotionSolution
 from shellbench.fem.problem import NotConvergedError, Problem
@@ -33,6 +33,7 @@ from shellbench.solution import Progress, ProgressCallback, Step
 
 Array = NDArray[np.float64]
 
+FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 BASE = 6  # cells of the coarsest mesh from a graded point to the end of its influence, or half of a side
 COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in one step
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
@@ -56,6 +57,15 @@ def declined(case: Case) -> str | None:
     return None
 
 
+def usual_cells(case: Case, level: int) -> Cells:
+    """Return the cells of a level, as `grading.axis_lines` counts them: fewer along the shorter coordinate lines."""
+    domain = case.surface.domain
+    x = case.surface.derivatives(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES), order=1)
+    sides = [size * float(np.linalg.norm(x[key], axis=-1).mean()) for size, key in zip(domain.size, FIRST, strict=True)]
+    first, second = (max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides))) for side in sides)
+    return first, second
+
+
 def usual_step(case: Case, cells: Cells) -> float:
     """Return the step in time of the coarsest level on a mesh, s: a share of the time in which a wave crosses a cell.
 
@@ -63,7 +73,7 @@ def usual_step(case: Case, cells: Cells) -> float:
     """
     assert case.dynamics is not None
     speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
-    crossing = _size(case) / (2 * math.sqrt(cells[0] * cells[1])) / speed
+    crossing = _size(case) / (2 * max(cells)) / speed
     until = case.dynamics.until
     steps = math.ceil(until / (COURANT * crossing))
     return until / min(max(steps, FEWEST_STEPS), MOST_STEPS)
@@ -116,8 +126,8 @@ def solve(
     resolutions: list[float] = []
     solution: MotionSolution | None = None
     for level in range(1 if only else MOST_LEVELS):
-        mesh_cells = cells or (round(BASE * 2 ** (level / 2)),) * 2
-        h = step or usual_step(case, cells or (BASE, BASE)) / 2**level
+        mesh_cells = cells or usual_cells(case, level)
+        h = step or usual_step(case, cells or usual_cells(case, 0)) / 2**level
         mesh = graded_mesh(case, mesh_cells, grading)
         if level and math.prod(mesh.cells) * case.dynamics.until / h > MOST_WORK:
             break

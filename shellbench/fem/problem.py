@@ -26,6 +26,7 @@ from shellbench.case import Case
 from shellbench.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.fem.constraints import Ties
 from shellbench.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
+from shellbench.fem.finite_clamping import FiniteClamp, finite_clamps
 from shellbench.fem.loads import Loading
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.moments import EdgeMoment, edge_moments
@@ -107,6 +108,8 @@ class Problem:
         Strain energy of the mesh.
     moments
         Edge moments of the case.
+    clamps
+        Clamped edges whose normals turn along them.
     dissection
         Elimination order of the mesh.
     """
@@ -116,6 +119,7 @@ class Problem:
     quadrature: Quadrature
     energy: StrainEnergy
     moments: tuple[EdgeMoment, ...]
+    clamps: tuple[FiniteClamp, ...]
     dissection: Dissection
 
     @classmethod
@@ -123,7 +127,8 @@ class Problem:
         """Discretise a case."""
         energy = StrainEnergy(mesh, case.surface, case.material, quadrature)
         dissection = Dissection.of(mesh.shape, mesh.domain.periodic)
-        return cls(case, mesh, quadrature, energy, tuple(edge_moments(case, mesh)), dissection)
+        moments, clamps = tuple(edge_moments(case, mesh)), tuple(finite_clamps(case, mesh))
+        return cls(case, mesh, quadrature, energy, moments, clamps, dissection)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
@@ -172,11 +177,25 @@ class Problem:
         """Return a displacement as if it were a state of equilibrium; its angles are the closest to those of `near`."""
         return State(t, q, self.energy.at(q), self._angles(q, near), None)
 
-    def forces(self, q: Array, t: float) -> Array:
+    def applied(self, q: Array, t: float) -> Array:
         """Return the nodal forces (nodes, 12) of all loads on the deformed shell."""
         total = self.loads(t)
         for moment in self.moments:
             total = total + moment.forces(q, t)
+        return total
+
+    def forces(self, q: Array, t: float) -> Array:
+        """Return the nodal forces (nodes, 12) of all loads, and of clamps between the nodes."""
+        total = self.applied(q, t)
+        for clamp in self.clamps:
+            total = total - clamp.at(q, t).gradient(len(q))
+        return total
+
+    def reactions(self, state: State) -> Array:
+        """Return the nodal forces (nodes, 12) that the supports exert."""
+        total = state.strained.forces - self.applied(state.q, state.t)
+        for clamp in self.clamps:
+            total = total + clamp.at(state.q, state.t).gap_forces(len(total))
         return total
 
     def potential(self, state: State) -> float:
@@ -184,13 +203,16 @@ class Problem:
         work = float(np.sum(self.loads(state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
             work += float(moment.moments(state.t) @ angles)
-        return state.strained.energy - work
+        clamped = sum(clamp.at(state.q, state.t).potential for clamp in self.clamps)
+        return state.strained.energy + clamped - work
 
     def tangent(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> BlockMatrix:
         """Return -dr/dq before the supports are applied, with these stresses in its geometric part."""
         matrix = self.energy.tangent(strained, stresses)
         for moment in self.moments:
             moment.add_tangent(matrix, q, t)
+        for clamp in self.clamps:
+            clamp.at(q, t).add_tangent(matrix)
         return matrix
 
     def drift(self, state: State) -> Array:
@@ -216,7 +238,19 @@ class Problem:
         """
         ties = self.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
+        if np.any(moved):
+            moved = self._carried(start, t, ties, moved)
         return self._newton(start, t, ties, moved, None, tolerance)
+
+    def _carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
+        """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
+        matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
+        right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
+        try:
+            factor = factorise(ties.reduce(matrix), self.dissection, "reported")
+        except NotPositiveDefiniteError:
+            raise NotConvergedError from None
+        return moved + _on_free(ties, factor, right)
 
     def on_path(self, start: State, constraint: Constraint, guess: tuple[Array, float]) -> State:
         """Return the state that satisfies a constraint, from another one and a guess of the step (dq, dt) to it.
@@ -285,7 +319,7 @@ class Problem:
 
     def _force_rate(self, q: Array) -> Array:
         """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
-        return self.forces(q, 1.0)
+        return self.applied(q, 1.0)
 
     def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> Factor:
         matrix = self.ties(t).reduce(self.tangent(q, t, strained, stresses))
