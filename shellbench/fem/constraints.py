@@ -8,8 +8,8 @@ whole edge. A clamped edge prescribes besides, for the fixed coordinate k and th
 
 and its derivative along the edge: u,n is the derivative along the conormal. The right-hand sides are c of the
 prescribed motion, so that a support that turns carries its normal along. At finite strain N is the turned normal: on
-an edge whose position is prescribed, the condition that the surface there is normal to it is linear all the same. Across a plane of symmetry the components
-in the plane have no derivative at all.
+an edge whose position is prescribed, the condition that the surface be normal to it is linear all the same. Across a
+plane of symmetry the components in the plane have no derivative at all.
 
 All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
 what is said twice counts once, and contradictions are found.

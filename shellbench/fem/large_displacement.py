@@ -12,6 +12,7 @@ from shellbench.case import Case
 from shellbench.conditions import Value
 from shellbench.errors import SolveFailure
 from shellbench.fem.assembly import COMPONENTS, Quadrature
+from shellbench.fem.buckling import following_steps
 from shellbench.fem.continuation import (
     PathEndsError,
     arc_length_steps,
@@ -116,12 +117,13 @@ def solve(
             unknowns=_unknowns(problem),
             at=state.t,
             quantities={name: float(np.sum(row * q)) for name, row in quantities.items()},
-            phase="path",
+            phase="critical" if state.critical else "path",
             iterations=state.iterations,
         )
         for number, (state, after, q) in enumerate(zip(states, seconds, _held(problem, states), strict=True))
     )
     kept = _kept(case, marks, complete=reason is None)
+    kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
     solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
     if reason is not None:
         raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
@@ -166,7 +168,9 @@ def _path(
     case = problem.case
     match case.path.control:
         case "load":
-            if trail is None:
+            if case.path.after_buckling == "follow":
+                yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
+            elif trail is None:
                 first, shortest = (step * case.path.until for step in steps)
                 yield from load_steps(problem, case.states, first, shortest)
             else:

@@ -30,6 +30,7 @@ from shellbench.fem.finite_clamping import FiniteClamp, finite_clamps
 from shellbench.fem.loads import Loading
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.moments import EdgeMoment, edge_moments
+from shellbench.fem.revolution import Revolution
 from shellbench.fem.rigid_motions import determinate_pins, nodal_rigid_motions
 from shellbench.fem.strain_energy import Strained, StrainEnergy
 from shellbench.rigid import free_motions
@@ -66,6 +67,10 @@ class State:
         Newton iterations that led here.
     residuals
         Largest residual force before each of them, relative to the largest nodal force.
+    critical
+        Whether it is the last stable state before buckling.
+    forgiven
+        Negative eigenvalues of the tangent that belong to waves that may travel.
     """
 
     t: float
@@ -75,11 +80,13 @@ class State:
     factor: Factor | None
     iterations: int = 0
     residuals: tuple[float, ...] = ()
+    critical: bool = False
+    forgiven: int = 0
 
     @property
     def stable(self) -> bool:
         """Whether the state is a minimum of the potential energy."""
-        return self.factor is not None and self.factor.negative == 0
+        return self.factor is not None and self.factor.negative == self.forgiven
 
     @property
     def relieved(self) -> State:
@@ -94,6 +101,37 @@ class Constraint:
     row: Array
     factor: float
     value: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
+
+    Attributes
+    ----------
+    row, answer
+        (nodes, 12) w, and what the shell answers to it as a force.
+    negative
+        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
+    """
+
+    row: Array
+    answer: Array | None = None
+    negative: bool = False
+
+    @classmethod
+    def of(cls, ties: Ties, factor: Factor, row: Array | None) -> Hold:
+        """Hold a direction, if there is one, beside the supports."""
+        if row is None:
+            return cls(np.zeros(0))
+        answer = _on_free(ties, factor, row)
+        return cls(row, answer, bool(np.sum(row * answer) < 0))
+
+    def step(self, step: Array) -> Array:
+        """Return a step without what would move along w."""
+        if self.answer is None:
+            return step
+        return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
 @dataclass(frozen=True)
@@ -112,6 +150,8 @@ class Problem:
         Clamped edges whose normals turn along them.
     dissection
         Elimination order of the mesh.
+    holding
+        Whether Newton's method holds waves that may travel around a shell of revolution where they are.
     """
 
     case: Case
@@ -121,6 +161,7 @@ class Problem:
     moments: tuple[EdgeMoment, ...]
     clamps: tuple[FiniteClamp, ...]
     dissection: Dissection
+    holding: bool = False
 
     @classmethod
     def of(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Problem:
@@ -239,18 +280,28 @@ class Problem:
         ties = self.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
-            moved = self._carried(start, t, ties, moved)
+            moved = self.carried(start, t, ties, moved)
         return self._newton(start, t, ties, moved, None, tolerance)
 
-    def _carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
+    def carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
         right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
         try:
-            factor = factorise(ties.reduce(matrix), self.dissection, "reported")
+            factor = self._reduced_factor(ties, matrix)
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
-        return moved + _on_free(ties, factor, right)
+        hold = Hold.of(ties, factor, self.travelling(start.q))
+        return moved + hold.step(_on_free(ties, factor, right))
+
+    @cached_property
+    def revolution(self) -> Revolution | None:
+        """What is symmetric about the case, where waves could travel around it."""
+        return Revolution.of(self.case, self.mesh)
+
+    def travelling(self, q: Array) -> Array | None:
+        """Return the direction in which a state's waves travel, if Newton's method is to hold them."""
+        return self.revolution.direction(q) if self.holding and self.revolution is not None else None
 
     def on_path(self, start: State, constraint: Constraint, guess: tuple[Array, float]) -> State:
         """Return the state that satisfies a constraint, from another one and a guess of the step (dq, dt) to it.
@@ -274,7 +325,7 @@ class Problem:
             strained = self.energy.at(q)
         elif start.factor is not None:
             factor = start.factor  # at the start itself the tangent is known
-        first, residuals = 0.0, []
+        first, residuals, waves = 0.0, [], self.travelling(start.q)
         for iteration in range(1, MOST_ITERATIONS + 1):
             forces = self.forces(q, t)
             right = forces - strained.forces
@@ -285,8 +336,9 @@ class Problem:
                     factor = self._factorised(q, t, strained, stresses)
             except NotPositiveDefiniteError:
                 raise NotConvergedError from None
+            hold = Hold.of(ties, factor, waves)
             if constraint is None:
-                step = _on_free(ties, factor, right)
+                step = hold.step(_on_free(ties, factor, right))
             else:
                 step, change = self._bordered(ties, factor, right, q, t, constraint)
                 t += change
@@ -299,7 +351,8 @@ class Problem:
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
             if decrement <= tolerance * scale and residuals[-1] <= BALANCED:
-                return State(t, q, strained, self._angles(q, start), factor, iteration, tuple(residuals))
+                angles, forgiven = self._angles(q, start), int(hold.negative)
+                return State(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
         raise NotConvergedError
 
     def _bordered(
@@ -322,10 +375,13 @@ class Problem:
         return self.applied(q, 1.0)
 
     def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> Factor:
-        matrix = self.ties(t).reduce(self.tangent(q, t, strained, stresses))
-        if not np.all(np.isfinite(matrix.blocks)):
+        return self._reduced_factor(self.ties(t), self.tangent(q, t, strained, stresses))
+
+    def _reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
+        reduced = ties.reduce(matrix)
+        if not np.all(np.isfinite(reduced.blocks)):
             raise NotPositiveDefiniteError
-        return factorise(matrix, self.dissection, "reported")
+        return factorise(reduced, self.dissection, "reported")
 
     def _angles(self, q: Array, near: State) -> tuple[Array, ...]:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))

@@ -22,6 +22,7 @@ from shellbench.fem.grading import FEWEST
 from shellbench.fem.solution import FemSolution
 from shellbench.places import Point
 from shellbench.quantities import (
+    CriticalPoint,
     DisplacementQuantity,
     EnergyQuantity,
     LargestDisplacement,
@@ -144,7 +145,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
         case EnergyQuantity():
             unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
-        case LoadQuantity() | LimitPoint():
+        case LoadQuantity() | LimitPoint() | CriticalPoint():
             return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():
             largest = float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(quantity.at)], axis=1).max())

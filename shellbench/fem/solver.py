@@ -219,6 +219,8 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
 
         return follow
 
+    if case.path.after_buckling == "follow":  # which wave pattern a shell buckles into is found anew on each mesh
+        return (lambda cells: nonlinear(case, FIRST_STEP)(cells)), ()
     ends = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
     if case.path.control == "load":  # a trial needs the end of the path only
         ends = ends.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
@@ -238,7 +240,7 @@ def _meshes(case: Case, settings: FemSettings, trials: tuple[OnMesh, ...]) -> It
     if settings.cells:
         yield settings.cells
         return
-    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count)
+    first, share = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count), 0
     for trial in trials:
         try:
             share = balanced_share(trial, first - 1)

@@ -11,24 +11,18 @@ homogeneous condition. Of e_r,theta = e_t and e_t,theta = -e_r, so p,theta becom
 p,y + tau S p. Coefficients don't depend on theta, so that a state that repeats itself `fold` times around the sleeve
 couples a harmonic m to m + k fold only; an axisymmetric state leaves every harmonic alone. The energy is that of
 exact strains (`surface_strains`), W = 1/2 D eps.H.eps + 1/2 B kappa.H.kappa, eps = (a - abar)/2, kappa = bbar - b.
-
-Legendre combinations with clamped or held ends: J. Shen, SIAM J. Sci. Comput. 15 (1994) 1489, secs. 2 and 3.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
+from .sleeve_functions import Around, Matrix, along
 from .surface_strains import Array, first_variation, second_variation, strains
-
-Matrix = NDArray[Any]
-"""Real or complex."""
 
 ORDERS = ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
 """Orders along theta and y of the derivatives of p."""
@@ -43,47 +37,6 @@ class Rims:
 
     twist: float = 0.0
     shortening: float = 0.0
-
-
-@dataclass(frozen=True)
-class Around:
-    """Functions of theta: derivatives of orders 0, 1, 2 at the quadrature points, (3, points, functions)."""
-
-    values: Matrix
-
-    @classmethod
-    def real(cls, angles: Array, fold: int, harmonics: int) -> Around:
-        """1, cos, sin, ... of fold theta, 2 fold theta, ..."""
-        columns = [np.stack([np.ones_like(angles), 0 * angles, 0 * angles])]
-        for k in fold * np.arange(1, harmonics + 1):
-            c, s = np.cos(k * angles), np.sin(k * angles)
-            columns += [np.stack([c, -k * s, -k * k * c]), np.stack([s, k * c, -k * k * s])]
-        return cls(np.stack(columns, -1))
-
-    @classmethod
-    def waves(cls, angles: Array, numbers: Array) -> Around:
-        """exp(i m theta) for the given wave numbers m."""
-        wave = np.exp(1j * np.outer(angles, numbers))
-        return cls(np.stack([wave, 1j * numbers * wave, -(numbers**2) * wave]))
-
-
-def along(count: int, clamped: bool, s: Array) -> Array:
-    """Polynomials of -1 <= s <= 1 that vanish at the ends, and their slopes too if clamped: (3, points, count).
-
-    Orders 0, 1, 2; the function of number k is even or odd with k, and its highest derivatives are of order one.
-    """
-    k = np.arange(count)
-    coefficients = np.zeros((count + 4, count))
-    if clamped:
-        scale = 1 / np.sqrt(2 * (2 * k + 3) ** 2 * (2 * k + 5))
-        coefficients[k, k] = scale
-        coefficients[k + 2, k] = -scale * 2 * (2 * k + 5) / (2 * k + 7)
-        coefficients[k + 4, k] = scale * (2 * k + 3) / (2 * k + 7)
-    else:
-        scale = 1 / np.sqrt(4 * k + 6)
-        coefficients[k, k] = scale
-        coefficients[k + 2, k] = -scale
-    return np.stack([legendre.legval(s, legendre.legder(coefficients, order)).T for order in range(3)])
 
 
 @dataclass(frozen=True)
@@ -118,19 +71,20 @@ class Sleeve:
 
     @cached_property
     def angles(self) -> Array:
-        """Quadrature points around a sector: four times as many as the highest harmonic asks for at least."""
+        """Equally spaced quadrature points around a sector, exact for products of four functions."""
         count = 4 * self.harmonics + 1
         return 2 * np.pi / self.fold * np.arange(count) / count
 
     @cached_property
-    def _gauss(self) -> tuple[Array, Array]:
+    def gauss(self) -> tuple[Array, Array]:
+        """Points y and weights; half as many again as the energy of a quadratic theory needs."""
         s, weights = legendre.leggauss(3 * (self.functions + 4) // 2 + 2)
         return s * self.length / 2, weights * self.length / 2
 
     @cached_property
     def along(self) -> Array:
         """Functions of y of each component, (3 components, 3 orders, points, functions)."""
-        s = self._gauss[0] * 2 / self.length
+        s = self.gauss[0] * 2 / self.length
         scale = (2 / self.length) ** np.arange(3)[:, None, None]
         clamped, held = (along(self.functions, kind, s) * scale for kind in (True, False))
         return np.stack([clamped, held, held])
@@ -148,7 +102,7 @@ class Sleeve:
     def _weights(self) -> Array:
         """Area of the whole sleeve at the quadrature points (theta, y)."""
         around = 2 * np.pi * self.radius / len(self.angles)
-        return np.broadcast_to(around * self._gauss[1], (len(self.angles), len(self._gauss[1])))
+        return np.broadcast_to(around * self.gauss[1], (len(self.angles), len(self.gauss[1])))
 
     @cached_property
     def _stiffness(self) -> Array:
@@ -176,7 +130,7 @@ class Sleeve:
     def _derivatives(self, q: Array, rims: Rims) -> Array:
         """Derivatives `ORDERS` of p at the quadrature points, (theta, y, 6, 3)."""
         c = q.reshape(self.shape)
-        y = self._gauss[0]
+        y = self.gauss[0]
         p = np.empty((len(self.angles), len(y), 6, 3))
         for k, (one, two) in enumerate(ORDERS):
             p[:, :, k] = np.einsum("tm,cmn,cyn->tyc", self.around.values[one], c, self.along[:, two], optimize=True)
@@ -199,7 +153,7 @@ class Sleeve:
         values, gradient = first_variation(x)
         change = values - self._reference
         stress = change @ self._stiffness * self._weights[..., None]
-        return State(self, rims, p, x, change, stress, gradient)
+        return State(self, rims, q, p, x, change, stress, gradient)
 
 
 @dataclass(frozen=True)
@@ -208,6 +162,7 @@ class State:
 
     sleeve: Sleeve
     rims: Rims
+    coefficients: Array
     derivatives: Array
     vectors: Array
     strain: Array
@@ -223,7 +178,7 @@ class State:
     @property
     def energy(self) -> float:
         """Strain energy, J."""
-        return sum(self.energies)
+        return float(sum(self.energies))
 
     @cached_property
     def _pull(self) -> Array:
@@ -240,7 +195,7 @@ class State:
     def force(self) -> float:
         """Derivative of the energy by the shortening with q fixed; that of equilibria, N."""
         pull = np.einsum("tykc,kcjd->tyjd", self._pull, self._frame)[..., 1].sum(axis=0)
-        y = self.sleeve._gauss[0]
+        y = self.sleeve.gauss[0]
         return float(-(pull[:, 0] @ y + pull[:, 2].sum()) / self.sleeve.length)
 
     @cached_property
@@ -267,7 +222,8 @@ class State:
         shape = self.strain.shape[:2]
         b = self.gradient.reshape(*shape, 6, 15)
         weighted = sleeve._stiffness * sleeve._weights[..., None, None]
-        inner = np.swapaxes(b, -1, -2) @ weighted @ b + second_variation(self.vectors, self.stress).reshape(*shape, 15, 15)
+        inner = np.swapaxes(b, -1, -2) @ weighted @ b
+        inner += second_variation(self.vectors, self.stress).reshape(*shape, 15, 15)
         frame = self._frame.reshape(15, 18)
         inner = (frame.T @ inner @ frame).reshape(*shape, 6, 3, 6, 3)
         m, n, y = theta.shape[2], sleeve.functions, shape[1]

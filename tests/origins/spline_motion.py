@@ -9,25 +9,25 @@ gives M C'' = f - dW/dC. Everything on the patch is a product of the two directi
 exactly by two small factors, the derivatives at the Gauss points are two matrix products, and an elastic pin with a
 Gaussian stiffness is k S1 (x) S2. Coefficients that are held take the multipliers that keep their acceleration as
 prescribed; these are the reactions. With two components the motion is plane and b vanishes identically.
-
-The time is left to an explicit Runge-Kutta method of order 8 with a tight tolerance (Hairer, Norsett & Wanner,
-"Solving ordinary differential equations I", DOP853): these cloths are so soft that its steps are not short.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from .spline_shell import Splines
 from .surface_strains import DERIVATIVES, Array
 
 FINE_GAUSS = 24
 """Gauss points of a span for the stiffness of a pin, which is no polynomial."""
+
+
+BAND = 5000
+"""Gauss points whose forces are formed at once: the arrays fit into a cache."""
 
 
 @dataclass(frozen=True)
@@ -99,19 +99,16 @@ class Cloth:
         return one, two
 
     @cached_property
-    def _weights(self) -> Array:
-        one, two = (s.gauss[1].ravel() for s in self.splines)
-        return one[:, None] * two
-
-    @cached_property
     def _masses(self) -> tuple[Array, Array]:
         """Integrals of products of functions, for each direction."""
-        one, two = (a[0].T @ (s.gauss[1].ravel()[:, None] * a[0]) for a, s in zip(self._at_gauss, self.splines, strict=True))
+        one, two = (
+            a[0].T @ (s.gauss[1].ravel()[:, None] * a[0]) for a, s in zip(self._at_gauss, self.splines, strict=True)
+        )
         return one, two
 
     @cached_property
     def _inverses(self) -> tuple[Array, Array]:
-        one, two = (np.linalg.inv(m) for m in self._masses)
+        one, two = (np.asarray(np.linalg.inv(m), dtype=np.float64) for m in self._masses)
         return one, two
 
     @cached_property
@@ -148,27 +145,39 @@ class Cloth:
         inverse = np.einsum("ik,jk->ijk", one[:, rows], two[:, columns]) / self.density
         return (rows, columns), inverse, np.linalg.inv(inverse[rows, columns])
 
-    def _derivative(self, coefficients: Array, orders: tuple[int, int]) -> Array:
-        one, two = self._at_gauss
-        return np.asarray(one[orders[0]] @ (coefficients @ two[orders[1]].T))
+    @cached_property
+    def _bands(self) -> list[tuple[slice, list[Array], Array]]:
+        """Bands of a few spans of xi1, which fit into a cache: the functions that live there, these and their
+        derivatives at the Gauss points (points, functions), and the weights there (points of xi1, points of xi2).
+        """
+        spline, across = self.splines[0], self.splines[1].gauss[1].ravel()
+        points, weights = spline.gauss
+        spans = max(1, BAND // (points.shape[1] * len(across)))
+        bands = []
+        for start in range(0, len(points), spans):
+            stop = min(start + spans, len(points))
+            functions = slice(start, stop + spline.degree)
+            values = [spline.matrix(points[start:stop].ravel(), order)[:, functions].copy() for order in range(3)]
+            bands.append((functions, values, weights[start:stop].reshape(-1, 1) * across))
+        return bands
 
-    def _vectors(self, coefficients: Array) -> list[Array]:
-        """Derivatives of the position at the Gauss points, each (components, points of xi1, points of xi2)."""
+    def _vectors(self, coefficients: Array, one: list[Array]) -> list[Array]:
+        """Derivatives of the position at the Gauss points of a band, each (components, points of xi1, of xi2)."""
         orders = DERIVATIVES if self.shape[0] == 3 else DERIVATIVES[:2]
-        one, two = self._at_gauss
+        two = self._at_gauss[1]
         halves = {o: coefficients @ two[o].T for o in {o[1] for o in orders}}
         vectors = [one[o[0]] @ halves[o[1]] for o in orders]
         vectors[0][0] += 1.0
         vectors[1][1] += 1.0
         return vectors
 
-    def _stresses(self, strain: Sequence[Array], stiffness: float) -> tuple[Array, Array, Array]:
-        """Stiffness times H times a strain (11, 22, doubled 12), with the weights of the Gauss points."""
-        nu, weight = self.poisson, stiffness * self._weights
+    def _stresses(self, strain: Sequence[Array], stiffness: Array) -> tuple[Array, Array, Array]:
+        """Stiffness times H times a strain (11, 22, doubled 12)."""
+        nu = self.poisson
         return (
-            weight * (strain[0] + nu * strain[1]),
-            weight * (strain[1] + nu * strain[0]),
-            weight * (1 - nu) / 2 * strain[2],
+            stiffness * (strain[0] + nu * strain[1]),
+            stiffness * (strain[1] + nu * strain[0]),
+            (1 - nu) / 2 * stiffness * strain[2],
         )
 
     @property
@@ -176,39 +185,44 @@ class Cloth:
         stretching = self.young * self.thickness / (1 - self.poisson**2)
         return stretching, stretching * self.thickness**2 / 12 * self.bending_factor
 
-    def _collect(self, densities: Sequence[Array]) -> Array:
-        """Sum derivatives by the vectors over the Gauss points to derivatives by the coefficients."""
-        one, two = self._at_gauss
-        halves: dict[int, Array] = {}
-        for (first, second), density in zip(DERIVATIVES, densities, strict=False):
-            half = one[first].T @ density
-            halves[second] = halves[second] + half if second in halves else half
-        return np.asarray(sum(half @ two[second] for second, half in halves.items()))
-
-    def strain_forces(self, coefficients: Array) -> tuple[Array, float, float]:
-        """Return the derivative of the strain energy by the coefficients, membrane and bending energy (J)."""
-        x = self._vectors(coefficients)
+    def _densities(self, x: list[Array], weight: Array) -> tuple[list[Array], float, float]:
+        """Derivatives by the vectors of a band, its membrane and bending energy."""
         a1, a2 = x[:2]
         stretching, bending = self._stiffnesses
         strain = (_dot(a1, a1) - 1) / 2, (_dot(a2, a2) - 1) / 2, _dot(a1, a2)
-        n11, n22, n12 = self._stresses(strain, stretching)
+        n11, n22, n12 = self._stresses(strain, stretching * weight)
         membrane = _sum(strain, (n11, n22, n12)) / 2
         densities = [n11 * a1 + n12 * a2, n22 * a2 + n12 * a1]
         if len(x) == 2:
-            return self._collect(densities), membrane, 0.0
+            return densities, membrane, 0.0
         c = _cross(a1, a2)
         area = np.sqrt(_dot(c, c))
         n = c / area
-        b = [_dot(n, second) for second in x[2:]]
-        bent = b[0], b[1], 2 * b[2]
-        m11, m22, m12 = self._stresses(bent, bending)
-        # the derivative of b by x,1 is (x,2 cross m) . dx,1 with m the part of x,ab M_ab across n over the area
-        m12 = 2 * m12
-        lever = (m11 * x[2] + m22 * x[3] + m12 * x[4] - (m11 * b[0] + m22 * b[1] + m12 * b[2]) * n) / area
+        b11, b22, b12 = (_dot(n, second) for second in x[2:])
+        bent = b11, b22, 2 * b12
+        m11, m22, m12 = self._stresses(bent, bending * weight)
+        # M.b changes with x,1 by (x,2 cross m) . dx,1, m the part across n of M_ab x,ab over the area
+        lever = m11 * x[2] + m22 * x[3] + 2 * m12 * x[4] - (m11 * b11 + m22 * b22 + 2 * m12 * b12) * n
+        lever /= area
         densities[0] += _cross(a2, lever)
         densities[1] += _cross(lever, a1)
-        densities += [m11 * n, m22 * n, m12 * n]
-        return self._collect(densities), membrane, _sum(bent, (m11, m22, m12 / 2)) / 2
+        return [*densities, m11 * n, m22 * n, 2 * m12 * n], membrane, _sum(bent, (m11, m22, m12)) / 2
+
+    def strain_forces(self, coefficients: Array) -> tuple[Array, float, float]:
+        """Return the derivative of the strain energy by the coefficients, membrane and bending energy (J)."""
+        two = self._at_gauss[1]
+        force, membrane, bending = np.zeros(self.shape), 0.0, 0.0
+        for functions, one, weight in self._bands:
+            x = self._vectors(coefficients[:, functions], one)
+            densities, stretched, bent = self._densities(x, weight)
+            membrane, bending = membrane + stretched, bending + bent
+            halves: dict[int, Array] = {}
+            for (first, second), density in zip(DERIVATIVES, densities, strict=False):
+                half = one[first].T @ density
+                halves[second] = halves[second] + half if second in halves else half
+            for second, half in halves.items():
+                force[:, functions] += half @ two[second]
+        return force, membrane, bending
 
     def forces(self, coefficients: Array) -> Array:
         """Force on every coefficient, of strain, pin and gravity."""
@@ -243,7 +257,7 @@ class Cloth:
         sides = [s.breaks[[0, -1]] for s in self.splines]
         middle = np.array([side.mean() for side in sides] + [0.0])[: self.shape[0]]
         area = float(np.prod([side[1] - side[0] for side in sides]))
-        return middle + np.sum(coefficients * self._integrals, axis=(1, 2)) / area
+        return np.asarray(middle + np.sum(coefficients * self._integrals, axis=(1, 2)) / area)
 
     def displacements(self, coefficients: Array, one: Array, two: Array) -> Array:
         """Displacement on the grid of the given coordinates, (xi1, xi2, components)."""
@@ -256,18 +270,6 @@ class Cloth:
         return np.asarray(start + self.displacements(coefficients, np.array([one]), np.array([two]))[0, 0])
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A cloth at a time: coefficients, their velocity, reactions of the held ones, evaluations of forces so far."""
-
-    cloth: Cloth
-    time: float
-    coefficients: Array
-    velocity: Array
-    reaction: Array
-    evaluations: int
-
-
 def _dot(a: Array, b: Array) -> Array:
     return np.asarray(np.einsum("cij,cij->ij", a, b))
 
@@ -278,39 +280,3 @@ def _sum(strain: Sequence[Array], stress: Sequence[Array]) -> float:
 
 def _cross(a: Array, b: Array) -> Array:
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def motion(cloth: Cloth, times: Sequence[float], tolerance: float, start_velocity: Array | None = None) -> Iterator[Moment]:
-    """Yield the cloth at rising times, from its reference at time 0.
-
-    Parameters
-    ----------
-    tolerance : relative of the displacement and of the velocity, and a tenth of it absolute, a step
-    start_velocity : velocity of the coefficients at time 0; None for rest
-
-    Raises
-    ------
-    RuntimeError
-        If the step of time underflows.
-    """
-    shape = cloth.shape
-    size = int(np.prod(shape))
-
-    def rate(time: float, state: Array) -> Array:
-        return np.concatenate([state[size:], cloth.acceleration(time, state[:size].reshape(shape))[0].ravel()])
-
-    state = np.zeros(2 * size)
-    if start_velocity is not None:
-        state[size:] = start_velocity.ravel()
-    now, evaluations = 0.0, 0
-    for time in times:
-        solver = DOP853(rate, now, state, time, rtol=tolerance, atol=tolerance / 10)
-        while solver.status == "running":
-            solver.step()
-        if solver.status == "failed":
-            raise RuntimeError(f"the step of time underflows at {solver.t:.4g} s")
-        now, state = float(time), solver.y
-        evaluations += solver.nfev
-        coefficients, velocity = (part.reshape(shape) for part in (state[:size], state[size:]))
-        reaction = cloth.acceleration(now, coefficients)[1]
-        yield Moment(cloth, now, coefficients, velocity, reaction, evaluations)
