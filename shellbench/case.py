@@ -383,8 +383,11 @@ class Case(Model):
         return self
 
     def _checked_stiffness(self, spring: Spring, sample: Array) -> Array:
-        formula = Expression(spring.stiffness, MOTION_VARIABLES[:2], self.surface.named_constants)
-        return formula.derivatives(sample, 0)[0, 0]
+        try:
+            formula = Expression(spring.stiffness, MOTION_VARIABLES[:2], self.surface.named_constants)
+            return formula.derivatives(sample, 0)[0, 0]
+        except InputError as error:
+            raise ValueError(f"spring '{spring.name}': {error}") from None
 
     def _checked_motion(self, support: Support, place: Place, sample: Array) -> dict[tuple[int, int], Array]:
         try:

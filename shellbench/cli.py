@@ -305,6 +305,9 @@ def export(
         int, typer.Option("--resolution", metavar="N", min=2, max=5000, help="Points a side of the grid.")
     ] = 101,
     scale: Annotated[float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj.")] = 1.0,
+    at: Annotated[
+        float | None, typer.Option("--at", metavar="T", help="Time (s) or kept state of a path; the last if not given.")
+    ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Which seed's solution.")
     ] = None,
@@ -315,7 +318,7 @@ def export(
 
     exports.writer_of(out)
     where = Store(store)
-    sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution)
+    sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution, at)
     exports.export(sampled, out, scale)
     typer.echo(f"written to {out}")
 

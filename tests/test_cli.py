@@ -236,3 +236,40 @@ def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store
     assert err.startswith("shellbench: interrupted")
     assert err.count("\n") == 1
     assert [path.name for path in store.folder.iterdir()] == [".lock"]
+
+
+@pytest.fixture
+def falling_case(tmp_path: Path) -> Path:
+    """The suite's free fall as a user's own file; the catalog of these tests has none."""
+    path = tmp_path / "fall.toml"
+    path.write_bytes((Path(__file__).parents[1] / "cases" / "free_fall.toml").read_bytes())
+    return path
+
+
+def test_a_motion_is_run_shown_and_exported_at_any_time(shellbench, falling_case: Path) -> None:
+    assert shellbench("run", falling_case, "--solver", "falling") == (0, "1 solved\n", "")
+    code, out, _ = shellbench("table", "--format", "json")
+    assert code == 0
+    rows = {row["quantity"]: row for row in json.loads(out)}
+    assert rows["fall_500ms"]["value"] == pytest.approx(9.8 / 8)
+    assert (rows["fall_500ms"]["at"], rows["fall_500ms"]["mark"]) == (0.5, "t = 0.5 s")
+    assert "at t = 0.5 s" in shellbench("table")[1]
+    export = ("export", falling_case, "--solver", "falling", "--resolution", 3, "--out")
+    for options, t in (((), 1.0), (("--at", 0.25), 0.25), (("--at", 0), 0.0)):
+        assert shellbench(*export, "shape.npz", *options)[0] == 0
+        with np.load("shape.npz") as arrays:
+            assert np.allclose(arrays["displacement"], [0, 0, -9.8 * t**2 / 2])
+    assert shellbench(*export, "shape.obj", "--at", 0.25)[0] == 0
+    assert "at t = 0.25 s" in Path("shape.obj").read_text(encoding="utf-8").splitlines()[0]
+    for at in ("1.5", "-0.1", "nan"):
+        code, _, err = shellbench(*export, "late.npz", "--at", at)
+        assert code == 2
+        assert "moves from 0 to 1 s" in err
+        assert not Path("late.npz").exists()
+
+
+def test_a_linear_case_has_one_state_to_export(shellbench) -> None:
+    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
+    code, _, err = shellbench("export", "strip", "--solver", "toy", "--out", "x.npz", "--at", 0.5)
+    assert code == 2
+    assert "linear" in err

@@ -9,6 +9,7 @@ from shellbench.path import Path
 def test_a_path_is_loaded_to_one_unless_told():
     path = Path()
     assert (path.control, path.quantity, path.until, path.states) == ("load", None, 1.0, ())
+    assert path.after_buckling == "stop"
 
 
 @pytest.mark.parametrize("control", ["displacement", "arc_length"])
@@ -33,6 +34,8 @@ def test_a_path_by_displacement_names_its_quantity(control):
         ({"control": "displacement", "quantity": "w", "until": 2, "states": [2.1]}, ["the path ends at 2", "beyond"]),
         ({"quantity": "1w", "control": "displacement"}, ["quantity"]),
         ({"end": 2}, ["end"]),
+        ({"after_buckling": "jump"}, ["after_buckling", "follow"]),
+        ({"control": "arc_length", "quantity": "w", "after_buckling": "follow"}, ["'follow'", "control = 'load'"]),
     ],
 )
 def test_an_impossible_path_is_refused(data, words):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from shellbench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
+from shellbench.bench.marks import mark_words
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.store import Store, said_plainly
 from shellbench.errors import InputError, ShellbenchError
@@ -123,14 +124,26 @@ def stored_run(store: Store, case_text: str, solver: str, seed: int | None) -> C
     return max(found, key=lambda run: (not run.overrides, run.record.created))
 
 
-def sample(store: Store, run: CurrentRun, resolution: int) -> Sample:
+def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = None) -> Sample:
     """Load a stored solution and sample it on a grid of so many points a side.
+
+    Parameters
+    ----------
+    at
+        Time, s, or mark of a kept state of a path; the last state if None.
 
     Raises
     ------
     ShellbenchError
         If its file can't be read.
+    InputError
+        If the solution has no state there.
     """
+    dynamics = run.case.dynamics
+    if at is not None and dynamics is not None and not 0 <= at <= dynamics.until:
+        raise InputError(f"--at: found {at:g}, but {run.case.name} moves from 0 to {dynamics.until:g} s")
+    if at is not None and run.case.linear:
+        raise InputError(f"--at: {run.case.name} is linear and has one state only")
     record = run.record
     path = store.file(record.solution_file)
     solver = load_solver(find_solver(record.identity.solver))
@@ -143,12 +156,13 @@ def sample(store: Store, run: CurrentRun, resolution: int) -> Sample:
     except Exception as error:  # a plug-in's reader can raise anything
         raise ShellbenchError(f"the solution of {record.run_id} can't be read: {error}") from error
     xi = run.case.surface.domain.grid(resolution, resolution)
+    state = "" if at is None else f" at {mark_words(run.case, at)}"
     return Sample(
         xi=xi,
         position=run.case.surface.position(xi),
-        displacement=solution.displacement(xi),
-        fields={name: solution.evaluate(name, xi) for name in FIELDS},
-        title=f"{run.case.name} by {record.identity.solver} ({record.run_id}), {run.case.units} units",
+        displacement=solution.displacement(xi, at=at),
+        fields={name: solution.evaluate(name, xi, at=at) for name in FIELDS},
+        title=f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units",
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from shellbench.bench.record import HistoryStep, Measured
 from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
+from shellbench.bench.series import series_of
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.measure import measure
@@ -40,7 +41,7 @@ def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, An
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     why = without_values(lost) if lost else None
-    for part in (cost, course, states, samples):
+    for part in (cost, course, states, along, samples):
         try:
             result |= part(solution, case, folder)
         except Exception as error:
@@ -98,6 +99,11 @@ def course(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
 def states(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
     """Return what is known of each kept state of a path."""
     return {"energies": energies_of_states(solution, case)}
+
+
+def along(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what the quantities were along the way."""
+    return {"series": series_of(solution, case)}
 
 
 def samples(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:

@@ -74,6 +74,27 @@ class StateEnergies(Model):
     bending: float
 
 
+class Series(Model):
+    """What one thing was along the way, in SI units or the case's own (see `shellbench.bench.series`).
+
+    Attributes
+    ----------
+    name
+        What the quantities that measure it are called, without their mark.
+    quantities
+        Names of these quantities; none of an energy that the case does not ask for.
+    marks, values
+        (k,) times, s, or load factors, increasing, and what it was then.
+    """
+
+    name: str
+    quantities: tuple[str, ...] = ()
+    unit: str
+    description: str = ""
+    marks: tuple[float, ...]
+    values: tuple[float, ...]
+
+
 class ResolutionStep(Model):
     """The same solution seen through a grid of `points` x `points` samples.
 
@@ -131,9 +152,12 @@ class Record(Model):
         By name of quantity; empty for a failed run that left nothing.
     energies
         Of each kept state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
+    series
+        Quantities over time, or forces and torques along a path; a failed run has them as far as it came.
     fields_file
         npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; of a
-        non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision.
+        non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision,
+        and in motion of frames all along the way.
     solution_file
         The solution as its solver keeps it, beside the record.
     """
@@ -159,6 +183,7 @@ class Record(Model):
     history: tuple[HistoryStep, ...] = ()
     resolution: tuple[ResolutionStep, ...] = ()
     energies: tuple[StateEnergies, ...] = ()
+    series: tuple[Series, ...] = ()
     environment: Environment
     fields_file: str | None = None
     solution_file: str | None = None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.bench.record import ResolutionStep, StateEnergies
+from shellbench.bench.series import frames
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.places import Point
@@ -38,7 +39,7 @@ def write_fields(solution: Solution, case: Case, path: Path) -> bool:
         return False
     fields: dict[str, NDArray[Any]] = {"xi": xi, "position": case.surface.position(xi), "displacement": displacement}
     if not case.linear:
-        states = {mark: field for mark in case.states if (field := _state(solution, xi, mark)) is not None}
+        states = {mark: field for mark in frames(solution, case) if (field := _state(solution, xi, mark)) is not None}
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
     np.savez_compressed(path, **fields)  # type: ignore[arg-type] # its stub takes them for its own options

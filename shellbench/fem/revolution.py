@@ -1,8 +1,8 @@
 """Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
 
 Where x,1 = e cross x + d, a turn about the axis e carries the midsurface into itself, and a state of equilibrium that
-is not symmetric into another one of the same energy. A uniform mesh keeps that symmetry for turns by whole cells only: in
-between the energy has a trace of a minimum at every cell, so that the tangent has a small eigenvalue of either sign.
+is not symmetric into another one of the same energy. A uniform mesh keeps that symmetry for turns by whole cells only:
+in between the energy has a trace of a minimum at every cell, so that the tangent has a small eigenvalue of either sign.
 Newton's method then holds the waves where they are, w . dq = 0, which costs nothing and counts for nothing.
 """
 

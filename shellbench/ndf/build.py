@@ -18,6 +18,7 @@ from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import Network
 from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
 from shellbench.ndf.strain_measures import StrainName
+from shellbench.ndf.turning import TurnedFactors, Turning, turns
 
 Components = Literal["cartesian", "covariant"]
 
@@ -72,7 +73,11 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
 
 def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the way the case's supports are built in."""
-    return Ansatz(case, BoundaryFactors(case, spec.components == "covariant"), Lift(case, spec.t), spec.t)
+    factors = BoundaryFactors(case, spec.components == "covariant")
+    if turns(case):
+        turning = Turning(case, spec.t)
+        return Ansatz(case, TurnedFactors(factors, turning), turning, spec.t)
+    return Ansatz(case, factors, Lift(case, spec.t), spec.t)
 
 
 def focal_points(case: Case) -> Array:

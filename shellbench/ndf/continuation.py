@@ -49,7 +49,7 @@ def load_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
     step = FIRST_STEP * end
     for mark in marks:
         while state.t < mark:
-            target = _landing(state.t, mark, step)
+            target = landing(state.t, mark, step)
             try:
                 found = equilibrium(problem, state, target)
                 reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
@@ -80,7 +80,7 @@ def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], en
     rising = True
     for mark in sorted({*marks, end}):
         while value < mark:
-            target = _landing(value, mark, step)
+            target = landing(value, mark, step)
             try:
                 found = _to_displacement(problem, state, row, value, target)
                 rises = float(row @ drift(problem, found)) * first > 0
@@ -173,7 +173,7 @@ def _check_branch(found: State, rises: bool) -> None:
         raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
 
 
-def _landing(value: float, mark: float, step: float) -> float:
+def landing(value: float, mark: float, step: float) -> float:
     """Return the end of the next of equal steps to a mark, none longer than `step`."""
     parts = math.ceil((mark - value) / step * (1 - 1e-9))
     return mark if parts <= 1 else value + (mark - value) / parts

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.conditions import MomentLoad, Rotation
 from shellbench.errors import InputError
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.ndf.field import Field
@@ -17,6 +18,7 @@ from shellbench.ndf.large_displacement import why_not_followed
 from shellbench.ndf.network import random_features
 from shellbench.ndf.reaction import virtual_edges
 from shellbench.ndf.supports import EdgeSupport, edge_samples, edge_supports
+from shellbench.ndf.turning import turns
 from shellbench.quantities import ReactionQuantity, TorqueQuantity
 
 PROBE_WIDTH = 4  # features of the random field that probes the factors
@@ -28,7 +30,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
 
     `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
     """
-    if not case.linear and (reason := why_not_followed(case)):
+    if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
         return reason
     try:
         for quantity in case.quantities:
@@ -43,6 +45,15 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
             return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
         if not slope < VIOLATED:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
+    return None
+
+
+def why_not_moved(case: Case) -> str | None:
+    """Return why a field can't follow a motion, as one clause, or None if it can."""
+    if turns(case):
+        return "it can't turn clamped edges by finite angles in motion"
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return "it can't follow edge moments in motion"
     return None
 
 
@@ -62,21 +73,21 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
         value = max(value, float((u[VALUE, :, c] - placement.tensor(wanted)).abs().max()) / scale)
     if support.slope is None:
         return value, 0.0
-    moved = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
-    wanted_tilt = _tilt(
-        torch.stack([placement.tensor(moved[k]) for k in ((0, 0), (1, 0), (0, 1))]), x, support.edge.axis
-    )
-    tilt = _tilt(u, x, support.edge.axis)
+    motion = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
+    moved = torch.stack([placement.tensor(motion[k]) for k in ((0, 0), (1, 0), (0, 1))])
+    turned = x[:3] + moved if turns(case) and isinstance(support.slope.motion, Rotation) else x[:3]
+    normal = torch.linalg.cross(turned[D1], turned[D2], dim=-1)
+    normal = normal / normal.norm(dim=-1, keepdim=True)
+    wanted_tilt = _tilt(moved, x, normal, support.edge.axis)
+    tilt = _tilt(u, x, normal, support.edge.axis)
     largest = (u[[D1, D2]].norm(dim=-1) / x[[D1, D2]].norm(dim=-1)).max()
     return value, float((tilt - wanted_tilt).abs().max() / (largest + wanted_tilt.abs().max()))
 
 
-def _tilt(u: Tensor, x: Tensor, axis: int) -> Tensor:
-    """u,n . a3 along an edge, n the unit conormal (the direction across the edge within the surface)."""
+def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
+    """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
     across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
     du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
-    normal = torch.linalg.cross(x[D1], x[D2], dim=-1)
-    normal = normal / normal.norm(dim=-1, keepdim=True)
     share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
     conormal = across - share * along
     tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)

@@ -30,6 +30,7 @@ from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.sampled import Sampled, elastic_form
 from shellbench.ndf.strain_measures import Strained
 from shellbench.ndf.supports import point_supports
+from shellbench.ndf.turning import turns
 from shellbench.ndf.undeformed import stresses
 from shellbench.places import Point
 from shellbench.quantities import DisplacementQuantity
@@ -37,6 +38,7 @@ from shellbench.rigid import free_motions, rigid_modes
 
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut
+UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 
@@ -136,7 +138,14 @@ class Problem:
     def sampled(self) -> Sampled:
         """The area rule's points."""
         rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
-        return Sampled.of(self.ansatz, self.features, rule.points)
+        return Sampled.of(self.ansatz_at(0.0), self.features, rule.points)
+
+    @cached_property
+    def sampled_at(self) -> Callable[[float], Sampled]:
+        """The area rule's points with the boundary factors at a load factor."""
+        if not turns(self.ansatz.case):
+            return lambda t: self.sampled
+        return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
 
     @cached_property
     def weights(self) -> Tensor:
@@ -159,6 +168,11 @@ class Problem:
         """Area of the midsurface, m^2."""
         return float(self._share.sum())
 
+    @property
+    def unstrained(self) -> float:
+        """Energy that is rounding, J."""
+        return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
+
     @cached_property
     def moments(self) -> tuple[EdgeMoment, ...]:
         """The edge moments."""
@@ -171,17 +185,18 @@ class Problem:
         return lru_cache(maxsize=4)(self._forces)
 
     def _forces(self, t: float) -> tuple[Tensor, float]:
-        case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled
+        case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled_at(t)
+        ansatz = self.ansatz_at(t)
         force = placement.tensor(force_density(case, sampled.points, t))
         force = force * self._share[:, None]
         total = sampled.forces(force)
         points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
         extra = placement.tensor(concentrated)
         if len(points):
-            matrix = self.ansatz.factors.matrix(points, placement)[VALUE]
+            matrix = ansatz.factors.matrix(points, placement)[VALUE]
             on_free = (matrix.mT @ extra[..., None])[..., 0]
             total = total + (on_free.T @ self.features.values(points)).reshape(-1)
-        work, ansatz = 0.0, self.ansatz_at(t)
+        work = 0.0
         if ansatz.lift.moves:
             work = float((force * ansatz.lift.jet(sampled.points, placement)[VALUE]).sum())
             if len(points):
@@ -217,18 +232,21 @@ class Problem:
             values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
         return values
 
-    def row(self, points: Array, directions: Array) -> Tensor:
-        """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3)."""
+    def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
+        """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
+
+        It depends on the load factor only where clamped edges turn.
+        """
         placement = self.features.placement
-        matrix = self.ansatz.factors.matrix(points, placement)[VALUE]
+        matrix = self.ansatz_at(t).factors.matrix(points, placement)[VALUE]
         on_free = (matrix.mT @ placement.tensor(directions)[..., None])[..., 0] / len(points)
         return (on_free.T @ self.features.values(points)).reshape(-1)
 
-    def functional(self, quantity: DisplacementQuantity) -> Tensor:
+    def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
         places = [self.ansatz.case.places[name] for name in quantity.points]
         points = np.array([place.xi for place in places if isinstance(place, Point)])
-        return self.row(points, np.array([unit(d) for d in quantity.directions]))
+        return self.row(points, np.array([unit(d) for d in quantity.directions]), t)
 
     def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
         """Return the lift's share of a displacement quantity at a load factor, metres."""
@@ -248,21 +266,22 @@ class Problem:
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
-        lift = self.sampled.lift_gradients(ansatz)
-        strained = self.sampled.undeformed.strained(self.spec.strain, self.sampled.gradients(output, lift))
+        sampled = self.sampled_at(t)
+        gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
+        strained = sampled.undeformed.strained(self.spec.strain, gradients)
         strains = strained.strains
         conjugate = stresses(self.elasticity, strains)
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
-        residual = forces - self.sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
+        residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
         for k, moment in enumerate(self.moments):
-            gradients = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
-            before = gradients.new_zeros(len(gradients)) if near is None else near[k]
-            angles.append(moment.angles(gradients, before))
-            residual = residual + moment.forces(gradients, t)
+            slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
+            before = slopes.new_zeros(len(slopes)) if near is None else near[k]
+            angles.append(moment.angles(slopes, before))
+            residual = residual + moment.forces(slopes, t)
             work += float(moment.moments(t) @ angles[-1])
         membrane, bending = energies.tolist()
         return Deformed(membrane, bending, work, residual, strained, conjugate, tuple(angles))
@@ -278,16 +297,16 @@ class Problem:
         form = form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
         count = 3 * self.features.count
         total = form.new_zeros((count, count))
-        self.sampled.add_form(total, form)
+        self.sampled_at(t).add_form(total, form)
         if weights is not None:
             for moment in self.moments:
                 lift = moment.sampled.lift_gradients(self.ansatz_at(t))
                 moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
         return mirrored(total) + self.anchor.T @ self.anchor
 
-    def predicted(self, deformed: Deformed, change: Tensor) -> Tensor:
+    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
-        gradients = self.sampled.gradients(change.view(3, -1)).reshape(-1, 15, 1)
+        gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
         return deformed.stresses + stresses(self.elasticity, (deformed.strained.variation @ gradients)[..., 0])
 
     def force_rate(self, weights: Tensor) -> Tensor:

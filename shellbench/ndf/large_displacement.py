@@ -15,8 +15,9 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.conditions import MomentLoad, Translation
+from shellbench.conditions import MomentLoad, Value
 from shellbench.errors import SolveFailure
+from shellbench.ndf.buckling import follow_steps
 from shellbench.ndf.build import FieldSpec, build_ansatz
 from shellbench.ndf.certificate import rigid_part
 from shellbench.ndf.combined import Combined
@@ -29,12 +30,12 @@ from shellbench.ndf.newton import State, equilibrium
 from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.solution import NdfSolution
+from shellbench.ndf.turning import turns, why_not_turned
 from shellbench.quantities import DisplacementQuantity
 from shellbench.rigid import RIGID_MOTIONS, free_motions
 from shellbench.solution import Progress, ProgressCallback, Step
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
-UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
 RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
 
 
@@ -52,8 +53,10 @@ class Rung:
 def why_not_followed(case: Case) -> str | None:
     """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
     for support in case.supports:
-        if support.clamped and not (support.motion is None or isinstance(support.motion, Translation)):
-            return f"it can't turn the clamped support '{support.name}' by finite angles"
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
+    if (reason := why_not_turned(case)) is not None:
+        return reason
     moved = next((support for support in case.supports if support.motion is not None), None)
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
@@ -143,7 +146,7 @@ class _Run:
         problem = Problem(spec, ansatz, rung.features, rung.rule, rung.focal)
         self.problem = problem if self.prescribed else problem.independent()
         self.quantities = {q.name: q for q in case.quantities if isinstance(q, DisplacementQuantity)}
-        self.rows = {name: self.problem.functional(q) for name, q in self.quantities.items()}
+        self.rows = self._rows(0.0)
         self.controlled = self.rows.get(case.path.quantity or "")
 
     def solve(self) -> PathSolution:
@@ -198,12 +201,19 @@ class _Run:
                 yield equilibrium(problem, State.rest(problem), t)
             return
         match case.path.control:
+            case "load" if case.path.after_buckling == "follow":
+                yield from follow_steps(problem, case.states)
             case "load":
                 yield from load_steps(problem, case.states)
             case "displacement":
                 yield from displacement_steps(problem, self._row, case.states, case.path.until)
             case "arc_length":
                 yield from arc_length_steps(problem, self._row, case.states, case.path.until)
+
+    def _rows(self, t: float) -> dict[str, Tensor]:
+        if t and not turns(self.case):
+            return self.rows
+        return {name: self.problem.functional(q, t) for name, q in self.quantities.items()}
 
     @property
     def _row(self) -> Tensor:
@@ -217,6 +227,7 @@ class _Run:
         for mark in case.states:
             there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
             kept += there[:1]
+        kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
         if not complete and len(states) - 1 not in kept:
             kept.append(len(states) - 1)
         fine = replace(self.problem, rule_spec=self.rung.fine)
@@ -255,8 +266,7 @@ class _Run:
     def _gap(self, trained: Deformed, certified: Deformed) -> float:
         """Return the disagreement of two potential energies, relative to what they are made of."""
         magnitude = certified.membrane + certified.bending + abs(certified.work)
-        floor = UNSTRAINED * self.case.material.membrane_stiffness * self.problem.area
-        return abs(trained.potential - certified.potential) / max(magnitude, floor)
+        return abs(trained.potential - certified.potential) / max(magnitude, self.problem.unstrained)
 
     def _step(self, number: int, state: State, seconds: float, gap: float | None) -> Step:
         return Step(
@@ -268,9 +278,9 @@ class _Run:
             gap=gap,
             quantities={
                 name: float(row @ state.weights) + self.problem.lifted(self.quantities[name], state.t)
-                for name, row in self.rows.items()
+                for name, row in self._rows(state.t).items()
             },
-            phase="path",
+            phase="critical" if state.critical else "path",
             iterations=state.iterations,
         )
 

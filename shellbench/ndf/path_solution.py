@@ -17,8 +17,9 @@ from shellbench.errors import InputError
 from shellbench.ndf.build import FieldSpec, build_ansatz
 from shellbench.ndf.field import Ansatz
 from shellbench.ndf.jets import Array
+from shellbench.ndf.motion_solution import MotionSolution, read_motion
 from shellbench.ndf.solution import NdfSolution, read_solution
-from shellbench.ndf.weights import StateHeader, write
+from shellbench.ndf.weights import StateHeader, read, write
 from shellbench.solution import Step
 
 SAME_MARK = 1e-9  # relative difference of two marks that are one
@@ -124,14 +125,17 @@ class PathSolution:
 
 def load_solution(
     path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
-) -> NdfSolution | PathSolution:
-    """Read what `NdfSolution.save` or `PathSolution.save` wrote; `ansatz_of` builds the supports in as the recipe does.
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Read what a solution saved, at rest, along a path or in motion; `ansatz_of` builds supports in as the recipe does.
 
     Raises
     ------
     InputError
         In one sentence, if the file is not a whole and consistent solution of this solver.
     """
+    header, tensors = read(path, solver)
+    if header.moving:
+        return read_motion(path, header, tensors)
     header, states = read_solution(path, solver, ansatz_of)
     if not header.states:
         return states[0]

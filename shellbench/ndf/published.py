@@ -18,19 +18,15 @@ not gated: with 400 random samples it measures the noise of the loss as well.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Literal
+from typing import ClassVar, Protocol
 
 import torch
-from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
-from shellbench.model import Positive
 from shellbench.ndf.build import FieldSpec, build_features, build_inputs, focal_points
 from shellbench.ndf.certificate import certify, rigid_part
 from shellbench.ndf.checkpoint import Checkpoint, is_checkpoint, read_checkpoint
@@ -40,44 +36,55 @@ from shellbench.ndf.field import Ansatz, Field
 from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.loads import check_balance
-from shellbench.ndf.path_solution import PathSolution, load_solution
+from shellbench.ndf.path_solution import load_solution
 from shellbench.ndf.published_factors import PublishedFactors, published_ansatz
 from shellbench.ndf.published_loss import Sampler, usual_modulus_factor
+from shellbench.ndf.published_motion import MotionTraining, load_motion, why_no_motion
+from shellbench.ndf.published_motion_file import is_motion
 from shellbench.ndf.published_network import InputScale, Siren, check_like, initial_siren
-from shellbench.ndf.published_training import LossNotFinite, Plan, beginning, train
+from shellbench.ndf.published_settings import DTYPES, PublishedSettings, own_checkpoint, training_key
+from shellbench.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.resolution import resolution
 from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
-from shellbench.solution import Capabilities, ProgressCallback, SeededSettings, Solution
+from shellbench.solution import Capabilities, ProgressCallback, Solution
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
 PINNED_CUTS = 3  # more panels at points that are pinned within a tenth of a unit
-NOT_OF_THE_TRAINING = {"device", "iterations", "checkpoint", "checkpoint_every"}
-DTYPES = {"float32": torch.float32, "float64": torch.float64}
 
 
-class PublishedSettings(SeededSettings):
-    """Settings of `ndf-published`; the defaults are the paper's."""
+class Training(Protocol):
+    """A case and settings with all that is made of them: what a solver needs of a training."""
 
-    iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
-    layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
-    width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
-    omega0: Positive = PydanticField(15.0, description="frequency of the sines")
-    learning_rate: Positive = 1e-4
-    cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
-    modulus_factor: Positive | None = PydanticField(
-        None, description="of Young's modulus in training, linear theory; None follows from the case"
-    )
-    periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
-    strain: Literal["linear"] = PydanticField("linear", description="strains of the loss")
-    dtype: Literal["float32", "float64"] = PydanticField("float32", description="precision of the training")
-    checkpoint: str | None = PydanticField(
-        None, description="folder for checkpoints: an interrupted training goes on from its own; None for none"
-    )
-    checkpoint_every: int = PydanticField(100, ge=1, description="iterations between two checkpoints, at least 25")
+    @property
+    def key(self) -> str:
+        """What it is: only checkpoints of the same key go on in it."""
+        ...
+
+    @property
+    def siren(self) -> Siren:
+        """The network at its start."""
+        ...
+
+    @property
+    def sampler(self) -> Sampling:
+        """What it is trained on."""
+        ...
+
+    def watch(self, siren: Siren) -> dict[str, float]:
+        """Return the headline quantity of a network, if it is one that can be watched."""
+        ...
+
+    def released(self, solution: Solution) -> Siren | None:
+        """Return the network of an earlier solution; None if it is not of this kind of training."""
+        ...
+
+    def solution(self, now: Checkpoint, resumed: int) -> Solution:
+        """Return the trained field."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -86,7 +93,7 @@ class PublishedSolver:
 
     name: ClassVar[str] = "ndf-published"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear",),
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: the published training (SIREN, stratified samples, Adam)",
         devices=("cpu", "cuda"),
     )
@@ -94,13 +101,17 @@ class PublishedSolver:
 
     def declines(self, case: Case) -> str | None:
         """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
+        if case.dynamics is not None:
+            return why_no_motion(case)
+        if not case.linear:
+            return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"
         if point_supports(case):
             return "its boundary functions hold edges, not single points"
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution | PathSolution:
+    def load(self, path: Path) -> Solution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        return load_solution(path, self.name, published_ansatz)
+        return load_motion(path, self.name) if is_motion(path) else load_solution(path, self.name, published_ansatz)
 
     def solve(
         self,
@@ -108,7 +119,7 @@ class PublishedSolver:
         settings: PublishedSettings,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> NdfSolution:
+    ) -> Solution:
         """Train a field.
 
         A checkpoint as `start` is gone on from as if there had been no interruption; an earlier solution of this recipe
@@ -125,10 +136,13 @@ class PublishedSolver:
         reason = self.declines(case)
         if reason:
             raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        training = _Training.of(case, settings)
-        own = _own_checkpoint(case, settings)
+        training: Training = (
+            _Training.of(case, settings) if case.dynamics is None else MotionTraining.of(case, settings, self.name)
+        )
+        own = own_checkpoint(case, settings)
         plan = Plan(settings.iterations, settings.learning_rate, own, settings.checkpoint_every)
-        now = self._start(training, start if start is not None or own is None or not own.exists() else own)
+        begin = start if start is not None or own is None or not own.exists() else own
+        now = self._start(training, settings.iterations, begin)
         resumed = now.iteration
         try:
             now = train(training.siren, now, training.sampler, plan, training.watch, progress or (lambda _: None))
@@ -139,23 +153,23 @@ class PublishedSolver:
             own.unlink(missing_ok=True)
         return training.solution(now, resumed)
 
-    def _start(self, training: _Training, start: Solution | Path | None) -> Checkpoint:
+    def _start(self, training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
         if isinstance(start, Path) and is_checkpoint(start):
             found = read_checkpoint(start)
             if found.key != training.key:
                 raise InputError(f"{start}: is the checkpoint of another case, seed or settings")
-            if found.iteration > training.settings.iterations:
-                raise InputError(
-                    f"{start}: has {found.iteration} iterations, more than the {training.settings.iterations} asked for"
-                )
+            if found.iteration > iterations:
+                raise InputError(f"{start}: has {found.iteration} iterations, more than the {iterations} asked for")
             return found
         if isinstance(start, Path):
             start = self.load(start)
         if start is None:
             return beginning(training.key, training.siren)
-        if not isinstance(start, NdfSolution) or start.solver != self.name:
+        lent = training.released(start)
+        if lent is None:
             raise InputError(f"{self.name} starts from a checkpoint or solution of its own only")
-        return beginning(training.key, training.released(start))
+        check_like(lent, training.siren)
+        return beginning(training.key, lent)
 
 
 @dataclass(frozen=True)
@@ -174,6 +188,8 @@ class _Training:
 
     @classmethod
     def of(cls, case: Case, settings: PublishedSettings) -> _Training:
+        if settings.strain not in (None, "linear"):
+            raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
         placement = Placement.on(settings.device)._replace(dtype=DTYPES[settings.dtype])
         spec = FieldSpec(periodic_input=settings.periodic_input, stretched=False, multipliers=0)
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
@@ -185,7 +201,7 @@ class _Training:
         return cls(
             case,
             settings,
-            _key(case, settings),
+            training_key(case, settings),
             spec,
             ansatz,
             inputs,
@@ -218,8 +234,10 @@ class _Training:
         solution = NdfSolution(self.case, PublishedSolver.name, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
         return {primary.name: mean_displacement(solution, primary)}
 
-    def released(self, solution: NdfSolution) -> Siren:
-        """Return the network of an earlier solution."""
+    def released(self, solution: Solution) -> Siren | None:
+        """Return the network of an earlier solution; None if it is no field of this recipe."""
+        if not isinstance(solution, NdfSolution) or solution.solver != PublishedSolver.name:
+            return None
         place = self.siren.tensors[0]
         network = solution.field.features.network
         moved = replace(
@@ -228,9 +246,7 @@ class _Training:
             biases=tuple(b.to(place) for b in network.biases),
         )
         output = solution.field.output.to(place)
-        found = Siren.released(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
-        check_like(found, self.siren)
-        return found
+        return Siren.released(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
 
     @torch.no_grad()
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
@@ -269,14 +285,3 @@ class _Training:
                 "fine_quadrature_points": len(rule.points),
             },
         )
-
-
-def _key(case: Case, settings: PublishedSettings) -> str:
-    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=NOT_OF_THE_TRAINING)}
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
-
-
-def _own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
-    if settings.checkpoint is None:
-        return None
-    return Path(settings.checkpoint) / f"{case.name}-{_key(case, settings)[:16]}.safetensors"

@@ -29,7 +29,7 @@ from shellbench.ndf.factors import BoundaryFactors
 from shellbench.ndf.field import Ansatz
 from shellbench.ndf.jets import VALUE, Array, Placement, compose, constant, coordinates, matrix_product
 from shellbench.ndf.lift import Lift
-from shellbench.places import Point
+from shellbench.places import Edge, Point
 
 SIGMA = 0.01  # Kairanda et al., section 5.2; in squared units of the case file's coordinates
 FAR = 700.0  # d^2 / sigma beyond this is taken as this: exp underflows to nothing
@@ -68,20 +68,33 @@ class PublishedFactors:
         return matrix
 
     def _bump(self, point: Point, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N) of exp(-d^2 / sigma); a periodic coordinate goes the shorter way round."""
-        domain = self.case.surface.domain
-        exponent = constant(placement.tensor(np.zeros(len(points))))
-        for axis, coordinate in enumerate(coordinates(points, placement)):
-            offset = points[:, axis] - point.xi[axis]
-            if domain.periodic[axis]:
-                offset = offset - domain.size[axis] * np.round(offset / domain.size[axis])
-            unit = 180 / math.pi if domain.angle[axis] else 1.0
-            distance = coordinate * (unit / math.sqrt(SIGMA))
-            distance[VALUE] = placement.tensor(offset * (unit / math.sqrt(SIGMA)))
-            exponent = exponent - _square(distance)
-        value = torch.exp(exponent[VALUE].clamp_min(-FAR))
-        value = torch.where(exponent[VALUE] <= -FAR, torch.zeros_like(value), value)
-        return compose((value, value, value), exponent)
+        """Return the jet (6, N) of exp(-d^2 / sigma), d in the units of the case file."""
+        first, second = (180 / math.pi if angle else 1.0 for angle in self.case.surface.domain.angle)
+        return soft_bump(self.case, point, (first, second), points, placement)
+
+
+def soft_bump(
+    case: Case, place: Edge | Point, units: tuple[float, float], points: Array, placement: Placement
+) -> Tensor:
+    """Return the jet (6, N) of exp(-d^2 / sigma) at points (N, 2), d the distance from a place (eq. (27)).
+
+    Differences of xi1 and xi2 count as so many `units` each; that from an edge is across it alone. A periodic
+    coordinate goes the shorter way round.
+    """
+    domain = case.surface.domain
+    exponent = constant(placement.tensor(np.zeros(len(points))))
+    for axis, coordinate in enumerate(coordinates(points, placement)):
+        if isinstance(place, Edge) and axis != place.axis:
+            continue
+        offset = points[:, axis] - (place.coordinate(domain) if isinstance(place, Edge) else place.xi[axis])
+        if domain.periodic[axis]:
+            offset = offset - domain.size[axis] * np.round(offset / domain.size[axis])
+        distance = coordinate * (units[axis] / math.sqrt(SIGMA))
+        distance[VALUE] = placement.tensor(offset * (units[axis] / math.sqrt(SIGMA)))
+        exponent = exponent - _square(distance)
+    value = torch.exp(exponent[VALUE].clamp_min(-FAR))
+    value = torch.where(exponent[VALUE] <= -FAR, torch.zeros_like(value), value)
+    return compose((value, value, value), exponent)
 
 
 def _square(z: Tensor) -> Tensor:

@@ -102,6 +102,11 @@ class Sampler:
     edges: RuleSpec
     placement: Placement
 
+    @property
+    def end(self) -> float:
+        """Load factor."""
+        return self.ansatz.t
+
     def samples(self, start: int, stop: int) -> Iterator[Sample]:
         """Yield the samples of iterations start, ..., stop - 1.
 

@@ -3,19 +3,51 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
 from shellbench.ndf.checkpoint import Checkpoint, write_checkpoint
-from shellbench.ndf.published_loss import Sampler
 from shellbench.ndf.published_network import Siren
 from shellbench.solution import Progress, ProgressCallback, Step
 
 RECORD = 25  # iterations between two entries of the history
+
+
+class Sampled(Protocol):
+    """What is drawn for one iteration."""
+
+    def loss(self, siren: Siren) -> Tensor:
+        """Return the loss of a network."""
+        ...
+
+
+class Sampling(Protocol):
+    """Draws the samples of a training, numbered by the iteration.
+
+    Attributes
+    ----------
+    modulus_factor
+        What a loss is to be multiplied by to be an energy, J.
+    """
+
+    @property
+    def modulus_factor(self) -> float:
+        """See the class."""
+        ...
+
+    @property
+    def end(self) -> float:
+        """Load factor, or final time, s."""
+        ...
+
+    def samples(self, start: int, stop: int) -> Iterator[Sampled]:
+        """Yield the samples of iterations start, ..., stop - 1."""
+        ...
 
 
 class LossNotFinite(Exception):
@@ -55,7 +87,7 @@ def beginning(key: str, siren: Siren) -> Checkpoint:
 def train(
     siren: Siren,
     now: Checkpoint,
-    sampler: Sampler,
+    sampler: Sampling,
     plan: Plan,
     watch: Callable[[Siren], dict[str, float]],
     progress: ProgressCallback,
@@ -96,7 +128,7 @@ def train(
                     seconds=time.perf_counter() - begin,
                     energy=sampler.modulus_factor * float(recent.mean()),
                     unknowns=network.parameters,
-                    at=sampler.ansatz.t,
+                    at=sampler.end,
                     quantities=watch(network),
                 )
             now = _kept(now, step, recent, tensors, adam)

@@ -6,6 +6,8 @@ is a(u, v) - f(v). No stress is evaluated at the edge, so the error is of second
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor
@@ -63,11 +65,13 @@ def edge_reaction(
     focal: Array,
     held: Array,
     measure: StrainName = "linear",
+    body: Callable[[Array], Array] | None = None,
 ) -> Array:
     """Return force and moment (6,), N and N m, that a support exerts through its edges.
 
-    `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. At
-    finite strain the arms of forces are those of the deformed shell.
+    `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. `body`
+    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia. At finite strain the arms
+    of forces are those of the deformed shell.
     """
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
     edges = virtual_edges(case, support)
@@ -83,7 +87,8 @@ def edge_reaction(
         points = rule.points[start : start + BATCH]
         surface = Undeformed.of(case.surface, points, placement)
         weights = placement.tensor(rule.weights[start : start + BATCH]) * surface.geometry.jacobian
-        force = placement.tensor(force_density(case, points, t)) * weights[:, None]
+        density = force_density(case, points, t)
+        force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]
         u = field.jet(points)
         strained = surface.strained(measure, surface.gradients(u))
         stress = stresses(surface.elasticity(case.material), strained.strains) * weights[:, None]

@@ -25,7 +25,7 @@ from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
-from shellbench.ndf import large_displacement
+from shellbench.ndf import large_displacement, motion
 from shellbench.ndf.build import Components, FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
@@ -35,6 +35,8 @@ from shellbench.ndf.jets import VALUE, Placement, activation
 from shellbench.ndf.large_displacement import Rung
 from shellbench.ndf.lengths import LAYER
 from shellbench.ndf.loads import check_balance
+from shellbench.ndf.mass import scales, with_constant
+from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
@@ -85,7 +87,7 @@ class RitzSolver:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution | PathSolution:
+    def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
         return load_solution(path, self.name)
 
@@ -95,7 +97,7 @@ class RitzSolver:
         settings: RitzSettings,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> NdfSolution | PathSolution:
+    ) -> NdfSolution | PathSolution | MotionSolution:
         """Solve a case; `start` is of no use to a direct solve and is ignored.
 
         Raises
@@ -121,6 +123,8 @@ class RitzSolver:
             reason = why_declined(case, spec)
             if reason:
                 raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+            if case.dynamics is not None:
+                return _move(case, spec, settings, progress or (lambda _: None))
             if not large_displacement.is_path(case):
                 return _solve(case, spec, settings, progress or (lambda _: None))
             return _follow(case, spec, settings, progress or (lambda _: None))
@@ -154,6 +158,21 @@ def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progr
     numbers = range(last + 1) if settings.neurons is None else [last]
     builds = [partial(build, number) for number in numbers]
     return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
+
+
+def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> MotionSolution:
+    """Follow a motion with one rung, if a setting fixes its width, or several."""
+    spec = spec.model_copy(update={"stretched": False, "edge_stretched": False, "multipliers": 0})
+    placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
+
+    def build(degree: int, width: int) -> motion.Rung:
+        spread = placement.tensor(scales(case, inputs, degree))
+        network = with_constant(random_features(spread, width, settings.seed, settings.activation))
+        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
+
+    rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,))
+    builds = [partial(build, degree, width) for degree, width in rungs]
+    return motion.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
 
 
 def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
@@ -49,6 +49,11 @@ class Sampled:
         through = gradients_through(undeformed.geometry, matrix)
         jets = features.jets(points).permute(1, 0, 2).contiguous()
         return cls(points, jets, through, matrix[VALUE], undeformed)
+
+    def carried(self, ansatz: Ansatz) -> Sampled:
+        """Return the same points and features with other boundary factors."""
+        matrix = ansatz.factors.matrix(self.points, Placement(self.jets.device, self.jets.dtype))
+        return replace(self, through=gradients_through(self.undeformed.geometry, matrix), matrix=matrix[VALUE])
 
     def lift_gradients(self, ansatz: Ansatz) -> Tensor | None:
         """Return the gradients (N, 5, 3) of the lift, None where it is zero."""

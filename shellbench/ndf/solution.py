@@ -18,7 +18,7 @@ from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
-from shellbench.ndf.field import Ansatz, Field
+from shellbench.ndf.field import Ansatz, Features, Field
 from shellbench.ndf.jets import Array, Placement
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.reaction import edge_reaction
@@ -166,6 +166,20 @@ class NdfSolution:
         return np.asarray(values.reshape(*xi.shape[:-1], *values.shape[1:]))
 
 
+def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Features:
+    """Return the features of a file.
+
+    Raises
+    ------
+    ValueError
+        If its layers do not fit each other or the case.
+    """
+    inputs = build_inputs(case, header.spec)
+    network = network_of(tensors, header.activation, inputs.count)
+    placement = Placement(torch.device("cpu"), network.weights[0].dtype)
+    return build_features(case, header.spec, network, placement, inputs)
+
+
 def read_solution(
     path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
 ) -> tuple[Header, list[NdfSolution]]:
@@ -179,10 +193,7 @@ def read_solution(
     header, tensors = read(path, solver)
     try:
         case = header.read_case()
-        inputs = build_inputs(case, header.spec)
-        network = network_of(tensors, header.activation, inputs.count)
-        placement = Placement(torch.device("cpu"), network.weights[0].dtype)
-        features = build_features(case, header.spec, network, placement, inputs)
+        features = features_of(case, header, tensors)
         output, rigid = tensors.get("output"), tensors.get("rigid")
         many = (len(header.states),) if header.states else ()
         expected = (*many, 3, features.count), (*many, 6)

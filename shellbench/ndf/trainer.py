@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -20,15 +21,18 @@ from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
 from shellbench.model import Positive
-from shellbench.ndf import large_displacement
-from shellbench.ndf.build import Components, FieldSpec
+from shellbench.ndf import large_displacement, motion
+from shellbench.ndf.build import Components, FieldSpec, build_features, build_inputs
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.ndf.declines import why_declined
 from shellbench.ndf.deep_path import follow
 from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
-from shellbench.ndf.jets import Placement, activation
+from shellbench.ndf.jets import VALUE, Placement, activation
 from shellbench.ndf.loads import check_balance
+from shellbench.ndf.mass import scales, with_constant
+from shellbench.ndf.motion_solution import MotionSolution
+from shellbench.ndf.network import deep_random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
 from shellbench.ndf.ritz import LARGEST_GAP, point_constraints, strain_of
@@ -52,6 +56,7 @@ from shellbench.solution import Capabilities, Progress, ProgressCallback, Seeded
 
 LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
 MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
+FITTED = 40  # points a side to which the last hidden layer of a motion is fitted
 INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified
 
 
@@ -92,7 +97,7 @@ class NdfSolver:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         return why_declined(case)
 
-    def load(self, path: Path) -> NdfSolution | PathSolution:
+    def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
         return load_solution(path, self.name)
 
@@ -102,10 +107,10 @@ class NdfSolver:
         settings: TrainerSettings,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> NdfSolution | PathSolution:
+    ) -> NdfSolution | PathSolution | MotionSolution:
         """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
 
-        In the non-linear theory the output layer follows the path from rest, and `start` is ignored.
+        In the non-linear theory the output layer follows the path or the motion from rest, and `start` is ignored.
 
         Raises
         ------
@@ -121,6 +126,9 @@ class NdfSolver:
         tell = progress or (lambda _: None)
         strain = strain_of(case, settings.strain)
         with torch.no_grad():
+            if case.dynamics is not None:
+                activation(settings.activation)
+                return _move(case, settings, strain, tell)
             if not large_displacement.is_path(case):
                 return _Run(case, settings, tell).solve(self.load(start) if isinstance(start, Path) else start)
             activation(settings.activation)
@@ -147,6 +155,24 @@ def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
         multipliers=settings.singular,
         strain=strain,
     )
+
+
+def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: ProgressCallback) -> MotionSolution:
+    """Follow a motion with deep networks of ever larger width, whose hidden layers stay as drawn."""
+    spec = field_spec(settings, strain).model_copy(update={"stretched": False, "multipliers": 0})
+    placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
+    values = inputs.jets(case.surface.domain.grid(FITTED, FITTED).reshape(-1, 2), placement)[VALUE]
+
+    def build(degree: int, width: int) -> motion.Rung:
+        spread = placement.tensor(scales(case, inputs, degree))
+        layers = (*settings.inner, width)
+        network = deep_random_features(values, spread, layers, settings.seed, settings.activation)
+        return motion.Rung(degree, build_features(case, spec, with_constant(network), placement, inputs))
+
+    rungs = motion.rungs_of(case, settings.widths)
+    builds = [partial(build, degree, width) for degree, width in rungs]
+    solution = motion.solve(case, spec, NdfSolver.name, builds, settings.largest_gap, tell)
+    return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": "as drawn"})
 
 
 def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:

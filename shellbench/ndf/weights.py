@@ -53,6 +53,7 @@ class Header(Model):
     extrapolated: dict[str, float]
     point_forces: tuple[Finite, ...]
     states: tuple[StateHeader, ...] = ()
+    moving: bool = False
 
     def read_case(self) -> Case:
         """Return the case; ValidationError if it is not one."""

@@ -82,12 +82,12 @@ def curve_figure(
         title = textwrap.fill(words[:1].upper() + words[1:], TITLE, break_on_hyphens=False)
         axes.set_title(title, loc="left", fontsize=7.5)
         axes.axhline(0, color="#999999", linewidth=0.5, zorder=0)
-    columns = _legend_columns(list(entries), size[0])
+    columns = legend_columns(list(entries), size[0])
     figure.legend(entries.values(), entries.keys(), loc="outside lower center", ncols=columns)
     return figure
 
 
-def _legend_columns(labels: Sequence[str], width: float) -> int:
+def legend_columns(labels: Sequence[str], width: float) -> int:
     """Return how many columns of a legend fit into so many inches; each is as wide as its longest label."""
     for columns in range(min(3, len(labels)), 1, -1):
         widest = [max(map(len, column)) for column in np.array_split(labels, columns)]

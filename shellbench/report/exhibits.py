@@ -16,6 +16,8 @@ from shellbench.report.convergence import (
     refinement_figure,
 )
 from shellbench.report.exhibit import Exhibit
+from shellbench.report.motion_exhibits import motion_exhibits
+from shellbench.report.newton import newton_exhibits
 from shellbench.report.palette import inks, style
 from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.rates import fitted_rate
@@ -48,6 +50,8 @@ def exhibits(
         return [
             *_pictures(records, rows, folder),
             *path_exhibits(records, rows, folder, known),
+            *motion_exhibits(records, rows, folder, known),
+            *newton_exhibits(records, rows),
             *_convergence(records, rows),
         ]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,14 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.report.bibliography import Source, read_bibliography
+from shellbench.report.derivation import DERIVATION
+from shellbench.report.derivation import TITLE as NEWTON_TITLE
 from shellbench.report.effort import effort_table
 from shellbench.report.exhibits import exhibits
 from shellbench.report.fields import field_table
+from shellbench.report.motion_exhibits import CLOTH
+from shellbench.report.motion_tables import motion_tables
+from shellbench.report.newton import newton_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import environment_words, makings
@@ -43,16 +48,18 @@ class Tables:
     paths: list[Table]
     strains: list[Table]
     quantities: list[Table]
+    motions: list[Table]
+    newton: list[Table]
 
     @property
     def printed(self) -> list[Table]:
         """Those that fit a printed page."""
-        return [*self.displacements, *self.paths, *self.strains, *self.resolution]
+        return [*self.displacements, *self.paths, *self.strains, *self.newton, *self.motions, *self.resolution]
 
     @property
     def apart(self) -> list[Table]:
         """Those with columns of their own, each a file of its own."""
-        return [*self.paths, *self.strains, *self.resolution]
+        return [*self.paths, *self.strains, *self.newton, *self.motions, *self.resolution]
 
     @property
     def all(self) -> list[Table]:
@@ -102,6 +109,8 @@ def write_report(
         paths=[table for table in (effort_table(by_id, rows),) if table is not None],
         strains=[table for table in (strain_table(rows),) if table is not None],
         quantities=quantity_tables(rows, known),
+        motions=motion_tables(by_id, rows, store.folder),
+        newton=[table for table in (newton_table(by_id, rows),) if table is not None],
     )
     try:
         figures = out / "figures"
@@ -112,6 +121,7 @@ def write_report(
         sources = read_bibliography(bibliography)
         facts = _facts(by_id, rows, tables, sources)
         facts["exhibits"], facts["for_print"] = shown, for_print
+        facts |= _cloth(rows, {exhibit.name for exhibit, _ in shown}, tables)
         facts["paths_shown"] = tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit, _ in shown)
         _write(out / "index.html", _page("page.html.j2", HTML, tables, facts))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, tables, facts))
@@ -138,6 +148,8 @@ def _facts(
         "verdict": overall(rows),
         "short": shortfalls(rows),
         "strain_words": strain_words(rows) if tables.strains else [],
+        "newton_title": NEWTON_TITLE,
+        "derivation": DERIVATION if tables.newton else (),
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
@@ -147,6 +159,14 @@ def _facts(
         + [f"{table.name}.csv" for table in tables.apart]
         + ([BIBLIOGRAPHY] if sources else []),
     }
+
+
+def _cloth(rows: Sequence[Row], figures: Collection[str], tables: Tables) -> dict[str, Any]:
+    """Return the cases of the section on cloth: the title of each, and names of its figures."""
+    titles = {row.case: row.case_title or row.case for row in rows}
+    names = {case: [name for prefix in CLOTH if (name := f"{prefix}{case}") in figures] for case in titles}
+    cases = {case: (titles[case], of_case) for case, of_case in names.items() if of_case}
+    return {"cloth": cases, "motions_shown": bool(cases or tables.motions)}
 
 
 def _page(template: str, notation: Notation, tables: Tables, facts: dict[str, Any]) -> str:

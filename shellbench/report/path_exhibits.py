@@ -11,6 +11,7 @@ from shellbench.case import Case
 from shellbench.reference import KnownValues
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.exhibit import Exhibit
+from shellbench.report.motion_exhibits import is_cloth
 from shellbench.report.palette import Ink, inks
 from shellbench.report.paths import (
     PathRun,
@@ -46,7 +47,8 @@ def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Pa
         if exhibit := _curves(f"{CURVE}{name}", paths, values, colours):
             yield exhibit
     for runs in runs_by_case(records, default).values():
-        if exhibit := _states(runs, folder):
+        case = case_of(runs[0][1])
+        if case is not None and not is_cloth(case) and (exhibit := _states(runs, folder)):
             yield exhibit
     yield from _strains(records, rows, known)
 

@@ -61,7 +61,7 @@ def shell(record: Record, folder: Path) -> Shell | None:
     case = case_of(record)
     if case is None:
         return None
-    return _drawn(record, case, fields, fields.displacement)
+    return drawn(record, case, fields, fields.displacement)
 
 
 def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
@@ -70,12 +70,13 @@ def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
     if fields is None or case is None:
         return []
     return [
-        (mark_words(case, float(mark)), _drawn(record, case, fields, displacement))
+        (mark_words(case, float(mark)), drawn(record, case, fields, displacement))
         for mark, displacement in zip(fields.marks, fields.displacements, strict=True)
     ]
 
 
-def _drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Shell:
+def drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Shell:
+    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn."""
     picture = case.picture
     return Shell(
         case=record.case_name,

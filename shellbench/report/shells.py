@@ -112,14 +112,16 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
     return figure
 
 
-def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = ()) -> None:
+def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = (), cells: int | None = None) -> None:
     """Draw the deformed surface, coloured and shaded, and the reference surface as a wire.
 
-    Colours and the frame are common with the shells that it stands among.
+    Colours and the frame are common with the shells that it stands among. The surface has at least so many facets a
+    side, `CELLS` unless told.
     """
     together = among or (shell,)
+    fine = CELLS if cells is None else min(cells, CELLS)
     smooth = replace(
-        shell, position=refined(shell.position, CELLS), displacement=refined(shell.displacement, CELLS), held=()
+        shell, position=refined(shell.position, fine), displacement=refined(shell.displacement, fine), held=()
     )
     colours = colormaps[_map(together)](_norm(together)(facet_means(smooth.coloured)))[:, :3]
     behind = Strokes(wires(smooth.position, FEW_WIRES), (0.45, 0.45, 0.45, 0.6), 0.4, -1.5)
@@ -227,7 +229,7 @@ def _paint(axes: Axes, camera: Camera, surface: Array, colours: Array, strokes: 
         widths.append(np.full(len(lines), stroke.width))
     order = np.argsort(np.concatenate(depth), kind="stable")
     painted = PolyCollection(
-        list(np.concatenate(corners)[order]),
+        np.concatenate(corners)[order],  # type: ignore[arg-type] # an array is drawn faster than its list
         facecolors=np.concatenate(fills)[order],
         edgecolors=np.concatenate(edges)[order],
         linewidths=np.concatenate(widths)[order],

@@ -33,7 +33,7 @@ def states_figure(states: Sequence[tuple[str, Shell]]) -> Figure:
     columns = len(states) if len(states) <= MOST_IN_A_ROW else MANY_IN_A_ROW
     width = min(WIDEST, WIDTH / columns)
     rows = -(-len(states) // columns)
-    height = float(np.clip(width * _aspect(shells), LOWEST, HIGHEST)) + 0.25
+    height = float(np.clip(width * aspect(shells), LOWEST, HIGHEST)) + 0.25
     figure = Figure(figsize=(max(3.4, width * columns), height * rows + MARGIN), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False)
     for axes in panels.flat[len(states) :]:
@@ -45,7 +45,7 @@ def states_figure(states: Sequence[tuple[str, Shell]]) -> Figure:
     return figure
 
 
-def _aspect(shells: Sequence[Shell]) -> float:
+def aspect(shells: Sequence[Shell]) -> float:
     """Return height over width of what the camera sees."""
     seen = np.concatenate([s.camera.look(grid).reshape(-1, 3) for s in shells for grid in (s.position, s.deformed)])
     width, height, _ = np.ptp(seen, axis=0)

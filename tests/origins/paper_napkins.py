@@ -3,8 +3,9 @@ r"""Known values of the napkins of Kairanda et al. (section E.1) while they have
 - napkin_corner, napkin_moving_corners: held at points, in their own plane. The energy grows with the fourth power of
   the stretch, which makes a point support meaningful (points have a capacity in W^{1,4}) and its error one of first
   order in the span there: values are extrapolated to a span of zero, from meshes that differ in nothing else.
-- napkin_fixed_edges: two edges held, gravity across. Its thickness is that of a napkin, so it wrinkles as finely
-  as a mesh allows once parts of it are compressed; only what the wrinkles leave alone has a value, and only early.
+- napkin_fixed_edges: two edges held, gravity across. A thin layer of bending grows at the held edges, toward which the
+  mesh is graded. It wrinkles as finely as a mesh allows once parts of it are compressed; only what the wrinkles leave
+  alone has a value, and only early.
 
 All are followed along the path that keeps their symmetry; rounding leaves it as soon as that path is unstable.
 """
@@ -96,5 +97,5 @@ def napkin_moving_corners() -> dict[str, Estimate]:
 
 def napkin_fixed_edges() -> dict[str, Estimate]:
     """Known values of the napkin with two held edges, before its wrinkles matter; its bending energy is all theirs."""
-    values = between(edges_values(Resolution(48, 3)), edges_values(Resolution(32, 3)), ROUNDING)
+    values = between(edges_values(Resolution(40, 4, 0.25)), edges_values(Resolution(32, 3, 0.25)), ROUNDING)
     return {name: estimate for name, estimate in values.items() if "bending" not in name}

@@ -5,6 +5,8 @@ With p = x' and q = x'' along the reference length, eps = (p.p - 1) / 2, b = (p1
 each component, its force, which keeps the acceleration there at zero. Because gravity starts to act at once, a
 bending wave leaves the hinge at the start: position and energies converge fast, the force as slowly as the sum of
 the wave's harmonics.
+
+The known values are those of the same strip as a cloth in space (`spline_motion`); the polynomials are their second form.
 """
 
 from __future__ import annotations

@@ -348,3 +348,10 @@ def nonlinear(tmp_path_factory: pytest.TempPathFactory) -> Store:
     from tests.report.nonlinear import make_nonlinear_store
 
     return make_nonlinear_store(tmp_path_factory.mktemp("nonlinear"))
+
+
+@pytest.fixture(scope="session")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    from tests.report.motion import make_motion_store
+
+    return make_motion_store(tmp_path_factory.mktemp("motion") / "runs")
