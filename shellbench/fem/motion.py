@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from shellbench.conditions import MomentLoad
 from shellbench.errors import SolveFailure
 from shellbench.fem.assembly import COMPONENTS, Quadrature
 from shellbench.fem.convergence import Estimate, estimate
-from shellbench.fem.grading import FEWEST, graded_mesh
+from shellbench.fem.grading import FEWEST, axis_lines, graded_mesh
 from shellbench.fem.hermite import KINDS, Derivative
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.motion_solution import MotionSolution
@@ -34,7 +35,7 @@ from shellbench.solution import Progress, ProgressCallback, Step
 Array = NDArray[np.float64]
 
 FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
-BASE = 6  # cells of the coarsest mesh from a graded point to the end of its influence, or half of a side
+BASE = 12  # cells of the coarsest mesh along the longer side
 COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in one step
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
 MOST_LEVELS = 3  # from three values on the rate is observed
@@ -57,30 +58,33 @@ def declined(case: Case) -> str | None:
     return None
 
 
-def usual_cells(case: Case, level: int) -> Cells:
+def usual_cells(case: Case, level: int, grading: float) -> Cells:
     """Return the cells of a level, as `grading.axis_lines` counts them: fewer along the shorter coordinate lines."""
     domain = case.surface.domain
     x = case.surface.derivatives(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES), order=1)
     sides = [size * float(np.linalg.norm(x[key], axis=-1).mean()) for size, key in zip(domain.size, FIRST, strict=True)]
-    first, second = (max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides))) for side in sides)
-    return first, second
+    counts = []
+    for axis, side in enumerate(sides):
+        aim = max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides)))
+        counts.append(next(n for n in count(FEWEST) if len(axis_lines(case, axis, n, grading)) > aim))
+    return counts[0], counts[1]
 
 
-def usual_step(case: Case, cells: Cells) -> float:
-    """Return the step in time of the coarsest level on a mesh, s: a share of the time in which a wave crosses a cell.
+def usual_step(case: Case) -> float:
+    """Return the step in time of the coarsest level, s: a share of the time in which a wave crosses one of its cells.
 
     Membrane waves travel at sqrt(D / rho); it is they that are slow enough in cloth to be seen.
     """
     assert case.dynamics is not None
     speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
-    crossing = _size(case) / (2 * max(cells)) / speed
+    crossing = _size(case) / BASE / speed
     until = case.dynamics.until
     steps = math.ceil(until / (COURANT * crossing))
     return until / min(max(steps, FEWEST_STEPS), MOST_STEPS)
 
 
 def _size(case: Case) -> float:
-    """Return the square root of the midsurface's extent, m: the largest side of the box that holds it."""
+    """Return the largest side of the box that holds the midsurface, m."""
     position = case.surface.position(case.surface.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES))
     return float(np.ptp(position, axis=(0, 1)).max())
 
@@ -126,8 +130,8 @@ def solve(
     resolutions: list[float] = []
     solution: MotionSolution | None = None
     for level in range(1 if only else MOST_LEVELS):
-        mesh_cells = cells or usual_cells(case, level)
-        h = step or usual_step(case, cells or usual_cells(case, 0)) / 2**level
+        mesh_cells = cells or usual_cells(case, level, grading)
+        h = step or usual_step(case) / 2**level
         mesh = graded_mesh(case, mesh_cells, grading)
         if level and math.prod(mesh.cells) * case.dynamics.until / h > MOST_WORK:
             break

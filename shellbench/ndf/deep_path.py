@@ -73,10 +73,14 @@ def follow(
 
 
 def may_be_trained(case: Case, width: int) -> bool:
-    """Tell whether hidden layers can be trained: no wide ones, nor where all is prescribed or edge moments act."""
+    """Tell whether hidden layers can be trained: no wide ones, nor where all is prescribed or edge moments act.
+
+    Nor where the shell is followed through buckling: linear theory would teach them states without waves.
+    """
     prescribed = case.prescribed
     moments = any(isinstance(load, MomentLoad) for load in case.loads)
-    return width <= WIDEST_TRAINED and not prescribed and not moments
+    buckles = case.path.after_buckling == "follow"
+    return width <= WIDEST_TRAINED and not prescribed and not moments and not buckles
 
 
 def _trained(problem: Problem, plan: Plan, network: Network, points: Quadratures) -> Network:

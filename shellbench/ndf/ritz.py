@@ -35,7 +35,7 @@ from shellbench.ndf.jets import VALUE, Placement, activation
 from shellbench.ndf.large_displacement import Rung
 from shellbench.ndf.lengths import LAYER
 from shellbench.ndf.loads import check_balance
-from shellbench.ndf.mass import scales, with_constant
+from shellbench.ndf.mass import scales
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
@@ -167,7 +167,7 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
 
     def build(degree: int, width: int) -> motion.Rung:
         spread = placement.tensor(scales(case, inputs, degree))
-        network = with_constant(random_features(spread, width, settings.seed, settings.activation))
+        network = random_features(spread, width, settings.seed, settings.activation)
         return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
 
     rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,))

@@ -30,7 +30,7 @@ from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import VALUE, Placement, activation
 from shellbench.ndf.loads import check_balance
-from shellbench.ndf.mass import scales, with_constant
+from shellbench.ndf.mass import scales
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import deep_random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
@@ -167,7 +167,7 @@ def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: Progr
         spread = placement.tensor(scales(case, inputs, degree))
         layers = (*settings.inner, width)
         network = deep_random_features(values, spread, layers, settings.seed, settings.activation)
-        return motion.Rung(degree, build_features(case, spec, with_constant(network), placement, inputs))
+        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
 
     rungs = motion.rungs_of(case, settings.widths)
     builds = [partial(build, degree, width) for degree, width in rungs]

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"  # both can be read by the colour-blind
 BOTH_SIGNS = 0.1  # a component whose smaller side exceeds this share of its larger one is coloured about zero
+EVEN = 1e-6  # share of a displacement within which it is the same everywhere, but for rounding
 WIRES, FEW_WIRES = 13, 7  # coordinate lines of a square surface in each direction; of the reference beside it
 CELLS = 96  # facets a side, at least: stored fields are refined to it for a smooth picture
 STONE = (0.87, 0.88, 0.90)  # the reference surface
@@ -282,5 +283,6 @@ def _norm(shells: Sequence[Shell]) -> Normalize:
     if _signed(shells):
         largest = max(-low, high)
         return Normalize(-largest, largest)
-    low = 0.0 if shells[0].direction is None else low
+    if shells[0].direction is None or high - low < EVEN * max(abs(low), abs(high)):
+        low, high = min(low, 0.0), max(high, 0.0)
     return Normalize(low, high if high > low else low + 1.0)
