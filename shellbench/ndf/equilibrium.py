@@ -10,6 +10,7 @@ from the displacement itself: thin shells then take large steps (Magisano, Leone
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -262,6 +263,12 @@ class Problem:
     def basis(self) -> Basis:
         """The unknowns."""
         return Basis.of(self._stiffness, self.constraints)
+
+    def likeness(self, first: Tensor, second: Tensor) -> float:
+        """Return the cosine between two changes of weights (3 M,), measured by the stiffness at rest; 1 if one is zero."""
+        stiff = self._stiffness @ first
+        product = float(stiff @ first) * float(second @ (self._stiffness @ second))
+        return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""

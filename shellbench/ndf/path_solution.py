@@ -126,7 +126,7 @@ class PathSolution:
 def load_solution(
     path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
 ) -> NdfSolution | PathSolution | MotionSolution:
-    """Read what a solution saved, at rest, along a path or in motion; `ansatz_of` builds supports in as the recipe does.
+    """Read a field at rest, on a path or in motion; `ansatz_of` builds the supports in as the recipe does.
 
     Raises
     ------

@@ -36,6 +36,19 @@ def rows_at_home(rows: Sequence[Row]) -> dict[str, list[Row]]:
     return {suite: of_suite for suite, of_suite in homes.items() if of_suite}
 
 
+def leading_rows(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows of each solver's own runs of a case: with default settings, or else those that a suite declares.
+
+    A recipe that takes hours is declared with fewer iterations, and has no run with its defaults.
+    """
+    own = {(row.case, row.own_case, row.solver) for row in rows if row.default_settings}
+    return [
+        row
+        for row in rows
+        if row.default_settings or (row.declared and (row.case, row.own_case, row.solver) not in own)
+    ]
+
+
 def suite_title(suite: str) -> str:
     """Return the title of a suite of the catalog; of any other its name."""
     if suite in catalog.suite_names():

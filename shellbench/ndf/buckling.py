@@ -1,0 +1,121 @@
+"""The path of a shell through buckling: its critical load, and the stable states beyond it.
+
+Up to the first state that is no minimum of the energy the path is followed as under load control. The critical load is
+where the tangent's smallest eigenvalue, relative to the stiffness at rest, passes zero: it is found between a stable
+and an unstable state by the Illinois variant of regula falsi (Dowell & Jarratt 1971, BIT 11). A little beyond it the
+shell relaxes from the unstable state (`relaxation`); from there on load steps are taken as long as they lead to stable
+states, and where they don't the shell relaxes again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from shellbench.ndf.continuation import (
+    CUT,
+    EASY,
+    FIRST_STEP,
+    GROWTH,
+    SMALLEST_STEP,
+    STRAIGHT,
+    PathEndsError,
+    landing,
+)
+from shellbench.ndf.equilibrium import NotConvergedError, Problem
+from shellbench.ndf.newton import State, equilibrium
+from shellbench.ndf.relaxation import NEUTRAL, relaxed
+
+LOCATED = 1e-4  # of the critical load factor: how well it is found
+LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
+SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch
+SECANTS = 40
+ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
+
+
+def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
+    """Yield stable states from rest to the last of increasing load factors, and the first critical one.
+
+    Raises
+    ------
+    PathEndsError
+        If no stable state is found, however short the step.
+    """
+    state, end = State.rest(problem), marks[-1]
+    step, buckled = FIRST_STEP * end, False
+    for mark in marks:
+        while state.t < mark:
+            target = landing(state.t, mark, step)
+            found = _stepped(problem, state, target, not buckled)
+            if found is None and target - state.t > SHORT * end:
+                step = (target - state.t) * CUT
+                continue
+            if found is None or not found.stable:
+                if not buckled:
+                    state, found = _critical(problem, state, found, target)
+                    if _lowest(state) > ABOUT_TO_BUCKLE:
+                        if target - state.t < SMALLEST_STEP * end:
+                            raise PathEndsError(f"no equilibrium was found at load factor {target:.6g}")
+                        yield state
+                        continue
+                    buckled = True
+                    yield replace(state, critical=True)
+                    target = min(target, mark, (1 + LEFT) * state.t)
+                    found = _stepped(problem, state, target) or state
+                else:
+                    found = state
+                try:
+                    found = relaxed(problem, found, target)
+                except NotConvergedError:
+                    step = (target - state.t) * CUT
+                    if step < SMALLEST_STEP * end:
+                        raise PathEndsError(f"no stable state was found at load factor {target:.6g}") from None
+                    continue
+            elif found.iterations <= EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def _critical(problem: Problem, stable: State, unstable: State | None, beyond: float) -> tuple[State, State | None]:
+    """Return the last stable state before a load factor, and an unstable one close to it if any was found there."""
+    low, high = _lowest(stable), _lowest(unstable) if unstable is not None else None
+    side = 0
+    for _ in range(SECANTS):
+        if beyond - stable.t <= LOCATED * beyond or abs(_lowest(stable)) <= NEUTRAL:
+            break
+        share = 0.5 if high is None else low / (low - high)
+        t = stable.t + min(max(share, LOCATED), 1 - LOCATED) * (beyond - stable.t)
+        found = _stepped(problem, stable, t)
+        if found is not None and found.stable:
+            stable, low = found, _lowest(found)
+            high = high / 2 if high is not None and side > 0 else high
+            side = 1
+        else:
+            unstable, beyond = found, t
+            high = _lowest(found) if found is not None else None
+            low = low / 2 if side < 0 else low
+            side = -1
+    return stable, unstable
+
+
+def _lowest(state: State) -> float:
+    return 1.0 if state.tangent is None else state.tangent.lowest
+
+
+def _stepped(problem: Problem, state: State, t: float, straight: bool = True) -> State | None:
+    """Return the state at a load factor by Newton's method, None if it does not converge.
+
+    Nor if it must be `straight` and leads elsewhere than it set out to, as a step over a bifurcation to the buckled
+    shell does.
+    """
+    try:
+        found = equilibrium(problem, state, t, NEUTRAL)
+    except NotConvergedError:
+        return None
+    if not straight or state.tangent is None:
+        return found
+    ahead = state.tangent.solve(problem.deform(state.weights, t, state.deformed.angles).residual)
+    moved = found.weights - state.weights
+    along = problem.likeness(ahead, moved)
+    return found if along >= STRAIGHT else None

@@ -1,0 +1,272 @@
+"""The finding on the published functional of motion: what the solvers' motions say, beside Newton's law.
+
+`shellbench.report.derivation` says what that functional is stationary at, and why.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from shellbench import catalog
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.case import Case
+from shellbench.conditions import GravityLoad
+from shellbench.quantities import DisplacementQuantity
+from shellbench.report.derivation import TITLE
+from shellbench.report.digits import rounded
+from shellbench.report.exhibit import Exhibit
+from shellbench.report.motion_exhibits import TIME
+from shellbench.report.moving_fields import yardstick
+from shellbench.report.notation import Notation
+from shellbench.report.palette import DASHES, inks
+from shellbench.report.paths import case_of
+from shellbench.report.solutions import STATUS_WORDS
+from shellbench.report.suites import leading_rows
+from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
+from shellbench.report.traces import Trace, TracedRun, traced, trajectories
+
+Array = NDArray[np.float64]
+
+NEWTON = "newton"  # how names of the figures begin
+SHOWN = {"free_fall": "fall", "pendulum_strip": "centre_z", "napkin_plane": "centre_y"}  # cases, and series of each
+FINE = 121  # points of a closed form
+GREY = "#777777"
+NOT_RUN = "not run"
+STATIONARY = "stationary point of the published functional"
+LAW = "Newton’s law, closed form"
+
+
+def gravity(case: Case) -> Array | None:
+    """Return the acceleration (3,) of a case in which nothing else acts and nothing holds; None in any other."""
+    loads = case.loads
+    if case.dynamics is None or case.supports or case.springs or len(loads) != 1:
+        return None
+    load = loads[0]
+    if not isinstance(load, GravityLoad) or not all(isinstance(a, int | float) for a in load.acceleration):
+        return None
+    return np.array(load.acceleration, dtype=float)
+
+
+def free_fall(case: Case, series: str) -> tuple[ClosedForm, ClosedForm] | None:
+    """Return the fall by Newton's law, and where the published functional is stationary, in closed form."""
+    acceleration = gravity(case)
+    asked = next((one for one in trajectories(case) if one.name == series), None)
+    if acceleration is None or case.dynamics is None or asked is None:
+        return None
+    if not isinstance(asked.quantity, DisplacementQuantity) or len(asked.quantity.directions) != 1:
+        return None
+    direction = np.asarray(asked.quantity.directions[0])
+    along = float(acceleration @ direction / np.linalg.norm(direction))
+    end = case.dynamics.until
+    t = np.linspace(0.0, end, FINE)
+    return (
+        ClosedForm(LAW, t, along * t**2 / 2),
+        ClosedForm(STATIONARY, t, along * (end * t - t**2 / 2), GREY, DASHES[2]),
+    )
+
+
+@dataclass(frozen=True)
+class Beside:
+    """One case of the finding.
+
+    Attributes
+    ----------
+    series
+        The series that is shown.
+    forms
+        Newton's law and the published functional in closed form, where there is one.
+    newton
+        What stands for Newton's law: its closed form, or the trace of the solver that is held against.
+    newton_by
+        What that is.
+    runs
+        The others' traces; `status` says by solver why there is none.
+    """
+
+    case: Case
+    series: str
+    unit: str
+    forms: tuple[ClosedForm, ...]
+    newton: Trace | None
+    newton_by: str
+    runs: tuple[TracedRun, ...]
+    status: Mapping[str, str]
+
+    @property
+    def name(self) -> str:
+        """What tables and figures call it."""
+        return f"{self.case.title}: {self.series.replace('_', ' ')}"
+
+
+def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
+    """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
+    found = []
+    headline = leading_rows([row for row in rows if row.primary and not row.own_case])
+    for name, series in SHOWN.items():
+        of_case = [row for row in headline if row.case == name]
+        case = _case(name, of_case, records)
+        if not of_case or case is None or case.dynamics is None:
+            continue
+        runs = [
+            (row, run)
+            for row in of_case
+            if row.run_id
+            and row.run_id in records
+            and (run := traced(records[row.run_id], case, row.solver))
+            and series in run.traces
+        ]
+        forms = free_fall(case, series) or ()
+        standard = yardstick([row for row, _ in runs])
+        newton, by = None, NOT_RUN
+        if forms:
+            newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
+        elif standard is not None:
+            newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
+        unit = next((one.quantity.unit for one in trajectories(case) if one.name == series), "m")
+        left = {run.name for _, run in runs}
+        status = {row.solver: _status(row) for row in of_case if row.solver not in left}
+        found.append(Beside(case, series, unit, tuple(forms), newton, by, tuple(run for _, run in runs), status))
+    return found
+
+
+def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Case | None:
+    record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
+    if record is not None:
+        return case_of(record)
+    return catalog.named_case(name) if name in catalog.case_names() else None
+
+
+def _status(row: Row) -> str:
+    return NOT_RUN if row.status == "missing" else STATUS_WORDS.get(row.status, "left no motion")
+
+
+def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
+    """Yield the figure that sets the cases of the finding side by side."""
+    shown = [one for one in beside(records, rows) if one.runs or one.forms]
+    if not shown:
+        return
+    runs = [
+        TracedRun(run.name, run.seed, run.run_id, run.reason, {one.case.name: run.traces[one.series]})
+        for one in shown
+        for run in one.runs
+    ]
+    panels = [
+        TracePanel((one.case.name,), f"{one.series.replace('_', ' ')} ({one.unit})", one.case.title, forms=one.forms)
+        for one in shown
+    ]
+    missing = [f"{one.case.title}: {solver} {words}" for one in shown for solver, words in one.status.items()]
+    yield Exhibit(
+        name=NEWTON,
+        title=TITLE,
+        caption="How far the napkin has fallen in free fall, and the height of the centre of mass of the strip and of"
+        " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
+        " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
+        description="; ".join(_told(one) for one in shown),
+        figure=_figure(panels, runs, rows),
+        run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
+        drawing=True,
+    )
+
+
+def _figure(panels: Sequence[TracePanel], runs: Sequence[TracedRun], rows: Sequence[Row]) -> Figure:
+    return trace_figure(panels, runs, TIME, inks(row.solver for row in rows))
+
+
+def _told(one: Beside) -> str:
+    ends = [f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs]
+    return f"{one.name}, at the end: {', '.join(ends) or NOT_RUN}"
+
+
+def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+    """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
+    cases = beside(records, rows)
+    solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
+    lines: list[dict[str, Any]] = []
+    for one in cases:
+        assert one.case.dynamics is not None
+        end = one.case.dynamics.until
+        for words, t in (("T/2", end / 2), ("T", end)):
+            law = _moved(one.newton, t)
+            line: dict[str, Any] = {
+                "block": one.name,
+                "case": one.case.name,
+                "quantity": one.series,
+                "unit": one.unit,
+                "at": t,
+                "when": f"{words} = {t:g} s",
+                "newton": law,
+                "newton_by": one.newton_by,
+                "stationary": _moved(Trace(one.forms[1].marks, one.forms[1].values), t) if one.forms else None,
+            }
+            for solver in solvers:
+                made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
+                values = [value for value in made if value is not None]
+                line[solver] = float(np.mean(values)) if values else None
+                line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
+            lines.append(line)
+    if not lines:
+        return None
+    return Table(
+        name="newton",
+        title="Way since rest",
+        caption="How far the point, or the centre of mass, has moved since rest (m), and in brackets its ratio to"
+        " Newton’s law; means over seeds.",
+        data=pd.DataFrame(lines),
+        columns=(
+            Column("Time", lambda line, notation: notation.escape(str(line["when"])), right=False),
+            Column("Newton’s law", _law),
+            Column("Published functional, stationary", _ratio("stationary")),
+            *(Column(solver, _ratio(solver)) for solver in solvers),
+        ),
+        notes=_remarks(cases),
+    )
+
+
+def _moved(trace: Trace | None, t: float) -> float | None:
+    value, rest = (None, None) if trace is None else (trace.at(t), trace.at(0.0))
+    return None if value is None or rest is None else value - rest
+
+
+def _remarks(cases: Sequence[Beside]) -> tuple[Note, ...]:
+    return tuple(
+        Note(f"{one.case.title}, {run.name}", f"failed: {run.reason}")
+        for one in cases
+        for run in one.runs
+        if run.reason
+    )
+
+
+def _law(line: Line, notation: Notation) -> str:
+    if not present(line["newton"]):
+        return notation.escape(str(line["newton_by"]))
+    return f"{_number(line['newton'], notation)} {notation.escape(str(line['newton_by']))}"
+
+
+def _ratio(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        value, law = line[name], line["newton"]
+        if not present(value):
+            words = str(line.get(f"{name} status", ""))
+            return notation.escape(words) if words else notation.missing
+        ratio = f" ({value / law:.2f})" if present(law) and law else ""
+        return _number(value, notation) + ratio
+
+    return show
+
+
+def _number(value: float, notation: Notation) -> str:
+    return notation.number(rounded(value, abs(value) * 1e-3 or None))
+
+
+def concerned(rows: Sequence[Row]) -> bool:
+    """Tell whether anybody was asked for a case of the finding."""
+    return any(row.case in SHOWN and not row.own_case for row in rows)
