@@ -43,8 +43,8 @@ PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mod
 SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
 GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
-MOST_STEPS = 200  # of a relaxation
-RELAXED = 1e-11  # predicted gain of energy, relative to the energy, at which Newton's method takes over
+MOST_STEPS = 400  # of a relaxation
+RELAXED = 1e-8  # predicted gain of energy, relative to the energy, at which Newton's method takes over
 
 
 def following_steps(problem: Problem, marks: Sequence[float], first: float, shortest: float) -> Iterator[State]:

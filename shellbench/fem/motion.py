@@ -40,8 +40,9 @@ COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in 
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
+UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
 SHORTEST = 2.0**-8  # of the usual step: where a shorter one were needed, the run ends
-SMOOTH = 1e-4  # local error of a step in the displacement, relative to the size of the shell, beyond which it is cut
+SMOOTH = 1e-3  # local error of a step in the displacement, relative to the size of the shell, beyond which it is cut
 ROOM = 1 / 16  # of that error, below which the next step may be twice as long, up to the usual one
 FRAMES = 240  # instants that are kept of a run, evenly; between them the motion is interpolated
 SLACK = 1e-9  # relative difference of two times that is rounding
@@ -151,7 +152,7 @@ def solve(
             Step(level, seconds, found.history[-1].energy, found.parameters, case.states[-1], None, quantities)
         )
         solution = _finished(found, levels, estimates, tolerance, error, h, scheme)
-        if error <= tolerance:
+        if error <= tolerance or (level and error > UNPREDICTABLE):
             break
     assert solution is not None  # there is a first level
     return solution

@@ -85,6 +85,8 @@ class Instant:
         (nodes, 12) scaled degrees of freedom, and their rates.
     reaction
         (nodes, 12) what the supports exert, at the time within the step before at which it is balanced.
+    length
+        Of the step before, s.
     iterations
         Newton iterations of the step that led here.
     supplied
@@ -96,6 +98,7 @@ class Instant:
     v: Array
     a: Array
     reaction: Array
+    length: float = 0.0
     iterations: int = 0
     supplied: float = 0.0
 
@@ -135,7 +138,9 @@ class MovingShell:
         right = problem.loads(0.0) - _times(self.mass, moved)
         factor = factorise(ties.reduce(self.mass), problem.dissection)
         a = moved + _on_free(ties, factor, right)
-        return Instant(0.0, q, np.zeros_like(q), a, _times(self.mass, a) - problem.loads(0.0))
+        reaction = np.zeros_like(q)
+        reaction[ties.nodes] = (_times(self.mass, a) - problem.loads(0.0))[ties.nodes]
+        return Instant(0.0, q, np.zeros_like(q), a, reaction)
 
     def energies(self, instant: Instant) -> tuple[float, float]:
         """Return kinetic energy, and that of strains and springs, J."""
@@ -171,9 +176,12 @@ class MovingShell:
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = -residual[ties.nodes]
-        loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + reaction
+        # the work of the supports is theirs at the middle of the step, between the instants where reactions are known
+        late = (s.alpha_f - 0.5) * h / ((1 - s.alpha_f) * h + s.alpha_f * start.length)
+        exerted = reaction + late * (reaction - start.reaction)
+        loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
         supplied = start.supplied + float(np.sum(loaded * (q - start.q)))
-        return Instant(end, q, v, a, reaction, iterations, supplied)
+        return Instant(end, q, v, a, reaction, h, iterations, supplied)
 
 
 @dataclass(frozen=True)

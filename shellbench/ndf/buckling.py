@@ -28,7 +28,9 @@ from shellbench.ndf.relaxation import NEUTRAL, relaxed
 
 LOCATED = 1e-4  # of the critical load factor: how well it is found
 LEFT = 1e-2  # of the critical load factor: so far beyond it the shell is let go, before other modes can buckle too
+OVERSHOT = 5e-2  # of the load factor where the smallest eigenvalue is foretold to vanish: no step goes farther beyond it
 SHORT = 1 / 64  # of the path: a step this short that does not converge is one to another branch
+SHORT_BUCKLED = 1 / 8  # the same of a buckled shell, which jumps from one pattern of waves to the next
 SECANTS = 40
 ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
 
@@ -42,12 +44,14 @@ def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
         If no stable state is found, however short the step.
     """
     state, end = State.rest(problem), marks[-1]
-    step, buckled = FIRST_STEP * end, False
+    step, buckled, foretold = FIRST_STEP * end, False, end
     for mark in marks:
         while state.t < mark:
             target = landing(state.t, mark, step)
+            if not buckled and target > (1 + OVERSHOT) * foretold > state.t:
+                target = (1 + OVERSHOT) * foretold
             found = _stepped(problem, state, target, not buckled)
-            if found is None and target - state.t > SHORT * end:
+            if found is None and target - state.t > (SHORT_BUCKLED if buckled else SHORT) * end:
                 step = (target - state.t) * CUT
                 continue
             if found is None or not found.stable:
@@ -56,6 +60,7 @@ def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
                     if _lowest(state) > ABOUT_TO_BUCKLE:
                         if target - state.t < SMALLEST_STEP * end:
                             raise PathEndsError(f"no equilibrium was found at load factor {target:.6g}")
+                        foretold = end
                         yield state
                         continue
                     buckled = True
@@ -73,6 +78,7 @@ def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
                     continue
             elif found.iterations <= EASY:
                 step = max(step, (target - state.t) * GROWTH)
+            foretold = _zero(state, found) or end
             state = found
             yield state
 
@@ -97,6 +103,12 @@ def _critical(problem: Problem, stable: State, unstable: State | None, beyond: f
             low = low / 2 if side < 0 else low
             side = -1
     return stable, unstable
+
+
+def _zero(before: State, after: State) -> float | None:
+    """Return the load factor where the smallest eigenvalue vanishes if it goes on to fall as between two states."""
+    fall = _lowest(before) - _lowest(after)
+    return after.t + _lowest(after) / fall * (after.t - before.t) if fall > 0 else None
 
 
 def _lowest(state: State) -> float:

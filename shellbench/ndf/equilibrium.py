@@ -265,7 +265,7 @@ class Problem:
         return Basis.of(self._stiffness, self.constraints)
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
-        """Return the cosine between two changes of weights (3 M,), measured by the stiffness at rest; 1 if one is zero."""
+        """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0

@@ -12,6 +12,7 @@ what the shell must have.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -102,9 +103,21 @@ class Motion:
         return Sampled.of(self.ansatz(0.0), self.features, rule.points)
 
     @cached_property
+    def _alike(self) -> bool:
+        """Whether the boundary matrix is a multiple of the identity, as where all components are held or none."""
+        through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)
+        first = through[:, :, :1, :1] * torch.eye(COMPONENTS).to(through)[:, :, None]
+        return bool(torch.equal(through, first.expand_as(through)))
+
+    @cached_property
     def _flat(self) -> Tensor:
-        """(6 N, M): the features' jets."""
-        return self.sampled.jets.reshape(-1, self.features.count)
+        """(6 N, M): the jets of the features; where components are alike, displacement and gradients that they make."""
+        jets = self.sampled.jets
+        if self._alike:
+            through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
+            value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
+            jets = torch.cat([value, through], dim=1) @ jets
+        return jets.reshape(-1, self.features.count)
 
     @cached_property
     def share(self) -> Tensor:
@@ -234,15 +247,25 @@ class Motion:
 
     def _fields(self, w: Tensor, lifted: Lifted | None) -> tuple[Tensor, Tensor]:
         """Return displacement (N, 3) and its gradients (N, 5, 3)."""
-        free = (self._flat @ w.view(COMPONENTS, -1).T).view(-1, 6, COMPONENTS).mT  # one product for all points
-        gradients = (self.sampled.through @ free.reshape(-1, 6 * COMPONENTS, 1)).view(-1, 5, COMPONENTS)
-        u = (self.sampled.matrix @ free[..., VALUE, None])[..., 0]
+        found = (self._flat @ w.view(COMPONENTS, -1).T).view(-1, 6, COMPONENTS)  # one product for all points
+        if self._alike:
+            u, gradients = found[:, 0], found[:, 1:]
+        else:
+            u, gradients = self._through(found.mT)
         if lifted is not None:
             return u + lifted.values, gradients + lifted.gradients
         return u, gradients
 
+    def _through(self, free: Tensor) -> tuple[Tensor, Tensor]:
+        """Return displacement (N, 3) and gradients (N, 5, 3) from the jets of free components (N, 3, 6)."""
+        gradients = (self.sampled.through @ free.reshape(-1, 6 * COMPONENTS, 1)).view(-1, 5, COMPONENTS)
+        return (self.sampled.matrix @ free[..., VALUE, None])[..., 0], gradients
+
     def _on_weights(self, force: Tensor, conjugate: Tensor) -> Tensor:
         """Return the vector (3 M,) of forces (N, 3) on u and of what is conjugate (N, 15) to its gradients."""
+        if self._alike:
+            on_fields = torch.cat([force[:, None], conjugate.view(-1, 5, COMPONENTS)], dim=1)
+            return (on_fields.reshape(-1, COMPONENTS).T @ self._flat).reshape(-1)
         on_jet = (conjugate[:, None] @ self.sampled.through).view(-1, COMPONENTS, 6)
         on_jet[..., VALUE] += (self.sampled.matrix.mT @ force[..., None])[..., 0]
         total: Tensor = on_jet.mT.reshape(-1, COMPONENTS).T @ self._flat
@@ -291,7 +314,7 @@ class Motion:
             )
             direction = self.basis.combine.T @ (there - back) / (2 * size)
             value = float(direction.norm())
-        return value**0.5
+        return math.sqrt(value)
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""

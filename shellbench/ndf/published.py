@@ -14,6 +14,9 @@ is not said in it, and why:
 
 The trained field's energy is integrated once more on a fine quadrature; the gap to the last losses is reported. It is
 not gated: with 400 random samples it measures the noise of the loss as well.
+
+A case in motion is trained in space and time, on a functional, boundary functions and strains of its own: see
+`published_motion`. What is solved for along a static path is declined.
 """
 
 from __future__ import annotations

@@ -99,9 +99,9 @@ def test_a_step_satisfies_the_balance_of_the_generalised_alpha_method():
         inner = shell.problem.energy.at(x).forces
         loads = shell.problem.loads(0.0)
         inertia = (shell.mass @ acceleration[..., None])[..., 0]
-        free = shell.problem.ties(0.0).to_free((loads - inner - inertia)[..., None])
-        assert np.abs(free).max() <= 1e-4 * np.abs(inner).max()
-        assert np.allclose(loads + end.reaction - inner - inertia, free[..., 0], atol=1e-9 * np.abs(inner).max())
+        unbalanced = loads + end.reaction - inner - inertia
+        assert np.abs(unbalanced).max() <= 1e-6 * np.abs(inertia).max()
+        assert np.abs(end.reaction).max() > 1e-2 * np.abs(inertia).max()
         assert np.allclose(
             end.q, start.q + h * start.v + h**2 * ((0.5 - beta) * start.a + beta * end.a), rtol=0, atol=1e-12
         )
@@ -140,7 +140,7 @@ def test_an_oscillator_converges_with_the_square_of_the_step(radius):
         errors.append((abs(end.q[0, 8] - expected), abs(end.v[0, 8] - speed)))
         assert np.allclose(end.q, translation(shell, [0, 0, end.q[0, 8]]), rtol=0, atol=1e-8)
     errors = np.array(errors)
-    assert errors[-1, 0] < 2e-3 * abs(expected)
+    assert errors[-1, 0] < 1e-2 * abs(expected)
     for column in errors.T:
         slope = np.polyfit(np.log(counts), np.log(column), 1)[0]
         assert -2.25 < slope < -1.85
@@ -176,21 +176,32 @@ def test_no_step_is_too_long_for_a_linear_oscillator(radius):
 # energy
 
 
-def test_energy_is_lost_or_gained_with_at_least_the_square_of_the_step():
-    """A sheet on springs, one corner of which is moved: supports and weight do work."""
-    pulled = {"kind": "translation", "vector": ["2*t**2*(1-t)", 0, "3*t**2"]}
-    supports = [{"name": "corner", "on": ["xi1_min,xi2_max"], "motion": pulled}]
-    counts = np.array([20, 40, 80])
-    balances, turnover = [], 0.0
+def imbalance(vector, counts):
+    """Return what energy is lost or gained by .2 s in that many steps, relative to the energy in the end."""
+    supports = [{"name": "edge", "on": ["xi1_min"], "motion": {"kind": "translation", "vector": vector}}]
+    relative = []
     for count in counts:
         shell = sprung(20, loads=[FALLING], supports=supports, cells=(2, 2))
         end = advanced(shell, 0.2 / count, count)
-        kinetic, stored = shell.energies(end)
-        balances.append(abs(kinetic + stored - end.supplied))
-        turnover = kinetic + stored
-        assert np.allclose(end.q.reshape(-1, 3, 4)[shell.problem.ties(0.2).nodes[0], :, 0], [0.064, 0, 0.12])
-    assert balances[-1] < 2e-2 * turnover
-    assert np.polyfit(np.log(counts), np.log(balances), 1)[0] < -1.5
+        energy = sum(shell.energies(end))
+        relative.append(abs(energy - end.supplied) / energy)
+        moved = end.q.reshape(-1, 3, 4)[shell.problem.ties(0.2).nodes[0], :, 0]
+        assert np.allclose(moved, [shell.problem.case.scalar(text, 0.2) for text in vector])
+    return relative
+
+
+def test_energy_is_lost_or_gained_with_the_square_of_the_step():
+    counts = np.array([20, 40, 80])
+    lost = imbalance([0, 0, 0], counts)
+    assert lost[-1] < 2e-5
+    assert np.polyfit(np.log(counts), np.log(lost), 1)[0] < -1.8
+
+
+def test_work_of_moved_supports_is_of_second_order():
+    counts = np.array([20, 40, 80])
+    lost = imbalance(["20*t**4", 0, "30*t**4"], counts)
+    assert lost[-1] < 2e-3
+    assert np.polyfit(np.log(counts), np.log(lost), 1)[0] < -1.7
 
 
 def test_at_rest_the_acceleration_is_that_of_the_loads_and_supports():
