@@ -59,8 +59,8 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
         title="Motions",
         caption="The last time that was reached, steps in time and Newton iterations that they took, the largest energy"
         " that was lost or gained by the solver's own account, and the largest root mean square, over the"
-        f" surface, of the difference of the displacement{standard}, beside those at the times asked for. Of several seeds the worst; time is their"
-        " mean.",
+        f" surface, of the difference of the displacement{standard}, beside those at the times asked for. Of several"
+        " seeds the worst; time is their mean.",
         data=pd.DataFrame(lines).astype({"steps": "Int64", "iterations": "Int64"}),
         columns=(
             Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),

@@ -196,6 +196,13 @@ def test_a_sleeve_closes_in_the_field():
     torch.testing.assert_close(*seam, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
+def test_a_training_on_a_gpu_follows_that_on_the_cpu():
+    here, there = (SOLVER.solve(MOVED, few(iterations=RECORD, device=d, dtype="float64")) for d in ("cpu", "cuda"))
+    points = inner_points(MOVED)
+    np.testing.assert_allclose(there.velocity(points, at=0.5), here.velocity(points, at=0.5), rtol=1e-8, atol=1e-10)
+
+
 @pytest.mark.long
 def test_a_free_fall_comes_out_nearer_to_three_times_the_true_one_than_to_it():
     """The stationary point is g (T t - t^2 / 2): 3.00 times the true fall at T/2 (see the loss's docstring)."""

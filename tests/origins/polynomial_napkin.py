@@ -159,4 +159,4 @@ def napkin_plane_polynomials() -> dict[str, Estimate]:
 
 def napkin_soft_pin_polynomials() -> dict[str, Estimate]:
     """Values of the napkin that leaves its plane by polynomials."""
-    return between(soft_pin_values(36), soft_pin_values(28), ROUNDING)
+    return between(soft_pin_values(44), soft_pin_values(34), ROUNDING)

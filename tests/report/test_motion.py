@@ -12,6 +12,7 @@ from shellbench.report.moving_fields import apart, frame_at, rms_difference, sho
 from shellbench.report.palette import inks, style
 from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.paths import runs_by_case
+from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import BALANCE, Trace, TracedRun, energies, known_points, traced, trajectories
 from tests.report.motion import BROKEN, CRITICAL, OFFSET, REASON, G, torque
@@ -242,6 +243,17 @@ def test_a_strip_without_a_state_is_empty(motion):
     assert sum(bool(axes.collections) for axes in figure.axes[:2]) == 1
 
 
+def test_a_run_that_a_suite_declares_stands_for_its_solver_where_it_has_no_other(motion):
+    row = next(row for row in motion.rows if row.solver == "ndf-published" and row.case == "free_fall")
+    short = row.model_copy(update={"overrides": {"iterations": 9}, "default_settings": False, "declared": True})
+    tried = short.model_copy(update={"declared": False})
+    assert leading_rows([short]) == [short]
+    assert leading_rows([short, row]) == [row]
+    assert leading_rows([tried]) == []
+    elsewhere = row.model_copy(update={"case": "napkin_plane"})
+    assert leading_rows([short, elsewhere]) == [short, elsewhere]
+
+
 def test_cloth_is_not_drawn_as_a_path_too(motion, by_id):
     with style():
         found = [one.name for one in path_exhibits(by_id, motion.rows, motion.folder, motion.known_values)]
@@ -264,6 +276,13 @@ def test_the_table_of_motions_says_how_each_run_went(motion, by_id):
     assert lines["free_fall", "ndf-published"]["largest"] == pytest.approx(2 * G_HALF, rel=1e-4)  # at T/2
     assert lines["free_fall", "ndf-published"]["largest_at"] == 0.5
     assert np.isnan(lines["napkin_plane", "fem"]["largest"])
+    asked = lines["napkin_plane", "ndf"]
+    times, values = ([float(x) for x in asked[name].split()] for name in ("asked_times", "asked_differences"))
+    assert times == list(catalog.named_case("napkin_plane").states)
+    assert values == pytest.approx([OFFSET * t / 0.5 for t in times], rel=1e-4)
+    assert [float(t) for t in failed["asked_times"].split()] == [0.25, 0.5]  # of 0.25, 0.5, 0.75 and 1 s
+    assert "at 0.2 s" in table.write("markdown")
+    assert "at 0.2 s" not in table.write("text")  # no room for it
     assert any(REASON in note.text for note in table.notes)
     assert "from that of fem" in table.caption
 
