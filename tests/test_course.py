@@ -115,7 +115,7 @@ def test_an_impossible_spring_is_one_sentence(change, words):
         (corner(["t/10", 0, 0]), ["velocity at t = 0", "ramp it smoothly"]),
         (corner(["0.1 + t**2", 0, 0]), ["not zero at t = 0"]),
         (corner(["sqrt(t)", 0, 0]), ["support"]),
-        (corner(["t**2/(t-1)", 0, 0]), ["not finite"]),
+        (corner(["t**2/(t-0.5)", 0, 0]), ["not finite"]),
         (corner(["t**2*evil", 0, 0]), ["evil"]),
         (ask(kind="total_energy", at=1.0), ["'more'", "supports at rest", "constant"]),
     ],
@@ -128,7 +128,7 @@ def test_supports_start_at_rest(change, words):
 
 @pytest.mark.parametrize("ramp", ["t**2", "t**3*(10 - 15*t + 6*t**2)", "1 - cos(3*t)", "t*tanh(t)"])
 def test_a_smooth_ramp_starts_at_rest(ramp):
-    assert build(MOVED, corner([ramp, 0, 0])).dynamics.until == 2.0
+    assert build(MOVED, corner([ramp, 0, 0])).supports[0].motion.vector[0] == ramp
 
 
 @pytest.mark.parametrize(

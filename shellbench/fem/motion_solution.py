@@ -192,6 +192,9 @@ class MotionSolution:
         shape = (mesh.node_count, 3, 4, len(arrays["times"]))
         if arrays["coefficients"].shape != shape or arrays["rates"].shape != shape or shape[-1] < 2:
             raise ValueError("coefficients do not fit the mesh and the times")
+        for name in ("times", "reaction_times"):
+            if not np.all(np.diff(arrays[name]) > 0):
+                raise ValueError(f"{name} do not increase")
         if arrays["support_forces"].shape != (len(case.supports), len(nodes), 3, 4, len(arrays["reaction_times"])):
             raise ValueError("forces do not fit the supports")
         return cls(

@@ -61,7 +61,7 @@ class FemSettings(Settings):
         "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
         theory always takes "dissection", which counts negative eigenvalues.
     time_step
-        Of a motion, s: one fixed level, cut only where it must be. None: refine.
+        Of a motion, s: one fixed level, cut only where it must be; loads are taken once a step. None: refine.
     spectral_radius
         Of the generalised-alpha method at infinite frequency: the less, the more it damps what a step does not resolve.
     """

@@ -144,8 +144,10 @@ class MovingShell:
 
     def energies(self, instant: Instant) -> tuple[float, float]:
         """Return kinetic energy, and that of strains and springs, J."""
-        kinetic = 0.5 * float(np.sum(instant.v * _times(self.mass, instant.v)))
-        return kinetic, sum(self.problem.energy.parts(instant.q)) + self._sprung(instant.q)
+        return self._kinetic(instant.v), sum(self.problem.energy.parts(instant.q)) + self._sprung(instant.q)
+
+    def _kinetic(self, v: Array) -> float:
+        return 0.5 * float(np.sum(v * _times(self.mass, v)))
 
     def _sprung(self, q: Array) -> float:
         return 0.0 if self.springs is None else 0.5 * float(np.sum(q * _times(self.springs, q)))
@@ -169,7 +171,7 @@ class MovingShell:
         guess = start.q + h * start.v + h**2 / 2 * start.a
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _Minimum(self, ties, loads, target, weight)
+        minimum = _Minimum(self, ties, loads, target, weight, self._kinetic(start.v))
         x, residual, iterations = minimum.find(x, h)
         q = (x - s.alpha_f * start.q) / (1 - s.alpha_f)
         a = (q - coast) / (s.beta * h**2)
@@ -186,13 +188,14 @@ class MovingShell:
 
 @dataclass(frozen=True)
 class _Minimum:
-    """The incremental potential of one step."""
+    """The incremental potential of one step; `kinetic` is the energy, J, that the shell begins it with."""
 
     shell: MovingShell
     ties: Ties
     loads: Array
     target: Array
     weight: float
+    kinetic: float = 0.0
 
     def find(self, x: Array, h: float) -> tuple[Array, Array, int]:
         """Return the minimum from a guess that satisfies the supports, the residual there, and the iterations."""
@@ -230,11 +233,11 @@ class _Minimum:
         raise NotConvergedError
 
     def _potential(self, x: Array, strained: Strained) -> tuple[float, float]:
-        """Return the incremental potential, and the sum of its parts' magnitudes, J."""
+        """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * _times(self.shell.mass, away)))
         elastic, work = strained.energy + self.shell._sprung(x), float(np.sum(self.loads * x))
-        return inertia + elastic - work, inertia + elastic + abs(work)
+        return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
     def _residual(self, x: Array, strained: Strained) -> Array:
         forces = self.loads - strained.forces - self.weight * _times(self.shell.mass, x - self.target)

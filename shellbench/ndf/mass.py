@@ -28,7 +28,8 @@ from shellbench.ndf.quadrature import Rule, RuleSpec, area_rule
 from shellbench.ndf.resolution import side_lengths
 from shellbench.ndf.undeformed import Undeformed
 
-REACH = 3.0  # standard deviations of the weights within which waves of the highest degree are drawn
+REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn
+SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten polynomials of a degree are met
 POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
 ORDER = 6  # Gauss points a panel
 FINER = 1.25  # panels of the certificate
@@ -47,7 +48,7 @@ def degrees(case: Case, degree: int) -> tuple[float, float]:
 def widest(case: Case, degree: int) -> int:
     """Return the number of random features that hold the fields up to a degree."""
     first, second = degrees(case, degree)
-    return math.ceil((first + 1) * (second + 1))
+    return math.ceil(SURPLUS * (first + 1) * (second + 1))
 
 
 def scales(case: Case, inputs: Inputs, degree: int) -> Array:

@@ -13,7 +13,6 @@ becomes Newton's method at the end.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -36,7 +35,7 @@ MOST_STEPS = 400
 SECULAR = 100  # bisections of the shift
 
 
-def relaxed(problem: Problem, start: State, t: float, tell: Callable[[Deformed], None] = lambda _: None) -> State:
+def relaxed(problem: Problem, start: State, t: float) -> State:
     """Return a stable state at load factor t of no more energy than the start has there.
 
     Raises
@@ -78,7 +77,6 @@ def relaxed(problem: Problem, start: State, t: float, tell: Callable[[Deformed],
             radius *= WIDER
         if gain > 0:
             weights, deformed, model = weights + change, tried, None
-            tell(deformed)
         elif radius < NARROWEST * size:
             break
     raise NotConvergedError

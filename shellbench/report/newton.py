@@ -28,7 +28,7 @@ from shellbench.report.moving_fields import yardstick
 from shellbench.report.notation import Notation
 from shellbench.report.palette import DASHES, inks
 from shellbench.report.paths import case_of
-from shellbench.report.solutions import STATUS_WORDS
+from shellbench.report.solutions import STATUS_WORDS, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
@@ -90,6 +90,8 @@ class Beside:
         What that is.
     runs
         The others' traces; `status` says by solver why there is none.
+    variants
+        By solver: how its run departs from the solver's defaults, where it does.
     """
 
     case: Case
@@ -100,6 +102,7 @@ class Beside:
     newton_by: str
     runs: tuple[TracedRun, ...]
     status: Mapping[str, str]
+    variants: Mapping[str, str]
 
     @property
     def name(self) -> str:
@@ -133,9 +136,28 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
             newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
         unit = next((one.quantity.unit for one in trajectories(case) if one.name == series), "m")
         left = {run.name for _, run in runs}
-        status = {row.solver: _status(row) for row in of_case if row.solver not in left}
-        found.append(Beside(case, series, unit, tuple(forms), newton, by, tuple(run for _, run in runs), status))
+        status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
+        found.append(
+            Beside(
+                case=case,
+                series=series,
+                unit=unit,
+                forms=tuple(forms),
+                newton=newton,
+                newton_by=by,
+                runs=tuple(run for _, run in runs),
+                status={solver: words for solver, words in status.items() if solver not in left},
+                variants={row.solver: words for row, _ in runs if (words := variant_name(row))},
+            )
+        )
     return found
+
+
+def declared_solvers(case: Case) -> list[str]:
+    """Return the solvers that the suites of a case declare runs of it for."""
+    suites = [catalog.find_suite(name) for name in case.suites if name in catalog.suite_names()]
+    runs = [run for suite in suites for run in suite.runs if not run.cases or case.name in run.cases]
+    return list(dict.fromkeys(run.solver for run in runs))
 
 
 def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Case | None:
@@ -237,12 +259,9 @@ def _moved(trace: Trace | None, t: float) -> float | None:
 
 
 def _remarks(cases: Sequence[Beside]) -> tuple[Note, ...]:
-    return tuple(
-        Note(f"{one.case.title}, {run.name}", f"failed: {run.reason}")
-        for one in cases
-        for run in one.runs
-        if run.reason
-    )
+    variants = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
+    failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
+    return (*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed))
 
 
 def _law(line: Line, notation: Notation) -> str:

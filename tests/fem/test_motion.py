@@ -213,29 +213,21 @@ def test_the_steps_stand_in_the_history_and_end_where_they_must():
             solution.displacement([1.0, 0.5], 1.01 * until)
 
 
-JOLT = {"kind": "area", "vector": [0, 0, "4000*exp(-((t - 0.11)/0.0015)**2)"]}
+JOLT = {"kind": "area", "vector": [0, 0, "2000*exp(-((t - 0.11)/0.004)**2)"]}
 
 
 def test_a_jolt_cuts_the_step_and_it_grows_again():
-    case = moving(0.3, loads=[JOLT])
-    solution = solve(case, cells=(2, 2), time_step=1e-2)
+    solution = solve(moving(0.4, loads=[JOLT], supports=[]), cells=(2, 2), time_step=1e-2)
     at = np.array([0.0, *(s.at for s in steps_of(solution))])
     lengths = np.diff(at)
     short = at[1:][lengths < 0.9e-2]
     assert lengths.min() < 4e-3
     assert solution.diagnostics["shortest_time_step"] == pytest.approx(lengths.min())
-    assert np.all(np.abs(short[:3] - 0.11) < 0.05)  # not before it comes
+    assert np.all(np.abs(short - 0.11) < 0.05)  # neither before it comes nor long after
     assert lengths[0] == pytest.approx(1e-2)
     assert lengths[-2] == pytest.approx(1e-2)
-    # the jolt's impulse sqrt(pi) 4000 * 0.0015 per area is found in the momentum, though no usual step would see it
-    pushed = (momentum(solution, t)[0][2] - reaction_impulse(solution, t) for t in (0.16,))
-    assert next(pushed) == pytest.approx(2 * 4000 * 0.0015 * np.sqrt(np.pi), rel=3e-2)
-
-
-def reaction_impulse(solution, until):
-    """Return the integral of the corner's vertical force, by the trapezoidal rule on a fine grid."""
-    t = np.linspace(0, until, 3201)
-    return float(np.trapezoid([solution.reaction("corner", at=s)[0][2] for s in t], t))
+    # its impulse per area is sqrt(pi) 2000 * 0.004
+    assert momentum(solution, 0.4)[0] == pytest.approx([0, 0, 2 * 2000 * 0.004 * np.sqrt(np.pi)], rel=5e-3)
 
 
 def failing(after, least=np.inf):
@@ -288,14 +280,13 @@ def test_a_step_that_cannot_be_cut_ends_the_motion_and_keeps_what_was_reached(mo
 
 
 def test_a_load_that_blows_up_ends_the_motion_in_one_sentence():
-    """It is finite at the nine times that a case is checked at."""
-    load = {"kind": "area", "vector": [0, 0, "1e-3/abs(t - 0.21)"]}
+    """It is harmless at the nine times that a case is checked at."""
+    blast = {"kind": "area", "vector": [0, 0, "1e12*exp(-((t - 0.13)/0.002)**2)"]}
     with pytest.raises(SolveFailure) as caught:
-        solve(moving(loads=[FALLING, load | {"vector": [0, 0, "exp(1e4*(t - 0.13))*exp(-1e9*(t - 0.16)**2)"]}]),
-              cells=(2, 2), time_step=1e-2)  # fmt: skip
+        solve(moving(loads=[FALLING, blast]), cells=(2, 2), time_step=1e-2)
     assert "\n" not in str(caught.value)
     assert "can't be cut further" in str(caught.value)
-    assert 0.1 < caught.value.partial.times[-1] < 0.17
+    assert 0.1 < caught.value.partial.times[-1] < 0.15
 
 
 def test_when_not_even_the_first_step_converges_there_is_no_motion(monkeypatch):
@@ -330,8 +321,11 @@ def test_too_little_memory_is_one_sentence(monkeypatch):
 SPRUNG = {"name": "bed", "stiffness": 40}
 
 
-def test_levels_are_refined_and_say_how_sure_they_are():
+def test_levels_are_refined_and_say_how_sure_they_are(monkeypatch):
     """A rigid sheet on springs: its mean height is known, and the last level's uncertainty covers its error."""
+    monkeypatch.setattr(motion, "BASE", 4)
+    monkeypatch.setattr(motion, "MOST_STEPS", 16)
+    monkeypatch.setattr(motion, "FEWEST_STEPS", 16)
     quantities = [
         {"name": "height", "kind": "centre_of_mass", "direction": [0, 0, 1], "at": 0.5},
         KINETIC | {"at": 0.5},
@@ -362,15 +356,15 @@ def test_levels_are_refined_and_say_how_sure_they_are():
 
 def test_settings_fix_one_level():
     case = moving(0.1)
-    for settings, cells in (({"cells": (3, 2)}, None), ({"time_step": 0.01}, None), ({"cells": (2, 2), "time_step": 0.01}, 10)):
+    for settings in ({"cells": (3, 2)}, {"time_step": 0.01}, {"cells": (3, 2), "time_step": 0.01}):
         solution = solve(case, **settings)
         assert len([s for s in solution.history if s.phase == "solve"]) == 1
         assert not solution.uncertainty
         assert solution.diagnostics["relative_uncertainty"] is None
         if "time_step" in settings:
             assert len(steps_of(solution)) == 10
-        if cells:
-            assert solution.mesh.node_count == 25
+        if "cells" in settings:
+            assert solution.mesh.cells == (3, 2)
 
 
 def test_the_spectral_radius_damps():
@@ -415,7 +409,7 @@ def test_progress_tells_mesh_and_time():
     FemSolver().solve(moving(0.1), FemSettings(cells=(2, 2), time_step=0.01), progress=told.append)
     assert [p.step for p in told] == sorted(p.step for p in told)
     assert (told[-1].step, told[-1].total) == (1000, 1000)
-    assert re.fullmatch(r"4 x 4 cells, t = 0.1 s", told[-1].message)
+    assert re.fullmatch(r"2 x 2 cells, t = 0.1 s", told[-1].message)
 
 
 def test_free_fall_end_to_end():

@@ -125,6 +125,19 @@ def test_free_fall_is_exact_whatever_the_steps():
         assert now.supplied == pytest.approx(kinetic, rel=1e-8)
 
 
+@pytest.mark.parametrize("h", [0.1, 1e-3])
+def test_free_flight_converges(h):
+    """Nothing loads or strains the sheet, so that no energy but the kinetic one gives a scale."""
+    shell = moving()
+    rest = shell.at_rest(h)
+    place, velocity = [0.1, 0.2, 0.3], [0.3, 0.2, 5.0]
+    now = Instant(0.0, translation(shell, place), translation(shell, velocity), rest.a, rest.reaction)
+    for _ in range(5):
+        now = shell.step(now, h)
+    assert np.allclose(now.q, translation(shell, place + 5 * h * np.array(velocity)), rtol=0, atol=1e-9)
+    assert np.allclose(now.v, translation(shell, velocity), rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("radius", RADII)
 def test_an_oscillator_converges_with_the_square_of_the_step(radius):
     """A rigid sheet on springs: rho u'' = -rho g - k u, u = -(rho g / k) (1 - cos(w t)), w^2 = k / rho."""

@@ -26,7 +26,6 @@ from tests.ndf.shells import differences, inner_points, shell, support
 
 PLACEMENT = Placement()
 NONLINEAR = "kirchhoff-love-nonlinear"
-FOLLOW = {"until": 0.1, "after_buckling": "follow"}
 
 
 def turn(angle, axis=(0, 1, 0), centre=(0, 0, 0)):
@@ -314,14 +313,14 @@ def test_quantities_at_the_critical_point_survive_a_file(tmp_path):
 SHORT_SLEEVE = {"kind": "cylinder", "axis": "y", "radius": 0.25, "closed": True, "xi1": [0, 360], "xi2": [0, 0.3]}
 
 
-def test_the_torque_of_a_twisted_sleeve_is_the_derivative_of_its_energy():
+def test_the_torque_of_a_twisted_sleeve_is_the_derivative_of_its_energy(tmp_path):
     """And that of its membrane, 2 pi R^3 G h / L (1 + h^2 / (3 R^2)) per radian, as long as the twist is small."""
     nu, young, h, radius, length = 0.25, 5000.0, 0.012, 0.25, 0.3
     torque = {"name": "torque", "kind": "torque", "support": "top", "axis": [0, 1, 0], "at": 0.01, "primary": True}
     more = [{**torque, "name": "later", "at": 0.03, "primary": False}]
     sleeve = tube(
         turn("-t/2*180/pi"), turn("t/2*180/pi"), SHORT_SLEEVE, quantities=[torque, *more],
-        path={"until": 0.03, "after_buckling": "follow", "states": [0.029, 0.031 - 0.002]},
+        path={"until": 0.03, "after_buckling": "follow", "states": [0.029]},
         material={"youngs_modulus": young, "poissons_ratio": nu, "thickness": h},
     )  # fmt: skip
     solution = RitzSolver().solve(sleeve, RitzSettings(neurons=90, panels=(10, 4)))
@@ -330,4 +329,19 @@ def test_the_torque_of_a_twisted_sleeve_is_the_derivative_of_its_energy():
     assert measure(solution, sleeve.quantities[0]) == pytest.approx(0.01 * stiffness, rel=1e-3)
     energies = [sum(solution.energies(t)) for t in (0.01, 0.03)]
     torques = [measure(solution, q) for q in sleeve.quantities]
+    read = load_solution(solution.save(tmp_path / "sleeve"), "ndf-ritz")
+    assert [measure(read, q) for q in sleeve.quantities] == torques
     assert energies[1] - energies[0] == pytest.approx(0.02 * sum(torques) / 2, rel=1e-3)  # the torque is next to linear
+
+
+def test_a_load_step_that_jumps_to_the_buckled_shell_is_not_taken(problem, states):
+    """From before the critical load Newton's method may land beyond it on a stable state: the path does not go there."""
+    critical, last = next(state for state in states if state.critical), states[-1]
+    start = equilibrium(problem, State.rest(problem), 0.9 * critical.t, NEUTRAL)
+    aside = State(start.t, last.weights, problem.deform(last.weights, start.t), 1, start.tangent)
+    assert buckling._stepped(problem, start, critical.t * 0.95) is not None
+    landed = equilibrium(problem, aside, last.t, NEUTRAL)
+    ahead = start.tangent.solve(problem.deform(start.weights, last.t).residual)
+    assert problem.likeness(ahead, landed.weights - start.weights) < 0.7
+    assert problem.likeness(ahead, 3 * ahead) == pytest.approx(1.0)
+    assert problem.likeness(ahead, 0 * ahead) == 1.0

@@ -114,6 +114,22 @@ def test_nobody_who_asked_for_none_of_its_cases_gets_the_finding(store):
     assert list(newton_exhibits({}, store.rows)) == []
 
 
+def test_a_run_that_departs_from_the_defaults_says_so(motion, by_id):
+    change = {"overrides": {"iterations": 9}, "default_settings": False, "declared": True, "label": "reduced: 9"}
+    rows = [row.model_copy(update=change) if row.solver == "ndf-published" else row for row in motion.rows]
+    notes = {(note.about, note.text) for note in newton_table(by_id, rows).notes}
+    assert ("Free fall, ndf-published", "reduced: 9") in notes
+    assert "3.675 (3.00)" in newton_table(by_id, rows).write("text")
+
+
+def test_a_solver_that_a_suite_declares_is_missed(motion, by_id):
+    """The suites of free fall declare the published recipe: where it has no record, the table says so."""
+    rows = [row for row in motion.rows if row.solver == "fem"]
+    (fall, *_) = beside(by_id, rows)
+    assert fall.status == {"ndf": "not run", "ndf-published": "not run"}
+    assert "not run" in newton_table(by_id, rows).write("text")
+
+
 def test_where_nothing_was_run_it_is_said(motion):
     row = next(row for row in motion.rows if row.status == "missing")
     rows = [
