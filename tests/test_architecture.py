@@ -10,7 +10,7 @@ import shellbench
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 CORE = {"solution", "measure", "case", "suite", "catalog", "reference", "surface", "material", "conditions", "quantities",
-        "places", "path", "load_curve", "rigid", "expression", "model", "errors", ""}  # fmt: skip
+        "places", "path", "course", "dynamics", "load_curve", "rigid", "expression", "model", "errors", ""}  # fmt: skip
 MAY_IMPORT = {
     "fem": CORE | {"fem"},
     "ndf": CORE | {"ndf"},

@@ -43,8 +43,29 @@ ORIGINS = {
     "hinged_roof_thin": origins.hinged_roof_thin,
     "rolled_plate": origins.rolled_plate,
     "rigid_rotation": origins.rigid_rotation,
+    "free_fall": origins.free_fall,
+    "pendulum_strip": origins.pendulum_strip,
+    "napkin_plane": origins.napkin_plane,
+    "napkin_soft_pin": origins.napkin_soft_pin,
+    "napkin_corner": origins.napkin_corner,
+    "napkin_moving_corners": origins.napkin_moving_corners,
+    "napkin_fixed_edges": origins.napkin_fixed_edges,
+    "sleeve_twist": origins.sleeve_twist,
+    "sleeve_compression": origins.sleeve_compression,
 }
-LONG = {"slit_annular_plate", "cylinder_pull_out", "hinged_roof_thick", "hinged_roof_thin"}
+LONG = {
+    "pendulum_strip",
+    "napkin_plane",
+    "napkin_soft_pin",
+    "napkin_corner",
+    "napkin_moving_corners",
+    "napkin_fixed_edges",
+    "sleeve_twist",
+    "slit_annular_plate",
+    "cylinder_pull_out",
+    "hinged_roof_thick",
+    "hinged_roof_thin",
+}
 SECOND_FORMS = {
     "inextensible elastica in elliptic integrals": elastica.elastica,
     "inextensible circle": roll_up.inextensible_circle,
@@ -69,6 +90,9 @@ def marked(judged):
 
 @pytest.mark.parametrize(("name", "quantity"), marked(JUDGED))
 def test_a_judge_is_what_its_origin_computes(name, quantity):
+    if quantity.startswith("total_energy"):
+        assert catalog.known_values(name).judge(quantity, catalog.named_case(name).theory).value == 0  # conserved
+        return
     computed = computed_values(name)
     estimate = computed[OTHER_NAMES.get(quantity, quantity)]
     factor = computed.get("factor", {}).get(quantity, 1.0)
