@@ -35,7 +35,14 @@ def nonlinear(session: nox.Session) -> None:
     run_and_judge(session, "nonlinear")
 
 
-def run_and_judge(session: nox.Session, suite: str) -> None:
+@nox.session
+def cloth(session: nox.Session) -> None:
+    """Let cloth fall, swing and buckle by Newton's law and the published functional; judge. `-- --quick`: `fem` only."""
+    run_and_judge(session, "cloth", beside=() if "--quick" in session.posargs else ("published_motion",))
+
+
+def run_and_judge(session: nox.Session, suite: str, beside: tuple[str, ...] = ()) -> None:
+    """Run a suite, show it with others that are not judged, and judge it."""
     install(session)
     arguments = list(session.posargs)
     narrowed: tuple[str, ...] = ()
@@ -44,8 +51,11 @@ def run_and_judge(session: nox.Session, suite: str) -> None:
         narrowed = QUICK_SOLVERS
     # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
     session.run("shellbench", "run", "--suite", suite, *narrowed, *arguments, success_codes=[0, 1])
-    session.run("shellbench", "table", "--suite", suite)
-    session.run("shellbench", "report", "--suite", suite, "--out", REPORT)
+    for other in beside:
+        session.run("shellbench", "run", "--suite", other, *arguments, success_codes=[0, 1])
+    shown = [option for name in (suite, *beside) for option in ("--suite", name)]
+    session.run("shellbench", "table", *shown)
+    session.run("shellbench", "report", *shown, "--out", REPORT)
     session.run("shellbench", "gate", "--suite", suite, *narrowed)
 
 
@@ -70,7 +80,15 @@ def strain_ablation(session: nox.Session) -> None:
 def example(session: nox.Session) -> None:
     """Make the committed example of the report anew; the published training, which takes long, by its kept records."""
     install(session)
-    for suite in ("obstacle_course", "verification", "ablations", "nonlinear", "strain_ablation"):
+    for suite in (
+        "obstacle_course",
+        "verification",
+        "ablations",
+        "nonlinear",
+        "strain_ablation",
+        "cloth",
+        "published_motion",
+    ):
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)

@@ -226,7 +226,8 @@ def test_beyond_it_states_are_stable_and_lower_than_those_that_stay_round(twiste
         assert problem.revolution.direction(round_state.q) is None
         assert problem.revolution.direction(state.q) is not None
         residual = problem.ties(state.t).to_free((problem.forces(state.q, state.t) - state.strained.forces)[..., None])
-        assert np.abs(residual).max() < 1e-5 * np.abs(state.strained.forces).max()
+        # balance, but for what holds the waves where they are on the mesh
+        assert np.abs(residual).max() < 1e-4 * np.abs(state.strained.forces).max()
     final = states[-1]
     value, _ = smallest(problem, final, Buckling(problem).area)
     assert value > -1e-2 * Buckling(problem).softest  # but for the waves that may travel

@@ -220,7 +220,7 @@ def test_a_jolt_cuts_the_step_and_it_grows_again():
     solution = solve(moving(0.4, loads=[JOLT], supports=[]), cells=(2, 2), time_step=1e-2)
     at = np.array([0.0, *(s.at for s in steps_of(solution))])
     lengths = np.diff(at)
-    short = at[1:][lengths < 0.9e-2]
+    short = at[1:-1][lengths[:-1] < 0.9e-2]  # but for the last one, which lands on the end
     assert lengths.min() < 4e-3
     assert solution.diagnostics["shortest_time_step"] == pytest.approx(lengths.min())
     assert np.all(np.abs(short - 0.11) < 0.05)  # neither before it comes nor long after
