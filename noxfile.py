@@ -37,7 +37,7 @@ def nonlinear(session: nox.Session) -> None:
 
 @nox.session
 def cloth(session: nox.Session) -> None:
-    """Let cloth fall, swing and buckle by Newton's law and the published functional; judge. `-- --quick`: `fem` only."""
+    """Let cloth fall, swing and buckle by Newton's law and the published functional; judge. `-- --quick`: `fem`."""
     run_and_judge(session, "cloth", beside=() if "--quick" in session.posargs else ("published_motion",))
 
 
