@@ -44,7 +44,7 @@ SADDLES = 5  # that are left again before a relaxation gives up
 EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
 GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
 MOST_STEPS = 400  # of a relaxation
-RELAXED = 1e-8  # predicted gain of energy, relative to the energy, at which Newton's method takes over
+RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
 
 
 def following_steps(problem: Problem, marks: Sequence[float], first: float, shortest: float) -> Iterator[State]:
@@ -183,9 +183,16 @@ class Buckling:
         """
         state = self._carried(start, t)
         for _ in range(SADDLES):
-            state = self.holding.equilibrium(self._downhill(self._pushed(state)), t)
-            if state.stable:
-                return state
+            state = self._pushed(state)
+            for relaxed in RELAXED:
+                state = self._downhill(state, relaxed)
+                try:
+                    found = self.holding.equilibrium(state, t)
+                except NotConvergedError:
+                    continue
+                if found.stable:
+                    return found
+                break
         raise NotConvergedError
 
     def _carried(self, start: State, t: float) -> State:
@@ -203,8 +210,8 @@ class Buckling:
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
         return min(sides, key=self.problem.potential)
 
-    def _downhill(self, state: State) -> State:
-        """Go downhill in the potential energy until Newton's method can take over."""
+    def _downhill(self, state: State, relaxed: float) -> State:
+        """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
         problem, ties = self.problem, self.problem.ties(state.t)
         mu, value = self.softest, problem.potential(state)
         for _ in range(MOST_STEPS):
@@ -215,7 +222,7 @@ class Buckling:
             residual = problem.forces(state.q, state.t) - state.strained.forces
             step = _on_free(ties, factor, residual)
             predicted = float(np.sum(residual * step)) / 2
-            if predicted <= RELAXED * state.strained.energy:
+            if predicted <= relaxed * state.strained.energy:
                 return state
             found = problem.state_at(state.t, state.q + step, state)
             gained = value - problem.potential(found)

@@ -101,7 +101,9 @@ def test_eulers_load_converges_with_the_fourth_power():
     errors = []
     for n in (2, 4):
         case = column(True, 1.5 * shortening)
-        (state,) = [s for s in following_steps(problem_of(case, (2 * n, 1)), case.states, shortening / 4, 1e-6) if s.critical]
+        (state,) = [
+            s for s in following_steps(problem_of(case, (2 * n, 1)), case.states, shortening / 4, 1e-6) if s.critical
+        ]
         errors.append(state.t / shortening - 1)
     assert errors[1] > 0  # from above: the mesh is stiffer
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.4)
@@ -152,9 +154,9 @@ def test_the_softest_mode_is_that_of_the_smallest_eigenvalue():
     buckling, ties = Buckling(problem), problem.ties(state.t)
     mode = buckling.softest_mode(ties, buckling.stiffness(state, 0.0))
     value, vector = smallest(problem, state, buckling.area)
-    assert ties.to_free(mode[..., None]).ravel() @ vector / np.linalg.norm(ties.to_free(mode[..., None])) == pytest.approx(
-        np.linalg.norm(vector) * np.sign(ties.to_free(mode[..., None]).ravel() @ vector), rel=1e-5
-    )
+    assert ties.to_free(mode[..., None]).ravel() @ vector / np.linalg.norm(
+        ties.to_free(mode[..., None])
+    ) == pytest.approx(np.linalg.norm(vector) * np.sign(ties.to_free(mode[..., None]).ravel() @ vector), rel=1e-5)
     # D (e_c - e) (k pi / L)^2 of the shape 1 - cos: of w'^2 over w^2, a third
     e = (1 - (1 - state.t) ** 2) / 2
     e_c = THICKNESS**2 / 12 * (2 * np.pi) ** 2

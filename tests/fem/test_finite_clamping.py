@@ -97,7 +97,9 @@ def rigid(case, mesh, t):
     x = case.surface.derivatives(mesh.domain.wrap(mesh.node_points), order=2)
     motion = case.supports[0].motion
     turn = rotation_matrix(motion, ANGLE * t, linear=False)
-    moved = {kind: (x[kind] - (np.asarray(motion.centre) if kind == (0, 0) else 0)) @ (turn - np.eye(3)).T for kind in KINDS}
+    moved = {
+        kind: (x[kind] - (np.asarray(motion.centre) if kind == (0, 0) else 0)) @ (turn - np.eye(3)).T for kind in KINDS
+    }
     nodal = np.stack([moved[kind] for kind in KINDS], axis=-1) * mesh.node_scales[:, None, :]
     return nodal.reshape(mesh.node_count, 12)
 
@@ -125,7 +127,12 @@ def test_a_tilt_of_the_edge_is_its_gap():
     along = np.stack([-np.sin(points[:, 0]), 0 * points[:, 0], np.cos(points[:, 0])], axis=-1)
     values = np.zeros((mesh.node_count, 3, 4))
     inward = -1.0  # a1 x a2 = (-sin, 0, cos) x (0, 1, 0) points to the axis
-    for kind, field in (((0, 0), points[:, 1:] * normal), ((1, 0), points[:, 1:] * along), ((0, 1), normal), ((1, 1), along)):
+    for kind, field in (
+        ((0, 0), points[:, 1:] * normal),
+        ((1, 0), points[:, 1:] * along),
+        ((0, 1), normal),
+        ((1, 1), along),
+    ):
         values[:, :, KINDS.index(kind)] = 0.01 * field
     q = (values * mesh.node_scales[:, None, :]).reshape(-1, 12)
     assert np.allclose(clamp.at(q, 0.0).gap, -inward * 0.01, rtol=1e-4)
@@ -157,7 +164,11 @@ def test_a_rim_whose_normal_stays_behind_is_bent():
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))
     problem = problem_of(case, (8, 2))
     carried = problem.equilibrium(problem.rest(), 1.0)
-    left = {"supports": (case.supports[0].model_copy(update={"motion": Rotation(kind="rotation", axis=(1, 0, 0), angle=0)}),)}
+    left = {
+        "supports": (
+            case.supports[0].model_copy(update={"motion": Rotation(kind="rotation", axis=(1, 0, 0), angle=0)}),
+        )
+    }
     behind = replace(problem, clamps=tuple(finite_clamps(case.model_copy(update=left), problem.mesh)))
     assert behind.potential(behind.state_at(1.0, carried.q, carried)) > 100 * carried.strained.energy
 
@@ -166,7 +177,9 @@ def test_torque_is_the_derivative_of_the_energy():
     """The sleeve in its regular range, by differences over one degree, on a mesh too coarse for its boundary layer."""
     data = catalog.named_case("sleeve_twist").model_dump(mode="json", exclude_unset=True, exclude={"name"})
     quantities = [q for q in data["quantities"] if q["name"] == "torque_50mrad"]
-    case = build_case(data | {"quantities": [quantities[0] | {"primary": True}], "path": {"until": 0.06, "states": [0.04]}}, "s", "s")
+    case = build_case(
+        data | {"quantities": [quantities[0] | {"primary": True}], "path": {"until": 0.06, "states": [0.04]}}, "s", "s"
+    )
     found, _ = solve(case, uniform(case, (8, 4)), 7, (1.0, 1e-3))
     solution = found.solution
     energy = {round(s.at, 9): s.energy for s in solution.history}
@@ -215,7 +228,8 @@ def test_reactions_of_clamped_rims_balance_the_loads():
     t, w = np.polynomial.legendre.leggauss(5)
     lines = solution.mesh.lines
     (x, weight), (y, weight_y) = (
-        ((a[:-1, None] + np.diff(a)[:, None] * (t + 1) / 2).ravel(), (np.diff(a)[:, None] * w / 2).ravel()) for a in lines
+        ((a[:-1, None] + np.diff(a)[:, None] * (t + 1) / 2).ravel(), (np.diff(a)[:, None] * w / 2).ravel())
+        for a in lines
     )
     points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
     arms = case.surface.position(points) + solution.displacement(points)
