@@ -20,7 +20,8 @@ from shellbench.report.traces import KnownPoints, TracedRun
 Array = NDArray[np.float64]
 
 WIDTH, HEIGHT = 2.45, 1.95  # inches a panel
-MARGIN = 0.55  # inches for the legend
+ALONE = 4.6, 2.4  # inches of a panel that stands alone
+MARGIN, LINE = 0.55, 0.17  # inches for the legend's first line, and each further one
 MOST_IN_A_ROW = 3  # panels
 TITLE = 36  # characters a line
 DENSE = 24  # points of a trace, above which they are a line without marks
@@ -81,7 +82,8 @@ def trace_figure(
     """
     columns = min(len(panels), most_in_a_row)
     rows = -(-len(panels) // columns)
-    size = (max(3.4, WIDTH * columns), HEIGHT * rows + MARGIN)
+    width, height = ALONE if len(panels) == 1 else (WIDTH * columns, HEIGHT * rows)
+    size = (max(3.4, width), height + MARGIN)
     figure = Figure(figsize=size, layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False)
     crosses = _crosses(panels)
@@ -100,9 +102,9 @@ def trace_figure(
         axes.set_title(plain(title), loc="left", fontsize=7.5)
     if entries:
         labels = [label.replace("$", r"\$") for label in entries]
-        figure.legend(
-            entries.values(), labels, loc="outside lower center", ncols=legend_columns(list(entries), size[0])
-        )
+        beside = legend_columns(list(entries), size[0])
+        figure.legend(entries.values(), labels, loc="outside lower center", ncols=beside)
+        figure.set_size_inches(size[0], size[1] + LINE * (-(-len(entries) // beside) - 1))
     return figure
 
 

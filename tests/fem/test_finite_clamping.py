@@ -159,6 +159,20 @@ def test_rims_that_turn_together_cost_no_energy(axis):
     assert np.log2(energies[0] / energies[1]) > 5  # what is left is the interpolation of a circle
 
 
+def test_between_the_nodes_of_turned_rims_the_gap_closes_with_the_fourth_power():
+    """The ties hold it and its derivative along the rim at the nodes, about the turned normal."""
+    loads = [{"kind": "area", "vector": ["-0.1*t*sin(xi1)", 0, "0.1*t*(1 + cos(xi1))"]}]
+    case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "40*t"), loads=loads)
+    gaps = []
+    for cells in ((12, 4), (24, 4)):
+        problem = problem_of(case, cells)
+        state = problem.rest()
+        for t in (0.25, 0.5, 0.75, 1.0):
+            state = problem.equilibrium(state, t)
+        gaps.append(max(np.abs(clamp.at(state.q, 1.0).gap).max() for clamp in problem.clamps))
+    assert np.log2(gaps[0] / gaps[1]) > 3
+
+
 def test_a_rim_whose_normal_stays_behind_is_bent():
     """What the test above would not see if nothing was clamped: turned rims that keep their normals do cost energy."""
     case = clamped("cylinder", ["xi2_min", "xi2_max"], turned((1.0, 0.0, 0.0), "20*t"))

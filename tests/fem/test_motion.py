@@ -230,6 +230,19 @@ def test_a_jolt_cuts_the_step_and_it_grows_again():
     assert momentum(solution, 0.4)[0] == pytest.approx([0, 0, 2 * 2000 * 0.004 * np.sqrt(np.pi)], rel=1.5e-2)
 
 
+def test_of_many_steps_some_are_kept_evenly_and_the_last(monkeypatch):
+    case = moving(0.1)
+    whole = solve(case, cells=(2, 2), time_step=0.01)
+    monkeypatch.setattr(motion, "FRAMES", 4)
+    solution = solve(case, cells=(2, 2), time_step=0.01)
+    assert whole.times == pytest.approx(np.linspace(0, 0.1, 11))
+    assert solution.times == pytest.approx([0, 0.03, 0.06, 0.09, 0.1])
+    assert len(steps_of(solution)) == len(steps_of(whole)) == 10
+    points = case.surface.domain.grid(3, 3).reshape(-1, 2)
+    for t in (0.0, 0.03, 0.09, 0.1):
+        assert np.allclose(solution.displacement(points, t), whole.displacement(points, t), rtol=0, atol=1e-12)
+
+
 def failing(after, least=np.inf):
     """Return a step that does not converge after a time, unless it is shorter than `least`."""
     original = time_step.MovingShell.step

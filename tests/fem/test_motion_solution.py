@@ -150,6 +150,14 @@ def test_reactions_are_interpolated_between_the_times_at_which_they_are_balanced
     assert short.reaction("edge", at=0.3)[0] == pytest.approx([5, 0, 0])
 
 
+def test_a_jump_of_a_reaction_is_not_seen_from_afar():
+    """The nearest four are interpolated through, two on either side."""
+    times = np.linspace(0, 2, 41)
+    solution = motion(times, np.zeros_like, np.zeros_like, force=lambda t: np.where(t < 1, 2.0, 7.0))
+    for share, expected in ((0.88, 2.0), (1.12, 7.0)):
+        assert solution.reaction("edge", at=share)[0] == pytest.approx([expected, 0, 0], abs=1e-12)
+
+
 def test_kinetic_energy_is_that_of_the_velocity():
     """u = f(t) (xi1 xi2, xi1^2, 1 + xi1^3 xi2) on [0, 2] x [0, 1]; the integral of |.|^2 by hand."""
     solution = motion(np.array([0.0, 1.0, 2.0]), lambda t: t**2, lambda t: 2 * t)
