@@ -368,7 +368,7 @@ class Case(Model):
         for spring in self.springs:
             stiffness = self._checked_stiffness(spring, sample)
             if not np.all(np.isfinite(stiffness)) or np.any(stiffness < 0):
-                raise ValueError(f"the stiffness of spring '{spring.name}' is not finite and positive on the shell")
+                raise ValueError(f"the stiffness of spring '{spring.name}' is not finite, or negative, on the shell")
         for support, place in self.supported_places():
             if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
                 raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
+
 from shellbench.model import Model, Positive
+
+SHORTEST, LONGEST = 1e-9, 1e9  # seconds: what is beyond is a slip of the pen
 
 
 class Dynamics(Model):
@@ -18,5 +24,5 @@ class Dynamics(Model):
         Times that are kept beside those that quantities ask for, s.
     """
 
-    until: Positive
+    until: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)]
     states: tuple[Positive, ...] = ()

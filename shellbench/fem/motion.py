@@ -136,10 +136,13 @@ def solve(
         mesh = graded_mesh(case, mesh_cells, grading)
         if level and math.prod(mesh.cells) * case.dynamics.until / h > MOST_WORK:
             break
+        kept = f"; what is kept is the whole motion on {_cells(solution.mesh)}" if solution else ""
         try:
             found = follow(case, mesh, h, scheme, quadrature_order, progress)
         except SolveFailure as failure:
-            raise SolveFailure(str(failure), solution or failure.partial) from None
+            raise SolveFailure(f"on {_cells(mesh)} {failure}{kept}", solution or failure.partial) from None
+        except MemoryError:
+            raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
         resolutions.append(1 / h)
         for name, value in quantities.items():
@@ -156,6 +159,10 @@ def solve(
             break
     assert solution is not None  # there is a first level
     return solution
+
+
+def _cells(mesh: TensorMesh) -> str:
+    return f"{mesh.cells[0]} x {mesh.cells[1]} cells"
 
 
 def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
@@ -264,8 +271,7 @@ def follow(
             kept.append(now)
             reactions.append((middle, now.reaction))
         if number % every == 0 or last:
-            cells = f"{mesh.cells[0]} x {mesh.cells[1]} cells"
-            progress(Progress(round(1000 * now.t / until), 1000, f"{cells}, t = {now.t:.4g} s"))
+            progress(Progress(round(1000 * now.t / until), 1000, f"{_cells(mesh)}, t = {now.t:.4g} s"))
     if len(kept) < 2:
         raise SolveFailure(f"{reason}: no step in time converged")
     solution = _solution(shell, quadrature_order, kept, reactions, unknowns)

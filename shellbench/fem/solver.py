@@ -47,9 +47,10 @@ class FemSettings(Settings):
     ----------
     tolerance
         Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
-        force acts at a point; in the non-linear theory 4e-6 and 5e-4.
+        force acts at a point; in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
     max_unknowns
-        No mesh with more degrees of freedom is tried. None: 120,000, or 40,000 in the non-linear theory.
+        No mesh with more degrees of freedom is tried. None: 120,000, or 40,000 in the non-linear theory. A motion is
+        bounded by its cells and steps instead.
     cells
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.
@@ -124,10 +125,7 @@ class FemSolver:
     def _moved(self, case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
         scheme = Scheme(chosen.spectral_radius)
         mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading, chosen.quadrature_order)
-        try:
-            return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
-        except MemoryError:
-            raise SolveFailure("the motion does not fit into memory") from None
+        return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
 
     def _refined(self, case: Case, chosen: FemSettings, progress: ProgressCallback | None) -> FemSolution:
         began = time.perf_counter()

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
-from shellbench.conditions import MomentLoad, Rotation
+from shellbench.conditions import MomentLoad, Rotation, Value
 from shellbench.errors import InputError
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.ndf.field import Field
@@ -52,6 +52,9 @@ def why_not_moved(case: Case) -> str | None:
     """Return why a field can't follow a motion, as one clause, or None if it can."""
     if turns(case):
         return "it can't turn clamped edges by finite angles in motion"
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow edge moments in motion"
     return None

@@ -243,7 +243,7 @@ class _Run:
             states=fields,
             history=history,
             diagnostics={
-                "energy_gap": max(gaps.values()),
+                "energy_gap": float(np.max(list(gaps.values()))),
                 "certified_energy": certified[-1].potential,
                 "strain": self.spec.strain,
                 "features": self.rung.features.count,

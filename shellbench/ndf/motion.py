@@ -126,12 +126,17 @@ def solve(
     points = POINTS
     for number, build in enumerate(rungs):
         rung = build()
+        kept = f"; what is kept is the whole motion of degree {before.diagnostics['degree']}" if before else ""
         while True:
-            run = _Run(case, solver, prepared(case, spec, rung, points), rung, began, progress, stepping or Stepping())
             try:
-                solution = run.solve()
+                motion = prepared(case, spec, rung, points)
+                solution = _Run(case, solver, motion, rung, began, progress, stepping or Stepping()).solve()
             except SolveFailure as failure:  # what a coarser field found is kept, but not taken for the answer
-                raise SolveFailure(str(failure), before or failure.partial) from None
+                raise SolveFailure(f"at degree {rung.degree} {failure}{kept}", before or failure.partial) from None
+            except (MemoryError, torch.OutOfMemoryError):
+                raise SolveFailure(
+                    f"the motion of degree {rung.degree} does not fit into memory{kept}", before
+                ) from None
             gap = solution.diagnostics["energy_gap"]
             if gap <= largest_gap:
                 break
@@ -295,7 +300,7 @@ class _Run:
             solution,
             history=history,
             diagnostics={
-                "energy_gap": max(gaps.values()),
+                "energy_gap": float(np.max(list(gaps.values()))),
                 "energy_drift": max(abs(value) for value in lost),
                 "strain": motion.spec.strain,
                 "degree": self.rung.degree,

@@ -36,11 +36,16 @@ def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edg
     InputError
         If both kinds meet at a corner: the reaction there belongs to both supports.
     """
-    if any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name):
-        return [({place for place in case.places.values() if isinstance(place, Edge)}, set()) for _ in range(3)]
-    result = []
+    edges = {place for place in case.places.values() if isinstance(place, Edge)}
+    everywhere = any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name)
+    held = {"xyz".index(c) for c in support.held} if everywhere else set()
+    result: list[tuple[set[Edge], set[Edge]]] = []
     for c in range(3):
-        own, others = set(), set()
+        own: set[Edge] = set(edges) if c in held else set()
+        others: set[Edge] = set()
+        if c in held:
+            result.append((own, others))
+            continue
         for s in edge_supports(case):
             holder = s.held.get(c)
             turns = s.slope is not None and holder is None

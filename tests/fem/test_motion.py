@@ -282,7 +282,9 @@ def test_a_step_that_cannot_be_cut_ends_the_motion_and_keeps_what_was_reached(mo
     with pytest.raises(SolveFailure) as caught:
         solve(case, cells=(2, 2), time_step=1e-2)
     message = str(caught.value)
-    assert re.fullmatch(r"a step of \S+ s did not converge at t = 0\.(2|19\d*) s, and it can't be cut further", message)
+    assert re.fullmatch(
+        r"on 2 x 2 cells a step of \S+ s did not converge at t = 0\.(2|19\d*) s, and it can't be cut further", message
+    )
     partial = caught.value.partial
     assert 0.15 < partial.times[-1] <= 0.2 + 1e-12
     assert steps_of(partial)[-1].at == partial.times[-1]
@@ -304,7 +306,7 @@ def test_a_load_that_blows_up_ends_the_motion_in_one_sentence():
 
 def test_when_not_even_the_first_step_converges_there_is_no_motion(monkeypatch):
     monkeypatch.setattr(time_step.MovingShell, "step", failing(0.0, least=0.0))
-    with pytest.raises(SolveFailure, match=r"^a step of .*: no step in time converged$") as caught:
+    with pytest.raises(SolveFailure, match=r"^on 2 x 2 cells a step of .*: no step in time converged$") as caught:
         solve(moving(), cells=(2, 2), time_step=1e-2)
     assert caught.value.partial is None
 

@@ -1,0 +1,250 @@
+"""The gate of cloth is tested on the field's side: mistakes in its dynamics and in turned clamps must turn it red.
+
+The gated cases are solved by one small field, up to the first time at which they are gated: without a fault all that is
+gated there is within the tolerances of `ndf`, by the known values; with one, what the fault is about is not.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from shellbench import catalog
+from shellbench.case import Case, build_case
+from shellbench.errors import InputError, SolveFailure
+from shellbench.measure import measure_all
+from shellbench.ndf import equilibrium, factors, large_displacement, motion, motion_problem, motion_solution, undeformed
+from shellbench.ndf.field import Ansatz, Factors
+from shellbench.ndf.jets import VALUE
+from shellbench.ndf.mass import widest
+from shellbench.ndf.quadrature import RuleSpec
+from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from tests.test_faults import more_poisson, stiffness, wrapped
+from tests.test_large_displacement_faults import ndf_strain
+
+pytestmark = pytest.mark.long
+
+
+class Small(NamedTuple):
+    """A gated case up to an early time, or load factor, and the degree of a field that holds it; None if it is static.
+
+    A static field has `neurons`.
+    """
+
+    case: str
+    until: float
+    degree: int | None
+    neurons: int = 0
+
+
+FALL = Small("free_fall", 1.0, 2)
+PLANE = Small("napkin_plane", 0.2, 13)
+SOFT = Small("napkin_soft_pin", 0.2, 13)
+STRIP = Small("pendulum_strip", 0.25, 10)
+TWIST = Small("sleeve_twist", 0.05, None, 120)
+GATED = "ndf"
+VISIBLE = 2.0  # tolerances: no fault is seen by a hair only
+
+
+def shortened(small: Small) -> Case:
+    """Return a case with what is gated up to an early end."""
+    case = catalog.named_case(small.case)
+    data = case.model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    early = [q for q in data["quantities"] if q["kind"] != "critical_point" and q.get("at", 1.0) <= small.until]
+    gated = [q for q in early if GATED in q.get("tolerance", {})]
+    data["quantities"] = [q | {"primary": number == 0} for number, q in enumerate(gated)]
+    data["dynamics" if case.dynamics else "path"] = {"until": small.until}
+    return build_case(data, small.case, small.case)
+
+
+def missed(small: Small) -> dict[str, float]:
+    """Return by how many of its tolerances each gated quantity misses the known value."""
+    case = shortened(small)
+    neurons = small.neurons if small.degree is None else widest(case, small.degree)
+    known = catalog.known_values(small.case)
+    found = measure_all(RitzSolver().solve(case, RitzSettings(neurons=neurons)))
+    result = {}
+    for quantity in case.quantities:
+        judge = known.judge(quantity.name, case.theory)
+        assert judge is not None
+        allowed = quantity.tolerance[GATED] * (1.0 if quantity.absolute else abs(judge.value))
+        result[quantity.name] = abs(found[quantity.name] - judge.value) / allowed
+    return result
+
+
+class Fault(NamedTuple):
+    """What is broken, in which case, and the gated quantity that it must show in (or the sentence of a failure)."""
+
+    name: str
+    small: Small
+    shows: str
+    inject: Callable[[pytest.MonkeyPatch], None]
+
+
+def computed(name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Change what the equations of motion compute once."""
+
+    def inject(patch):
+        original = getattr(motion_problem.Motion, name).func
+        patch.setattr(motion_problem.Motion, name, property(lambda self: change(original(self))))
+
+    return inject
+
+
+def accelerated(change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Change the accelerations."""
+
+    def inject(patch):
+        original = motion_problem.Motion.accelerate
+
+        def accelerate(self, y, velocity, t):
+            acceleration, power = original(self, y, velocity, t)
+            return change(acceleration), power
+
+        patch.setattr(motion_problem.Motion, "accelerate", accelerate)
+
+    return inject
+
+
+@dataclass(frozen=True)
+class Leaking:
+    """Boundary factors of which a share passes where they should hold."""
+
+    factors: Factors
+    share: Tensor  # (3,) by component
+
+    def matrix(self, points, placement):
+        found = (1 - self.share) * self.factors.matrix(points, placement)
+        found[VALUE] += torch.diag(self.share)
+        return found
+
+
+def otherwise_held(change: Callable, *modules) -> Callable[[pytest.MonkeyPatch], None]:
+    """Change how supports are built in, after the field has been found to hold them."""
+
+    def inject(patch):
+        for module in modules:
+            original = module.build_ansatz
+            patch.setattr(module, "build_ansatz", lambda *args, original=original: change(original(*args)))
+
+    return inject
+
+
+def leak(*share: float) -> Callable[[pytest.MonkeyPatch], None]:
+    """Let the supports of a motion leak."""
+    passing = torch.tensor(share).double()
+    leaking = lambda ansatz: replace(ansatz, factors=Leaking(ansatz.factors, passing))  # noqa: E731
+    return otherwise_held(leaking, motion, motion_problem, motion_solution)
+
+
+def wrong_poisson(patch):
+    """Add 0.05 to Poisson's ratio."""
+    more_poisson(patch, undeformed, "elasticity_tensor")
+
+
+def coarse_quadrature(patch):
+    """Integrate with a point per degree and less, and leave it at that."""
+    patch.setattr(motion, "rule_of", lambda *_: RuleSpec((2, 2), 4))
+
+
+def without_z(mass):
+    """Hold the third component everywhere, as in plane motion."""
+    mass = mass.clone()
+    first = 2 * len(mass) // 3
+    mass[first:] = 0.0
+    mass[:, first:] = 0.0
+    return mass
+
+
+def leaking_factor(edge: str) -> Callable[[pytest.MonkeyPatch], None]:
+    """Forget an edge in the boundary factors."""
+
+    def inject(patch):
+        original = factors.edge_factor
+
+        def leaking(domain, edges, even, points, placement):
+            kept = {one for one in edges if one.name != edge}
+            return original(domain, kept, even, points, placement)
+
+        patch.setattr(factors, "edge_factor", leaking)
+
+    return inject
+
+
+def normals_left_behind(ansatz: Ansatz) -> Ansatz:
+    """Keep the field's axes, and the normals of rims that turn, as they are at rest."""
+    return replace(ansatz, factors=ansatz.factors.factors)
+
+
+def turned_too_little(ansatz: Ansatz) -> Ansatz:
+    """Turn the rims by one percent less than prescribed."""
+    return replace(ansatz, lift=replace(ansatz.lift, t=0.99 * ansatz.t))
+
+
+class SymplecticEuler:
+    """A method of first order in the place of DOP853, with steps that are a tenth as long as the longest ones."""
+
+    def __init__(self, law, t, z, end, *, max_step, **_):
+        self.law, self.t, self.y, self.end = law, t, z.copy(), end
+        self.h_abs = (end - t) / np.ceil(10 * (end - t) / max_step)
+        self.f = law(t, z)
+        self.status = "running"
+
+    def step(self):
+        half = (len(self.y) - 1) // 2
+        h = min(self.h_abs, self.end - self.t)
+        self.y = self.y.copy()
+        self.y[half:] += h * self.f[half:]
+        self.y[:half] += h * self.y[half:-1]
+        self.t = self.end if self.end - self.t < 1.5 * h else self.t + h
+        self.f = self.law(self.t, self.y)
+        self.status = "finished" if self.t >= self.end else "running"
+
+
+STATIC = (equilibrium, large_displacement)
+FAULTS = [
+    Fault("the sign of inertia reversed", FALL, "fall_500ms", accelerated(lambda a: -a)),
+    Fault("gravity upward", FALL, "centre_z_500ms", wrapped(motion_problem, "force_density", lambda f: -f)),
+    Fault("gravity halved", FALL, "kinetic_energy_500ms", wrapped(motion_problem, "force_density", lambda f: f / 2)),
+    Fault("one percent more mass", PLANE, "centre_y_200ms", computed("mass", lambda m: 1.01 * m)),
+    Fault("one percent more mass, its energy", PLANE, "total_energy_200ms", computed("mass", lambda m: 1.01 * m)),
+    Fault("no springs", PLANE, "centre_y_200ms", computed("_springs", lambda k: 0 * k)),
+    Fault("springs ten percent stiffer", PLANE, "centre_y_200ms", computed("_springs", lambda k: 1.1 * k)),
+    Fault("wrong Poisson ratio", PLANE, "membrane_energy_200ms", wrong_poisson),
+    Fault("membrane stiffness 1 % off", PLANE, "kinetic_energy_200ms", stiffness("membrane_stiffness", 1.01)),
+    Fault("a coarse quadrature", PLANE, "exploits its quadrature", coarse_quadrature),
+    Fault("wrong Poisson ratio", SOFT, "centre_y_200ms", wrong_poisson),
+    Fault("a component held too", SOFT, "centre_z_200ms", computed("mass", without_z)),
+    Fault("no bending", STRIP, "centre_x_250ms", stiffness("bending_stiffness", 1e-6)),
+    Fault("bending stiffness 5 % off", STRIP, "centre_x_250ms", stiffness("bending_stiffness", 1.05)),
+    Fault("linear strains", STRIP, "centre_x_250ms", ndf_strain("linear")),
+    Fault("published strains", STRIP, "centre_x_250ms", ndf_strain("published")),
+    Fault("a hinge that leaks", STRIP, "centre_z_250ms", leak(0.01, 0.01, 0.01)),
+    Fault("a hinge that leaks upward", STRIP, "kinetic_energy_250ms", leak(0.0, 0.0, 0.01)),
+    Fault("factors that leak", STRIP, "its boundary factors can't", leaking_factor("xi1_min")),
+    Fault("steps of first order", STRIP, "total_energy_250ms", lambda p: p.setattr(motion, "DOP853", SymplecticEuler)),
+    Fault("wrong Poisson ratio", TWIST, "torque_50mrad", wrong_poisson),
+    Fault("membrane stiffness 1 % off", TWIST, "torque_50mrad", stiffness("membrane_stiffness", 1.01)),
+    Fault("normals left behind", TWIST, "torque_50mrad", otherwise_held(normals_left_behind, *STATIC)),
+    Fault("rims that turn too little", TWIST, "torque_50mrad", otherwise_held(turned_too_little, *STATIC)),
+]
+
+
+@pytest.mark.parametrize("small", [FALL, PLANE, SOFT, STRIP, TWIST], ids=lambda small: small.case)
+def test_without_a_fault_all_is_within_the_tolerances(small):
+    assert max(missed(small).values()) <= 1.0
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.small.case}: {fault.name}")
+def test_a_fault_is_beyond_the_tolerances(fault, monkeypatch):
+    fault.inject(monkeypatch)
+    try:
+        found = missed(fault.small)
+    except (SolveFailure, InputError) as refused:
+        assert fault.shows in str(refused)
+        return
+    assert found[fault.shows] > VISIBLE
