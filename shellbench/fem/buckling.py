@@ -191,8 +191,7 @@ class Buckling:
                 except NotConvergedError:
                     continue
                 if found.stable:
-                    return found
-                break
+                    return found  # a saddle is not taken: there is a way further down
         raise NotConvergedError
 
     def _carried(self, start: State, t: float) -> State:
