@@ -115,9 +115,9 @@ def test_an_impossible_spring_is_one_sentence(change, words):
         (corner(["t/10", 0, 0]), ["velocity at t = 0", "ramp it smoothly"]),
         (corner(["0.1 + t**2", 0, 0]), ["not zero at t = 0"]),
         (corner(["sqrt(t)", 0, 0]), ["support"]),
-        (corner(["t**2/(t-0.5)", 0, 0]), ["not finite"]),
+        (corner(["t**2/(t-0.35)", 0, 0]), ["not finite"]),
         (corner(["t**2*evil", 0, 0]), ["evil"]),
-        (ask(kind="total_energy", at=1.0), ["'more'", "supports at rest", "constant"]),
+        (ask(kind="total_energy", at=0.7), ["'more'", "supports at rest", "constant"]),
     ],
 )
 def test_supports_start_at_rest(change, words):
