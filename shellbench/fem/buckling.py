@@ -165,13 +165,20 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
-        low, high = below, above
-        while high.t - low.t > BRACKET * high.t:
+        low, high, unstable = below, above.t, above.t
+        while high - low.t > BRACKET * high:
+            half = (low.t + high) / 2
             try:
-                middle = self.problem.equilibrium(low, (low.t + high.t) / 2)
+                middle = self.problem.equilibrium(low, half)
             except NotConvergedError:
-                raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {high.t:.6g}") from None
-            low, high = (middle, high) if middle.stable else (low, middle)
+                high = half  # too long a step, or beyond buckling: a shorter one tells
+                continue
+            if middle.stable:
+                low = middle
+            else:
+                high = unstable = half
+        if high != unstable:  # failures of Newton's method are no evidence of buckling
+            raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
 
     def relaxed(self, start: State, t: float) -> State:

@@ -54,6 +54,7 @@ STABLE = 5.5  # step times frequency that the method takes: its amplification ex
 FIRST = 1e-4  # of the whole time: the first step, before the error is known
 PARTS = 1000  # in which progress is told
 PROBE = 21  # points a side at which motions are compared
+UNALLOCATED = "can't allocate memory"  # what torch says on a CPU, as a RuntimeError
 
 
 class StuckError(ArithmeticError):
@@ -133,18 +134,19 @@ def solve(
                 solution = _Run(case, solver, motion, rung, began, progress, stepping or Stepping()).solve()
             except SolveFailure as failure:  # what a coarser field found is kept, but not taken for the answer
                 raise SolveFailure(f"at degree {rung.degree} {failure}{kept}", before or failure.partial) from None
-            except (MemoryError, torch.OutOfMemoryError):
-                raise SolveFailure(
-                    f"the motion of degree {rung.degree} does not fit into memory{kept}", before
-                ) from None
+            except (MemoryError, RuntimeError) as error:
+                if not (isinstance(error, MemoryError | torch.OutOfMemoryError) or UNALLOCATED in str(error)):
+                    raise
+                reason = f"the motion of degree {rung.degree} does not fit into memory{kept}"
+                raise SolveFailure(reason, before) from None
             gap = solution.diagnostics["energy_gap"]
             if gap <= largest_gap:
                 break
             if not points * MORE_POINTS <= MOST_POINTS:
                 raise SolveFailure(
                     f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
-                    f" more than the {largest_gap:g} allowed",
-                    solution,
+                    f" more than the {largest_gap:g} allowed{kept}",
+                    before or solution,
                 )
             points *= MORE_POINTS
             if number < len(rungs) - 1:

@@ -48,7 +48,7 @@ def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edg
             continue
         for s in edge_supports(case):
             holder = s.held.get(c)
-            turns = s.slope is not None and holder is None
+            turns = s.slope is not None and holder is None and c not in case.held_everywhere
             if (holder is not None and holder.name == support.name) or (turns and s.slope.name == support.name):  # type: ignore[union-attr]
                 own.add(s.edge)
             elif holder is not None or turns:

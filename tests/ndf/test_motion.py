@@ -230,3 +230,31 @@ def test_what_can_not_be_followed_is_declined():
     assert SOLVER.declines(moving()) is None
     with pytest.raises(InputError, match="can't solve case 'test'"):
         solve(moving(loads=[moment]))
+
+
+def test_a_clamped_edge_is_not_credited_with_what_the_plane_exerts():
+    plane = {"name": "plane", "on": ["surface"], "components": ["z"]}
+    edge = {"name": "edge", "on": ["xi1_min"], "components": ["x", "y"], "clamped": True}
+    pushed = {"kind": "gravity", "acceleration": [0.5, -G, 2.0]}
+    solution = solve(moving(0.03, supports=[plane, edge], loads=[pushed]))
+    of_plane, of_edge = (solution.reaction(name, at=0.02)[0] for name in ("plane", "edge"))
+    assert of_plane == pytest.approx([0, 0, -2.0 * RHO * AREA], abs=1e-9)
+    assert of_edge[2] == pytest.approx(0, abs=1e-12)
+    assert of_edge[1] > 0
+
+
+@pytest.mark.parametrize("error", [MemoryError(), RuntimeError("DefaultCPUAllocator: can't allocate memory")])
+def test_a_finer_field_that_does_not_fit_into_memory_leaves_the_coarser_motion(monkeypatch, error):
+    original, calls = motion.prepared, []
+
+    def prepared(*arguments):
+        calls.append(arguments)
+        if len(calls) > 1:
+            raise error
+        return original(*arguments)
+
+    monkeypatch.setattr(motion, "prepared", prepared)
+    monkeypatch.setattr(motion, "SETTLED", 0.0)
+    with pytest.raises(SolveFailure, match="does not fit into memory; what is kept is the whole motion") as caught:
+        SOLVER.solve(moving(springs=[PIN]), TrainerSettings())
+    assert caught.value.partial.course.times[-1] == 0.2
