@@ -34,7 +34,8 @@ def test_rounding_stays_within_the_uncertainty(value, relative):
     digits = rounded(value, uncertainty, show_uncertainty=True)
     assert abs(number(digits) - value) <= 0.5 * uncertainty * (1 + 1e-9) + 1e-15 * abs(value)
     last = math.log10(abs(value)) - math.log10(uncertainty)
-    figures = sum(c.isdigit() for c in digits.mantissa.lstrip("-0."))
+    told = digits.mantissa if "." in digits.mantissa else digits.mantissa.rstrip("0")  # zeros that only fill up
+    figures = sum(c.isdigit() for c in told.lstrip("-0."))
     assert figures <= last + 3  # and no more digits than it leaves
 
 
