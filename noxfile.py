@@ -38,17 +38,20 @@ def nonlinear(session: nox.Session) -> None:
 @nox.session
 def cloth(session: nox.Session) -> None:
     """Let cloth fall, swing and buckle by Newton's law and the published functional; judge. `-- --quick`: `fem`."""
-    run_and_judge(session, "cloth", beside=() if "--quick" in session.posargs else ("published_motion",))
+    beside = () if "--quick" in session.posargs else ("published_motion",)
+    run_and_judge(session, "cloth", beside, quick=("--solver", "fem"))
 
 
-def run_and_judge(session: nox.Session, suite: str, beside: tuple[str, ...] = ()) -> None:
+def run_and_judge(
+    session: nox.Session, suite: str, beside: tuple[str, ...] = (), quick: tuple[str, ...] = QUICK_SOLVERS
+) -> None:
     """Run a suite, show it with others that are not judged, and judge it."""
     install(session)
     arguments = list(session.posargs)
     narrowed: tuple[str, ...] = ()
     if "--quick" in arguments:
         arguments.remove("--quick")
-        narrowed = QUICK_SOLVERS
+        narrowed = quick
     # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
     session.run("shellbench", "run", "--suite", suite, *narrowed, *arguments, success_codes=[0, 1])
     for other in beside:
