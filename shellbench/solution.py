@@ -21,6 +21,7 @@ from shellbench.model import Model
 
 Array = NDArray[np.float64]
 Device = Literal["cpu", "cuda"]
+NumberFormat = Literal["float64", "float32", "float16"]
 Phase = Literal["solve", "path", "critical", "time"]
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
@@ -184,6 +185,14 @@ class Solution(Protocol):
         self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
     ) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
+        ...
+
+    def rounded(self, format: NumberFormat) -> tuple[Solution, int]:
+        """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
+
+        What is asked of the rounded solution is computed in double precision; numbers that do not fit the format
+        become infinite. Solutions of plug-ins may lack this method; no precision is studied then.
+        """
         ...
 
     def save(self, path: Path) -> Path:

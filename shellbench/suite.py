@@ -1,15 +1,21 @@
-"""Suites: which solvers, settings and seeds run on the cases that belong together."""
+"""Suites: which solvers, settings and seeds run on the cases that belong together.
+
+A line may sweep over the values of one setting; it is then read as so many lines with one value each.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
 from shellbench.conditions import Name
 from shellbench.errors import InputError
 from shellbench.model import Model, one_sentence, read_toml
+
+Study = Literal["resolution", "sampling", "training", "thinness"]
+"""What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
 
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)]
 
@@ -39,17 +45,53 @@ class Suite(Model):
     ----------
     order
         Names of cases in the order of tables and figures; the others follow by name.
+    study
+        What it studies; its runs are shown in the section of that study, not in the tables of displacements.
     """
 
     name: Name
     title: str
+    study: Study | None = None
     order: tuple[Name, ...] = ()
     runs: Annotated[tuple[SuiteRun, ...], Field(min_length=1)]
 
 
 def read_suite(path: Path) -> Suite:
     """Read a suite file; InputError in one sentence if it is malformed."""
+    data = read_toml(path)
     try:
-        return Suite.model_validate({**read_toml(path), "name": path.stem})
+        if isinstance(data.get("runs"), list):
+            data["runs"] = [line for number, run in enumerate(data["runs"]) for line in swept(run, f"runs.{number}")]
+        return Suite.model_validate({**data, "name": path.stem})
     except ValidationError as error:
         raise InputError(f"{path}: {one_sentence(error)}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def swept(run: Any, where: str) -> list[Any]:
+    """Return a line for each value of the setting over which a line sweeps, or the line itself.
+
+    Raises
+    ------
+    ValueError
+        If `sweep` is no table of one setting with a list of values.
+    """
+    if not isinstance(run, dict) or "sweep" not in run:
+        return [run]
+    rest = {key: value for key, value in run.items() if key != "sweep"}
+    match run["sweep"]:
+        case dict(sweep) if len(sweep) == 1:
+            (key, values), settings, label = next(iter(sweep.items())), run.get("settings", {}), run.get("label", "")
+            if isinstance(values, list) and values and isinstance(settings, dict):
+                prefix = f"{label}, " if label else ""
+                return [
+                    {**rest, "settings": {**settings, key: value}, "label": f"{prefix}{key} {value_words(value)}"}
+                    for value in values
+                ]
+    raise ValueError(f"{where}.sweep: found {run['sweep']!r}, but it must be one setting with a list of values")
+
+
+def value_words(value: Any) -> str:
+    """Say a value of a setting as tables do: pairs as 8×8."""
+    return "×".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

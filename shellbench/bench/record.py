@@ -105,6 +105,8 @@ class ResolutionStep(Model):
     interpolation_difference
         Largest difference at the points of the finest grid between this grid's bilinear interpolant and the
         field itself, m: what a mesh of this resolution would add.
+    interpolation_rms
+        The same as root mean square over these points, m.
     largest_displacement
         Largest magnitude on the grid's points, m.
     """
@@ -112,7 +114,52 @@ class ResolutionStep(Model):
     points: int
     probe_difference: float
     interpolation_difference: float
+    interpolation_rms: float | None = None
     largest_displacement: float
+
+
+class FrameRateStep(Model):
+    """The same motion seen through `frames` even instants, both ends counted, at the record's probes.
+
+    Attributes
+    ----------
+    probe_difference
+        Largest difference at fixed instants between a query among these frames and one by itself, m.
+    interpolation_difference, interpolation_rms
+        Largest and root mean square difference over the instants of the finest rate between the motion and frames
+        joined by straight lines, m: what a sequence of meshes at this rate would add.
+    largest_displacement
+        Largest magnitude at the probes, m.
+    """
+
+    frames: int
+    frames_per_second: float
+    probe_difference: float
+    interpolation_difference: float
+    interpolation_rms: float
+    largest_displacement: float
+
+
+class PrecisionStep(Model):
+    """The same solution with its stored numbers rounded to a shorter format.
+
+    Attributes
+    ----------
+    format
+        "float64" (as solved), "float32" or "float16".
+    storage_bytes
+        Bytes needed to keep it so.
+    largest_difference, rms_difference
+        From the solution as solved, over all the record's probes and marks, m; None if it is not finite any more.
+    quantities
+        The case's quantities of displacement, position and reference-free energies that could be measured, SI.
+    """
+
+    format: Literal["float64", "float32", "float16"]
+    storage_bytes: int
+    largest_difference: float | None = None
+    rms_difference: float | None = None
+    quantities: dict[str, float] = Field(default_factory=dict)
 
 
 class Environment(Model):
@@ -157,7 +204,10 @@ class Record(Model):
     fields_file
         npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; of a
         non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision,
-        and in motion of frames all along the way.
+        and in motion of frames all along the way. `membrane_energy_density` and `bending_energy_density` (n, n) of
+        the last state, J/m2, in single precision. `probes` (m, 2) are material points that are the same in all runs
+        of a case and lie on no regular grid, `probe_marks` (j,) marks (the last state's alone where the case is
+        linear), `probe_displacements` (j, m, 3) in double precision, metres.
     solution_file
         The solution as its solver keeps it, beside the record.
     """
@@ -182,6 +232,8 @@ class Record(Model):
     diagnostics: dict[str, Any] = Field(default_factory=dict)
     history: tuple[HistoryStep, ...] = ()
     resolution: tuple[ResolutionStep, ...] = ()
+    frame_rates: tuple[FrameRateStep, ...] = ()
+    precision: tuple[PrecisionStep, ...] = ()
     energies: tuple[StateEnergies, ...] = ()
     series: tuple[Series, ...] = ()
     environment: Environment
