@@ -10,6 +10,7 @@ nox.options.reuse_existing_virtualenvs = True
 CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
 REPORT = "reports/latest"
+PAPER = "reports/paper"
 
 
 def install(session: nox.Session, *extras: str) -> None:
@@ -96,6 +97,22 @@ def example(session: nox.Session) -> None:
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
     session.run("shellbench", "report", "--no-print", "--out", "reports/example")
+
+
+@nox.session
+def paper(session: nox.Session) -> None:
+    """Write tables and figures for LaTeX from the obstacle course. `-- --suite NAME` for others, may be repeated."""
+    install(session)
+    chosen = tuple(session.posargs) or ("--suite", "obstacle_course")
+    session.run("shellbench", "run", *chosen, success_codes=[0, 1])  # what has a record already is kept
+    session.run("shellbench", "report", *chosen, "--paper", PAPER)
+    if not shutil.which("pdflatex"):
+        session.log(f"pdflatex is not installed: {PAPER}/paper.tex is written, and not compiled")
+        return
+    session.chdir(PAPER)
+    for tool in ("pdflatex", "bibtex", "pdflatex", "pdflatex"):  # the last two settle citations and page numbers
+        quiet = ("-interaction=batchmode",) if tool == "pdflatex" else ("-terse",)
+        session.run(tool, *quiet, "paper", external=True)
 
 
 @nox.session

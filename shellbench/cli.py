@@ -284,13 +284,30 @@ def report(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
     for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures as PDF too, for print.")] = True,
+    paper: Annotated[
+        Path | None,
+        typer.Option(
+            "--paper",
+            metavar="DIR",
+            help="Instead of the page write this folder for LaTeX: a booktabs file for each table, figures as PDF, "
+            "bibliography, and a document that shows them all.",
+        ),
+    ] = None,
 ) -> None:
-    """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them."""
+    """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them.
+
+    Records are all it needs: no solver has to be installed.
+    """
     from shellbench.report import page
 
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
     _warn(notes)
     rows += missing_rows(Store(store), rows)
+    if paper is not None:
+        from shellbench.report.paper import write_paper
+
+        typer.echo(f"written to {write_paper(Store(store), rows, paper)}")
+        return
     typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print)}")
 
 
@@ -313,7 +330,17 @@ def export(
     ] = None,
     store: StoreOption = DEFAULT_STORE,
 ) -> None:
-    """Write a stored solution, sampled as finely as you like, for another program."""
+    """Write a stored solution, sampled as finely as you like, for another program.
+
+    The grid's points have displacement (m), strains (covariant components 11, 22, 12) and energy densities (J/m2). In
+    .vtu the shell is undeformed, and viewers warp it by the displacement; .obj is the deformed shape.
+
+    Examples
+    --------
+        shellbench export scordelis_lo --solver fem --out roof.vtu --resolution 201
+
+        shellbench export napkin_plane --solver fem --out napkin.obj --at 0.5
+    """
     from shellbench.bench import export as exports
 
     exports.writer_of(out)

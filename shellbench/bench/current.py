@@ -1,4 +1,8 @@
-"""Which records count: those that today's case, solver and settings would make again."""
+"""Which records count: those that today's case, solver and settings would make again.
+
+Of a solver that is not installed nobody can tell whether it has changed. Its records are shown as they are, so that
+tables and figures can be made anew on any machine; no gate takes them.
+"""
 
 from __future__ import annotations
 
@@ -34,12 +38,15 @@ class CurrentRun:
         Settings that differ from the defaults.
     declared_by
         Each suite that declares this very run, with what it calls it.
+    installed
+        Whether the solver is installed, and so known to be the one that made the record.
     """
 
     record: Record
     case: Case
     overrides: Mapping[str, Any]
     declared_by: Mapping[str, str] = field(default_factory=dict)
+    installed: bool = True
 
 
 @dataclass(frozen=True)
@@ -62,18 +69,29 @@ class CurrentRuns:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One sentence for each damaged file, and for each reason why records do not count."""
+        """One sentence for each damaged file, each reason why records do not count, and each absent solver."""
         reasons = Counter(reason for _, reason in self.stale.values())
         counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
-        return (*self.damaged, *counted)
+        absent = Counter(run.record.identity.solver for run in self.runs if not run.installed)
+        taken = (
+            f"solver '{name}' is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
+            for name, count in sorted(absent.items())
+        )
+        return (*self.damaged, *counted, *taken)
 
-    def find(self, case: str, solver: str, settings: Mapping[str, Any], seed: int) -> CurrentRun | None:
-        """Return the run of one of the suite's cases with these settings beside the defaults; seed or no seed."""
+    def find(
+        self, case: str, solver: str, settings: Mapping[str, Any], seed: int, *, installed: bool = True
+    ) -> CurrentRun | None:
+        """Return the run of one of the suite's cases with these settings beside the defaults; seed or no seed.
+
+        With `installed` only of a solver that is installed, so that what made the record is known: gates ask so.
+        """
         for run in self.runs:
             identity = run.record.identity
             if (
                 (run.case.name, identity.solver) == (case, solver)
                 and not run.record.own_case
+                and (run.installed or not installed)
                 and identity.seed in {seed, None}
                 and identity.settings == with_overrides(run.record.defaults, settings)
             ):
@@ -108,13 +126,14 @@ def current_runs(contents: Contents) -> CurrentRuns:
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
-        elif sources.get(identity.solver) != identity.source:
+        elif sources.get(identity.solver, identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         else:
             overrides = difference(record.defaults, identity.settings)
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
             if key not in runs or identity.device == "cpu":
-                runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case))
+                installed = identity.solver in sources
+                runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
 
 
@@ -129,12 +148,13 @@ def _todays_case(record: Record) -> Case:
 
 
 def _current_sources(solvers: Iterable[str]) -> dict[str, str]:
+    """Return the digests of the sources of solvers by name; of those that are installed only."""
     entries = solver_entries()
     sources: dict[str, str] = {}
     for name in solvers:
         try:
             sources[name] = current_source(entries[name])
-        except (KeyError, InputError):  # uninstalled since
+        except (KeyError, InputError):  # not registered here, or its module is gone
             continue
     return sources
 

@@ -1,9 +1,15 @@
-"""Exporting a stored solution, sampled on a regular grid, for other programs."""
+"""Exporting a stored solution, sampled on a regular grid, for other programs.
+
+Meshes are of quadrilaterals whose normals point along a_1 x a_2. Where the surface closes on itself the two sides of
+its seam share their vertices, so that no viewer shows a slit or a crease in the shading; but only if the field closes
+too: a solver whose field jumps at the seam shows its jump.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +25,16 @@ from shellbench.solution import FIELDS
 
 Array = NDArray[np.float64]
 
+SEAM = 1e-6  # largest gap at a seam that is closed, in largest displacements: far above rounding, too small to see
+STRAIN_COMPONENTS = ("11", "22", "12")
+COMPONENTS = {
+    "xi": ("xi1", "xi2"),
+    "displacement": ("x", "y", "z"),
+    "membrane_strain": STRAIN_COMPONENTS,
+    "bending_strain": STRAIN_COMPONENTS,
+}
+ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -31,9 +47,14 @@ class Sample:
     position, displacement
         (n, n, 3) of the reference midsurface, metres.
     fields
-        Strains (n, n, 3) and energy densities (n, n); see `shellbench.solution.FIELDS`.
+        Strains (n, n, 3) and energy densities (n, n), see `shellbench.solution.FIELDS`; also `strain_energy_density`
+        (n, n), the sum of its two parts.
     title
         One line on where it comes from.
+    periodic
+        For each coordinate, whether the reference surface closes on itself.
+    at
+        Time, s, or mark of the state; None for the last.
     """
 
     xi: Array
@@ -41,6 +62,27 @@ class Sample:
     displacement: Array
     fields: dict[str, Array]
     title: str
+    periodic: tuple[bool, bool] = (False, False)
+    at: float | None = None
+
+    @cached_property
+    def closed(self) -> tuple[bool, bool]:
+        """For each coordinate, whether surface and displacement both close."""
+        u = self.displacement
+        bound = SEAM * float(np.abs(u).max())
+        gaps = (u[-1] - u[0], u[:, -1] - u[:, 0])
+        first, second = (p and float(np.abs(gap).max()) <= bound for p, gap in zip(self.periodic, gaps, strict=True))
+        return first, second
+
+    @property
+    def point_data(self) -> dict[str, Array]:
+        """All arrays (n, n, ...) but the position, by name."""
+        return {"displacement": self.displacement, "xi": self.xi, **self.fields}
+
+    def vertices(self, values: Array) -> Array:
+        """Return values (n, n, ...) at the vertices of the mesh (m, ...): a closed seam has one side only."""
+        kept = values[: -1 if self.closed[0] else None, : -1 if self.closed[1] else None]
+        return kept.reshape(-1, *values.shape[2:])
 
     def deformed(self, scale: float) -> Array:
         """Return the positions (n, n, 3) after a displacement times `scale`."""
@@ -48,24 +90,24 @@ class Sample:
 
 
 def write_npz(sample: Sample, path: Path, scale: float) -> None:
-    """Write all arrays as they are; `scale` is not used."""
-    arrays = {"xi": sample.xi, "position": sample.position, "displacement": sample.displacement, **sample.fields}
+    """Write all arrays as they are, seams with both sides; `scale` is not used."""
     with path.open("wb") as file:
-        np.savez_compressed(file, **arrays)  # type: ignore[arg-type] # its stub takes them for its own options
+        np.savez_compressed(file, position=sample.position, **sample.point_data)  # type: ignore[arg-type] # its own options
 
 
 def write_obj(sample: Sample, path: Path, scale: float) -> None:
-    """Write the deformed midsurface as quadrilaterals."""
-    n = sample.xi.shape[0]
-    vertices = (f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in sample.deformed(scale).reshape(-1, 3))
-    faces = (f"f {a} {b} {c} {d}" for a, b, c, d in quadrilaterals(n) + 1)  # obj counts from 1
+    """Write the deformed midsurface as quadrilaterals, with all digits: displacements can be tiny beside the shell."""
+    points = sample.vertices(sample.deformed(scale))
+    vertices = (f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in points)
+    faces = (f"f {a} {b} {c} {d}" for a, b, c, d in quadrilaterals(len(sample.xi), sample.closed) + 1)  # from 1
     path.write_text("\n".join([f"# {sample.title}", *vertices, *faces]) + "\n", encoding="utf-8")
 
 
 def write_vtu(sample: Sample, path: Path, scale: float) -> None:
     """Write the reference midsurface with displacement, strains and energy densities at its points.
 
-    `scale` is not used: viewers warp by the displacement themselves.
+    `scale` is not used: viewers warp by the displacement themselves. Components have the names of the theory, the
+    state of a motion its time.
 
     Raises
     ------
@@ -76,24 +118,35 @@ def write_vtu(sample: Sample, path: Path, scale: float) -> None:
         import pyvista
     except ImportError:
         raise InputError("writing .vtu needs pyvista: install it by `pip install 'shellbench[vtk]'`") from None
-    n = sample.xi.shape[0]
-    cells = np.concatenate([np.full((len(quadrilaterals(n)), 1), 4), quadrilaterals(n)], axis=1)
+    corners = quadrilaterals(len(sample.xi), sample.closed)
+    cells = np.concatenate([np.full((len(corners), 1), 4), corners], axis=1)
     types = np.full(len(cells), pyvista.CellType.QUAD)
-    mesh = pyvista.UnstructuredGrid(cells.ravel(), types, sample.position.reshape(-1, 3))
-    mesh.point_data["displacement"] = sample.displacement.reshape(-1, 3)
-    mesh.point_data["xi"] = sample.xi.reshape(-1, 2)
-    for name, values in sample.fields.items():
-        mesh.point_data[name] = values.reshape(n * n, -1) if values.ndim > 2 else values.ravel()
+    mesh = pyvista.UnstructuredGrid(cells.ravel(), types, sample.vertices(sample.position))
+    for name, values in sample.point_data.items():
+        mesh.point_data[name] = sample.vertices(values)
+        for i, component in enumerate(COMPONENTS.get(name, ())):
+            mesh.GetPointData().GetArray(name).SetComponentName(i, component)
+    mesh.set_active_vectors("displacement")
+    mesh.set_active_scalars("strain_energy_density")  # what viewers colour by at first
+    mesh.field_data["title"] = [sample.title]
+    if sample.at is not None:
+        mesh.field_data["TimeValue"] = np.array([sample.at])  # the name that ParaView looks for
     mesh.save(path)
 
 
 WRITERS: dict[str, Callable[[Sample, Path, float], None]] = {".npz": write_npz, ".obj": write_obj, ".vtu": write_vtu}
 
 
-def quadrilaterals(n: int) -> NDArray[np.int64]:
-    """Return the corners (m, 4) of the cells of an n x n grid, counted row by row, in order around each."""
-    first = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    return np.stack([first, first + n, first + n + 1, first + 1], axis=-1)
+def quadrilaterals(n: int, closed: tuple[bool, bool] = (False, False)) -> NDArray[np.int64]:
+    """Return the corners (m, 4) of the cells of an n x n grid, in order around each.
+
+    Vertices are counted row by row; in a closed coordinate the last cells end at the first vertices.
+    """
+    rows, columns = (n - 1 if is_closed else n for is_closed in closed)
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n - 1), np.arange(n - 1), indexing="ij"))
+    after_i, after_j = (i + 1) % rows, (j + 1) % columns
+    corners = (i * columns + j, after_i * columns + j, after_i * columns + after_j, i * columns + after_j)
+    return np.stack(corners, axis=-1)
 
 
 def stored_run(store: Store, case_text: str, solver: str, seed: int | None) -> CurrentRun:
@@ -155,14 +208,19 @@ def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = No
         raise
     except Exception as error:  # a plug-in's reader can raise anything
         raise ShellbenchError(f"the solution of {record.run_id} can't be read: {error}") from error
-    xi = run.case.surface.domain.grid(resolution, resolution)
+    domain = run.case.surface.domain
+    xi = domain.grid(resolution, resolution)
+    fields = {name: np.asarray(solution.evaluate(name, xi, at=at)) for name in FIELDS}
+    fields["strain_energy_density"] = np.sum([fields[name] for name in ENERGY_PARTS], axis=0)
     state = "" if at is None else f" at {mark_words(run.case, at)}"
     return Sample(
         xi=xi,
         position=run.case.surface.position(xi),
         displacement=solution.displacement(xi, at=at),
-        fields={name: solution.evaluate(name, xi, at=at) for name in FIELDS},
+        fields=fields,
         title=f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units",
+        periodic=domain.periodic,
+        at=at,
     )
 
 

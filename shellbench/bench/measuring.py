@@ -10,11 +10,14 @@ import errno
 import math
 import traceback
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from shellbench.bench.frame_rates import frame_rate_study
+from shellbench.bench.precision import precision_study
 from shellbench.bench.record import HistoryStep, Measured
 from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
 from shellbench.bench.series import series_of
@@ -41,7 +44,8 @@ def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, An
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     why = without_values(lost) if lost else None
-    for part in (cost, course, states, along, samples):
+    parts: tuple[Part, ...] = (cost, course, states, along, samples, frame_rates, partial(precision, values=values))
+    for part in parts:
         try:
             result |= part(solution, case, folder)
         except Exception as error:
@@ -116,6 +120,16 @@ def samples(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
         "fields_file": FIELDS,
         "solution_file": saved.name,
     }
+
+
+def frame_rates(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what frames of a motion show of it."""
+    return {"frame_rates": frame_rate_study(solution, case)}
+
+
+def precision(solution: Solution, case: Case, folder: Path, values: Mapping[str, Measured]) -> dict[str, Any]:
+    """Return what rounding does to the solution."""
+    return {"precision": precision_study(solution, case, {name: found.value for name, found in values.items()})}
 
 
 def history_of(solution: Solution) -> tuple[HistoryStep, ...]:

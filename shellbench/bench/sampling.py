@@ -1,15 +1,17 @@
-"""Samples of a solution that a record keeps: the field on a grid, and a study of resolutions."""
+"""Samples of a solution that a record keeps: the field on a grid and at probes, and a study of resolutions."""
 
 from __future__ import annotations
 
+import traceback
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.bench.probes import probe_fields, state_at, states_at
 from shellbench.bench.record import ResolutionStep, StateEnergies
-from shellbench.bench.series import frames
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.places import Point
@@ -19,7 +21,8 @@ from shellbench.surface import Domain
 Array = NDArray[np.float64]
 
 PICTURE = 61  # points a side of the grid that pictures are drawn from
-PICTURE_TYPE = np.float32  # of the states of a path beside the last one: nothing but pictures is made of them
+PICTURE_TYPE = np.float32  # of what nothing but pictures is made of: states of a path beside the last one, densities
+DENSITIES = ("membrane_energy_density", "bending_energy_density")
 RESOLUTIONS = (10, 25, 50, 100, 200)  # points a side
 PROBES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 """Where the same material point is asked for in every grid, in fractions of the sides; off all the grids but one."""
@@ -28,30 +31,42 @@ PROBES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 def write_fields(solution: Solution, case: Case, path: Path) -> bool:
     """Write points, positions and displacements on a regular grid as npz; see `Record.fields_file`.
 
-    Returns whether there was a finite field to write: a path that failed at once has no state.
+    Returns whether there was a finite field to write: a path that failed at once has no state. What else a solution
+    can't tell, such as energy densities, is left out.
     """
     xi = case.surface.domain.grid(PICTURE, PICTURE)
-    try:
-        displacement = solution.displacement(xi)
-    except InputError:
-        return False
-    if not np.all(np.isfinite(displacement)):
+    displacement = state_at(solution, xi, None)
+    if displacement is None:
         return False
     fields: dict[str, NDArray[Any]] = {"xi": xi, "position": case.surface.position(xi), "displacement": displacement}
     if not case.linear:
-        states = {mark: field for mark in frames(solution, case) if (field := _state(solution, xi, mark)) is not None}
+        states = states_at(solution, case, xi)
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
+    fields |= _told(lambda: energy_densities(solution, xi)) | _told(lambda: probe_fields(solution, case))
     np.savez_compressed(path, **fields)  # type: ignore[arg-type] # its stub takes them for its own options
     return True
 
 
-def _state(solution: Solution, xi: Array, mark: float) -> Array | None:
+def energy_densities(solution: Solution, xi: Array) -> dict[str, NDArray[Any]]:
+    """Return the finite energy densities (n, n) of the last state by name, in single precision, J/m^2."""
+    if not hasattr(solution, "evaluate"):  # as in plug-ins that know displacements alone
+        return {}
+    found = {name: np.asarray(solution.evaluate(name, xi)).astype(PICTURE_TYPE) for name in DENSITIES}
+    return {name: density for name, density in found.items() if np.all(np.isfinite(density))}
+
+
+def _told(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]:
+    """Return what a solution tells; nothing if it can't."""
     try:
-        field = solution.displacement(xi, at=mark)
-    except InputError:
-        return None
-    return field if np.all(np.isfinite(field)) else None
+        return ask()
+    except (InputError, NotImplementedError):
+        return {}
+    except OSError:  # such as a full disk, which is no fault of the solution
+        raise
+    except Exception:
+        traceback.print_exc()
+        return {}
 
 
 def energies_of_states(solution: Solution, case: Case) -> tuple[StateEnergies, ...]:
@@ -82,17 +97,19 @@ def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ..
         samples[n] = displacement[: n * n].reshape(n, n, 3)
         asked[n] = _largest(displacement[n * n :] - alone)
     finest = max(RESOLUTIONS)
-    return tuple(
-        ResolutionStep(
-            points=n,
-            probe_difference=asked[n],
-            interpolation_difference=_largest(
-                bilinear(samples[n], domain, domain.grid(finest, finest)) - samples[finest]
-            ),
-            largest_displacement=_largest(samples[n]),
+    steps: list[ResolutionStep] = []
+    for n in RESOLUTIONS:
+        gaps = bilinear(samples[n], domain, domain.grid(finest, finest)) - samples[finest]
+        steps.append(
+            ResolutionStep(
+                points=n,
+                probe_difference=asked[n],
+                interpolation_difference=_largest(gaps),
+                interpolation_rms=float(np.sqrt(np.mean(np.sum(gaps**2, axis=-1)))),
+                largest_displacement=_largest(samples[n]),
+            )
         )
-        for n in RESOLUTIONS
-    )
+    return tuple(steps)
 
 
 def bilinear(samples: Array, domain: Domain, points: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.solution import FORMAT, FemSolution
-from shellbench.solution import Step
+from shellbench.rounding import expanded, shortened
+from shellbench.solution import NumberFormat, Step
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,9 @@ class MotionSolution:
     times
         (k,) increasing, s, the first one 0.
     coefficients, rates
-        (nodes, 3, 4, k) u, u,1, u,2 and u,12 of each component at each node, and their rates.
+        (nodes, 3, 4, k) u, u,1, u,2 and u,12 of each component at each node, and their rates, or shorter numbers.
+    exponents
+        Of the powers of two by which coefficients and rates are to be multiplied (see `shellbench.rounding`).
     support_nodes
         (m,) nodes with supports.
     reaction_times, support_forces
@@ -47,8 +50,8 @@ class MotionSolution:
     case: Case
     mesh: TensorMesh
     times: Array
-    coefficients: Array
-    rates: Array
+    coefficients: NDArray[np.floating[Any]]
+    rates: NDArray[np.floating[Any]]
     support_nodes: NDArray[np.int64]
     reaction_times: Array
     support_forces: Array
@@ -58,6 +61,7 @@ class MotionSolution:
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     extrapolated: Mapping[str, float] = field(default_factory=dict)
+    exponents: tuple[int, int] = (0, 0)
 
     @property
     def storage_bytes(self) -> int:
@@ -108,10 +112,11 @@ class MotionSolution:
         else:
             values = 2 * s**3 - 3 * s**2 + 1, 3 * s**2 - 2 * s**3
             slopes = h * (s**3 - 2 * s**2 + s), h * (s**3 - s**2)
-        u, v = self.coefficients, self.rates
-        return np.asarray(
-            values[0] * u[..., k] + values[1] * u[..., k + 1] + slopes[0] * v[..., k] + slopes[1] * v[..., k + 1]
+        (u, u_next), (v, v_next) = (
+            [expanded(numbers[..., number], exponent) for number in (k, k + 1)]
+            for numbers, exponent in zip((self.coefficients, self.rates), self.exponents, strict=True)
         )
+        return np.asarray(values[0] * u + values[1] * u_next + slopes[0] * v + slopes[1] * v_next)
 
     def _forces(self, at: float) -> Array:
         """Interpolate the reactions by the polynomial through the nearest ones."""
@@ -157,6 +162,19 @@ class MotionSolution:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
         return self.frame(at).reaction(support, centre)
 
+    def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
+        """Return the motion with its coefficients and their rates rounded to a format, and the bytes it takes.
+
+        Each of the two is scaled by its largest magnitude before (see `shellbench.rounding`), and kept in the format:
+        only what a time asks for is expanded. Mesh lines and times, of which there are few, stay as they are.
+        """
+        values, rates = shortened(self.coefficients, format), shortened(self.rates, format)
+        if values.numbers is self.coefficients and rates.numbers is self.rates:
+            return self, self.storage_bytes
+        bytes_taken = self.storage_bytes - self.coefficients.nbytes - self.rates.nbytes + values.nbytes + rates.nbytes
+        exponents = values.exponent, rates.exponent
+        return replace(self, coefficients=values.numbers, rates=rates.numbers, exponents=exponents), bytes_taken
+
     def save(self, path: Path) -> Path:
         """Write an npz file without pickles; return its path, which ends in .npz."""
         target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
@@ -175,8 +193,8 @@ class MotionSolution:
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
             "times": self.times,
-            "coefficients": self.coefficients,
-            "rates": self.rates,
+            "coefficients": expanded(self.coefficients, self.exponents[0]),
+            "rates": expanded(self.rates, self.exponents[1]),
             "support_nodes": self.support_nodes,
             "reaction_times": self.reaction_times,
             "support_forces": self.support_forces,

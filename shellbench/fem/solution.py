@@ -6,7 +6,7 @@ import json
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from shellbench.fem.deformation import Deformation
 from shellbench.fem.hermite import Derivative, kind_scales, tabulate
 from shellbench.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
 from shellbench.fem.mesh import TensorMesh
-from shellbench.solution import FIELDS, Step
+from shellbench.rounding import shortened
+from shellbench.solution import FIELDS, NumberFormat, Step
 
 Array = NDArray[np.float64]
 
@@ -182,6 +183,18 @@ class FemSolution:
             arms = arms + np.swapaxes(self.coefficients[self.support_nodes, ..., self.state(at)], 1, 2)
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))
         return forces[:, :, 0].sum(axis=0), moment
+
+    def rounded(self, format: NumberFormat) -> tuple[FemSolution, int]:
+        """Return the field with its coefficients rounded to a format, and the bytes it takes.
+
+        They are scaled by their largest magnitude before (see `shellbench.rounding`). The mesh lines, of which there
+        are few, stay as they are. Forces of supports are no part of the field and are not rounded.
+        """
+        short = shortened(self.coefficients, format)
+        if short.numbers is self.coefficients:
+            return self, self.storage_bytes
+        bytes_taken = self.storage_bytes - self.coefficients.nbytes + short.nbytes
+        return replace(self, coefficients=short.expanded()), bytes_taken
 
     def save(self, path: Path) -> Path:
         """Write an npz file without pickles; return its path, which ends in .npz."""

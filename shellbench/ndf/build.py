@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import BeforeValidator
 from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.model import Model, Positive
 from shellbench.ndf.factors import BoundaryFactors
 from shellbench.ndf.field import Ansatz, Features
-from shellbench.ndf.inputs import Inputs
+from shellbench.ndf.inputs import Inputs, PeriodicInput, mirrored_axes
 from shellbench.ndf.jets import Array, Placement
 from shellbench.ndf.lengths import LAYER, edge_layers, foci
 from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import Network
 from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
+from shellbench.ndf.soft import NoFactors, NoLift
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.turning import TurnedFactors, Turning, turns
 
 Components = Literal["cartesian", "covariant"]
+Supports = Literal["hard", "soft"]
+"""Whether boundary factors hold the supports exactly, or springs about."""
+
+
+def _from_bool(value: Any) -> Any:
+    """Return what a boolean said in files of earlier versions."""
+    return {True: "both", False: "none"}[value] if isinstance(value, bool) else value
+
+
+SavedPeriodicInput = Annotated[PeriodicInput, BeforeValidator(_from_bool)]
 
 
 class FieldSpec(Model):
@@ -31,9 +43,12 @@ class FieldSpec(Model):
     activation
         Of the network.
     periodic_input
-        Whether a periodic coordinate enters as (cos, sin); if not, the field answers for a slit shell.
+        How a periodic coordinate enters: as (cos, sin); as its cosine, so that the field is even about the seam; or
+        plainly, so that it answers for a slit shell.
     components
         What the output layer gives: Cartesian components, or covariant ones.
+    supports
+        Whether boundary factors or springs hold the supports.
     stretched
         Whether stretched coordinates are added about points that carry a force.
     layer
@@ -49,8 +64,9 @@ class FieldSpec(Model):
     """
 
     activation: str = "sine"
-    periodic_input: bool = True
+    periodic_input: SavedPeriodicInput = "both"
     components: Components = "cartesian"
+    supports: Supports = "hard"
     stretched: bool = True
     layer: Positive = LAYER
     edge_stretched: bool = False
@@ -68,11 +84,15 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
-    return Features(inputs, network, FixedFeatures.of(case, foci(case, spec.layer), spec.multipliers), placement)
+    mirrored = mirrored_axes(case.surface.domain, spec.periodic_input)
+    fixed = FixedFeatures.of(case, foci(case, spec.layer), spec.multipliers, mirrored)
+    return Features(inputs, network, fixed, placement)
 
 
 def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the way the case's supports are built in."""
+    if spec.supports == "soft":
+        return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
     factors = BoundaryFactors(case, spec.components == "covariant")
     if turns(case):
         turning = Turning(case, spec.t)

@@ -20,6 +20,8 @@ from shellbench.ndf.quadrature import Rule
 from shellbench.ndf.strain import apply_rows
 from shellbench.rigid import free_motions, rigid_modes
 
+Polynomial = tuple[float, float, float]
+
 
 @dataclass(frozen=True)
 class Certified:
@@ -31,21 +33,24 @@ class Certified:
         Parts of the strain energy (second degree).
     work
         Work of the loads (first degree).
+    springs
+        Energy of soft supports (second degree); it is part of the potential energy, and of no strain energy.
     """
 
-    membrane: tuple[float, float, float]
-    bending: tuple[float, float, float]
+    membrane: Polynomial
+    bending: Polynomial
     work: tuple[float, float]
+    springs: Polynomial = (0.0, 0.0, 0.0)
 
     @property
     def gain(self) -> float:
         """Work gained along u - lift, less what the lift's strains resist: -dE/ds at s = 0."""
-        return self.work[1] - self.membrane[1] - self.bending[1]
+        return self.work[1] - self.membrane[1] - self.bending[1] - self.springs[1]
 
     @property
     def stiffness(self) -> float:
         """U K u of u - lift: the second derivative of the energy in s."""
-        return 2 * (self.membrane[2] + self.bending[2])
+        return 2 * (self.membrane[2] + self.bending[2] + self.springs[2])
 
     @property
     def compliance(self) -> float:
@@ -65,7 +70,11 @@ class Certified:
     def potential(self, s: float = 1.0) -> float:
         """Return the potential energy at s, J."""
         membrane, bending, work = self.parts(s)
-        return membrane + bending - work
+        return membrane + bending + self.spring_energy(s) - work
+
+    def spring_energy(self, s: float = 1.0) -> float:
+        """Return the energy of soft supports at s, J."""
+        return self.springs[0] + s * (self.springs[1] + s * self.springs[2])
 
 
 def certify(
@@ -101,12 +110,14 @@ def energy_gap(potential: float, fine: Certified, moved: bool) -> float:
     """Return |C_train / C_fine - 1| from the potential energy on the training rule and the certified energies.
 
     Where only loads act, the compliance is C = -2 E. Where supports are moved it is the disagreement of the two
-    potential energies, relative to the magnitudes they are made of.
+    potential energies, relative to the magnitudes they are made of. With soft supports both energies have the springs'
+    in them: the gap then says how well the two rules agree on shell and springs together, and nothing of how far the
+    supports give.
     """
     if not moved:
         return abs(-2 * potential / fine.compliance - 1) if fine.compliance > 0 else 0.0
     membrane, bending, work = fine.parts()
-    magnitude = membrane + bending + abs(work)
+    magnitude = membrane + bending + fine.spring_energy() + abs(work)
     return abs(potential - fine.potential()) / magnitude if magnitude > 0 else 0.0
 
 

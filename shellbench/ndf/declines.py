@@ -17,6 +17,7 @@ from shellbench.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.ndf.large_displacement import why_not_followed
 from shellbench.ndf.network import random_features
 from shellbench.ndf.reaction import virtual_edges
+from shellbench.ndf.soft import why_not_soft
 from shellbench.ndf.supports import EdgeSupport, edge_samples, edge_supports
 from shellbench.ndf.turning import turns
 from shellbench.quantities import ReactionQuantity, TorqueQuantity
@@ -38,6 +39,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
                 virtual_edges(case, next(s for s in case.supports if s.name == quantity.support))
     except InputError as error:
         return str(error)
+    if spec is not None and spec.supports == "soft":
+        return why_not_soft(case)
     probe = _probe(case, spec or FieldSpec())
     for support in edge_supports(case):
         value, slope = violations(probe, support)

@@ -134,12 +134,15 @@ class NormalEquations:
         (r, 3 M): rows whose squares may be added to K to pin the rigid motions left free.
     constant
         c: the potential energy of the lift alone, J.
+    uncancelled
+        The largest work of all loads on a feature if none of it cancelled, J.
     """
 
     stiffness: Tensor
     load: Tensor
     anchor: Tensor
     constant: float
+    uncancelled: float = 0.0
 
 
 def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Concentrated) -> NormalEquations:
@@ -148,6 +151,7 @@ def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Con
     like = features.network.weights[0]
     stiffness, load = like.new_zeros((unknowns, unknowns)), like.new_zeros(unknowns)
     anchor, constant = like.new_zeros((free_motions(ansatz.case).shape[1], unknowns)), -forces.work
+    uncancelled = torch.zeros_like(load)
     for points, table in tables(ansatz, rule, placement):
         jets = features.jets(points)
         rows = strain_matrix(table, jets)
@@ -155,9 +159,12 @@ def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Con
         load += value_vector(table.force, jets[VALUE]) - rows.T @ table.offset.reshape(-1)
         anchor += (table.anchors.mT @ jets[VALUE]).reshape(len(anchor), unknowns)
         constant += 0.5 * float((table.offset**2).sum()) - table.work
+        uncancelled += value_vector(table.force.abs(), jets[VALUE].abs())
     if len(forces.points):
-        load += value_vector(forces.force, features.values(forces.points))
-    return NormalEquations(mirrored(stiffness), load, anchor, constant)
+        values = features.values(forces.points)
+        load += value_vector(forces.force, values)
+        uncancelled += value_vector(forces.force.abs(), values.abs())
+    return NormalEquations(mirrored(stiffness), load, anchor, constant, float(uncancelled.max()))
 
 
 def add_gram(total: Tensor, rows: Tensor) -> None:

@@ -39,12 +39,13 @@ class Lifting(Protocol):
 
 @dataclass(frozen=True)
 class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F."""
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead."""
 
     case: Case
     factors: Factors
     lift: Lifting
     t: float = 1.0
+    soft: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """What the network sees of a point: input coordinates as jets, derived from the case alone.
 
-A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin); at an edge that holds the slope of free
-components it is bent so that its derivative vanishes there. Distances from points that carry a force, and from the
+A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or in two ablations its cosine alone (the
+field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
+answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
+there. Distances from points that carry a force, and from the
 edges of curved shells, enter once more, stretched as asinh(d / l) / asinh(reach / l): there the solution varies within
 the length l of a bending layer (`lengths`).
 """
@@ -10,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import torch
@@ -18,6 +21,7 @@ from torch import Tensor
 from shellbench.case import Case
 from shellbench.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
 from shellbench.ndf.lengths import Focus
+from shellbench.ndf.mirror import even_columns
 from shellbench.ndf.supports import edge_supports, even_sides
 from shellbench.surface import Domain
 
@@ -25,6 +29,8 @@ SAMPLES = 24  # points a side of the grid on which inputs are tested for linear 
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
 
 Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+PeriodicInput = Literal["both", "cosine", "none"]
+"""How a periodic coordinate enters: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
@@ -52,7 +58,7 @@ class Inputs:
     case
         The case they are derived from.
     periodic
-        Whether periodic coordinates enter as (cos, sin); if not, the field lives on a slit shell.
+        How periodic coordinates enter.
     foci
         Points about which stretched coordinates are added.
     edges
@@ -64,7 +70,7 @@ class Inputs:
     """
 
     case: Case
-    periodic: bool
+    periodic: PeriodicInput
     foci: tuple[Focus, ...]
     edges: tuple[float, float] | None
     even: Sides
@@ -74,16 +80,26 @@ class Inputs:
     def of(
         cls,
         case: Case,
-        periodic: bool = True,
+        periodic: PeriodicInput = "both",
         around: tuple[Focus, ...] = (),
         edges: tuple[float, float] | None = None,
     ) -> Inputs:
-        """Derive the inputs of a case, with stretched coordinates around the given foci and at edges."""
+        """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
+
+        Where only cosines enter, what is not even about the seam is left out.
+        """
         even = even_sides(edge_supports(case))
         candidates = cls(case, periodic, around, edges, even, ())
-        points = case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
-        columns = torch.stack([c[VALUE] for c, _ in candidates._columns(points, Placement())], dim=-1)
-        return cls(case, periodic, around, edges, even, _independent(columns))
+        domain = case.surface.domain
+
+        def values(points: Array) -> Tensor:
+            return torch.stack([c[VALUE] for c, _ in candidates._columns(points, Placement())], dim=-1)
+
+        columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
+        usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
+        if axes:
+            usable = even_columns(values, domain, axes).tolist()
+        return cls(case, periodic, around, edges, even, _independent(columns, usable))
 
     @property
     def count(self) -> int:
@@ -99,7 +115,7 @@ class Inputs:
     @property
     def axes(self) -> tuple[int | None, ...]:
         """For each input, the coordinate that it is, None for a stretched one."""
-        turns = self.case.surface.domain.periodic if self.periodic else (False, False)
+        turns = self.case.surface.domain.periodic if self.periodic == "both" else (False, False)
         plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
         return tuple(plain[k] if k < len(plain) else None for k in self.kept)
 
@@ -113,9 +129,9 @@ class Inputs:
         unit = [even_coordinate(domain, points, axis, self.even[axis], placement) for axis in (0, 1)]
         columns: list[tuple[Tensor, bool]] = []
         for axis, t in enumerate(unit):
-            if domain.periodic[axis] and self.periodic:
-                angle = 2 * math.pi * t
-                columns += [(compose(f(angle[VALUE], 2), angle), False) for f in (cosine, sine)]
+            if domain.periodic[axis] and self.periodic != "none":
+                angle, functions = 2 * math.pi * t, (cosine, sine)[: 2 if self.periodic == "both" else 1]
+                columns += [(compose(f(angle[VALUE], 2), angle), False) for f in functions]
             else:
                 centred = 2 * t
                 centred[VALUE] -= 1
@@ -123,7 +139,9 @@ class Inputs:
         columns += [(self._from_edge(axis, bound, unit[axis]), True) for axis, bound in self._stretched_edges()]
         if not self.foci:
             return columns
-        chords = not any(flag for side in self.even for flag in side) and (self.periodic or not any(domain.periodic))
+        chords = not any(flag for side in self.even for flag in side) and not (
+            self.periodic == "none" and any(domain.periodic)
+        )
         if chords:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
         for focus in self.foci:
@@ -168,11 +186,18 @@ def _stretched(distance: Tensor, reach: float) -> Tensor:
     return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
 
 
-def _independent(columns: Tensor) -> tuple[int, ...]:
-    """Return the columns that are no linear combination of a constant and earlier columns."""
+def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
+    """Return the coordinates about whose seam everything must be even."""
+    return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
+
+
+def _independent(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
+    """Return the usable columns that are no linear combination of a constant and earlier ones."""
     basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
     kept = []
     for index, column in enumerate(columns.unbind(1)):
+        if not usable[index]:
+            continue
         rest = column.clone()
         for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
             rest = rest - (rest @ direction) * direction

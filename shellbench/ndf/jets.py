@@ -175,22 +175,34 @@ def gelu(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
     return results[: order + 1]
 
 
-ACTIVATIONS: dict[str, Activation] = {"sine": sine, "tanh": tanh, "gelu": gelu}
+def relu(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
+    """Return max(z, 0) and its derivatives where it has them: the second one is zero on either side of its kink."""
+    zero = torch.zeros_like(z)
+    return (z.clamp_min(0.0), (z > 0).to(z.dtype), zero, zero)[: order + 1]
 
 
-def activation(name: str) -> Activation:
-    """Return an activation by name.
+ACTIVATIONS: dict[str, Activation] = {"sine": sine, "tanh": tanh, "gelu": gelu, "relu": relu}
+KINKED = {"relu"}  # their second derivatives vanish wherever they exist
+
+
+def smooth_activation(name: str) -> Activation:
+    """Return an activation that can bend a shell, by name.
 
     Raises
     ------
     InputError
-        If it is not known, or has no second derivatives to bend a shell with.
+        If it is not known, or its second derivatives vanish.
     """
-    if name.lower() == "relu":
+    if name in KINKED:
         raise InputError(
-            "activation 'relu' is refused: its second derivatives vanish, so it stores no bending energy;"
-            f" allowed are {', '.join(ACTIVATIONS)}"
+            f"activation '{name}' is refused: its second derivatives vanish, so it stores no bending energy;"
+            f" allowed are {', '.join(sorted(ACTIVATIONS.keys() - KINKED))}"
         )
+    return activation(name)
+
+
+def activation(name: str) -> Activation:
+    """Return an activation by name; InputError if it is not known."""
     if name not in ACTIVATIONS:
         raise InputError(f"activation '{name}' is not known; allowed are {', '.join(ACTIVATIONS)}")
     return ACTIVATIONS[name]

@@ -31,10 +31,11 @@ from shellbench.ndf.jets import VALUE, Array
 from shellbench.ndf.motion_problem import Energies, Motion
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.reaction import edge_reaction
+from shellbench.ndf.rounding import rounded_network, rounded_tensors
 from shellbench.ndf.solution import NdfSolution, features_of
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.weights import Header, network_tensors, write
-from shellbench.solution import Step
+from shellbench.solution import NumberFormat, Step
 
 KEPT = ("combine", "times", "output", "rates", "seconds")  # tensors of a motion, beside the network's
 TOLD_APART = 1e-9  # of the whole time: a time beyond the end by less is the end
@@ -252,6 +253,21 @@ class MotionSolution:
             bending=float("nan"),
             parameters=self.parameters,
         )
+
+    def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
+        """Return the motion with all weights, at all times and with their derivatives, rounded, and the bytes it takes.
+
+        Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`). The times, of which there
+        are few, stay as they are.
+        """
+        features, course = self.features.features, self.course
+        assert isinstance(features, Features)
+        network, hidden = rounded_network(features.network, format)
+        moving = [self.features.combine, course.weights, course.rates, course.seconds]
+        (combine, *weights), bytes_taken = rounded_tensors(moving, format)
+        combined = Combined(replace(features, network=network), combine)
+        motion = replace(self, features=combined, course=Course(course.times, *weights))
+        return motion, hidden + bytes_taken + course.times.nbytes
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors that the field is made of, by the names they have in a file."""

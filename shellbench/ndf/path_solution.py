@@ -20,7 +20,7 @@ from shellbench.ndf.jets import Array
 from shellbench.ndf.motion_solution import MotionSolution, read_motion
 from shellbench.ndf.solution import NdfSolution, read_solution
 from shellbench.ndf.weights import StateHeader, read, write
-from shellbench.solution import Step
+from shellbench.solution import NumberFormat, Step
 
 SAME_MARK = 1e-9  # relative difference of two marks that are one
 
@@ -101,6 +101,16 @@ class PathSolution:
     ) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
         return self.state(at).reaction(support, centre)
+
+    def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
+        """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
+        last, bytes_taken = self.states[-1].rounded(format)
+        states = [last]
+        for state in self.states[-2::-1]:
+            before, more = state.on_rounded(last.field.features, format)
+            states.insert(0, before)
+            bytes_taken += more
+        return replace(self, states=tuple(states)), bytes_taken
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""

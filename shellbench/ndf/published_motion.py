@@ -48,7 +48,7 @@ def why_no_motion(case: Case) -> str | None:
     for quantity in case.quantities:
         if isinstance(quantity, ReactionQuantity | TorqueQuantity) and len(case.supports) > 1:
             return f"it can't tell the reaction of support '{quantity.support}' from that of others"
-    return Ansatz.of(case, True).supports.why_not_held() or why_not_sampled(case)
+    return Ansatz.of(case, "both").supports.why_not_held() or why_not_sampled(case)
 
 
 def load_motion(path: Path, solver: str) -> TrainedMotion:

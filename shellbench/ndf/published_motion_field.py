@@ -17,7 +17,7 @@ from torch import Tensor
 
 from shellbench.case import Case
 from shellbench.ndf.build import FieldSpec, build_inputs
-from shellbench.ndf.inputs import Inputs
+from shellbench.ndf.inputs import Inputs, PeriodicInput
 from shellbench.ndf.jets import D1, D2, D11, D12, D22, VALUE, Array, Placement, product
 from shellbench.ndf.published_motion_factors import SoftSupports
 from shellbench.ndf.published_network import InputScale, Siren
@@ -43,7 +43,7 @@ class Ansatz:
     supports: SoftSupports
 
     @classmethod
-    def of(cls, case: Case, periodic_input: bool) -> Ansatz:
+    def of(cls, case: Case, periodic_input: PeriodicInput) -> Ansatz:
         """Derive it from a case."""
         spec = FieldSpec(periodic_input=periodic_input, stretched=False, multipliers=0)
         return cls(case, build_inputs(case, spec), SoftSupports(case))

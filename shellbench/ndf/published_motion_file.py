@@ -13,6 +13,7 @@ from safetensors.torch import save_file
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Positive, one_sentence
+from shellbench.ndf.build import SavedPeriodicInput
 from shellbench.ndf.published_network import Siren
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.solution import Step
@@ -28,7 +29,7 @@ class MotionHeader(Model):
     solver: str
     case_name: str
     case: dict[str, Any]
-    periodic_input: bool
+    periodic_input: SavedPeriodicInput
     omega0: Positive
     strain: StrainName
     history: tuple[Step, ...]

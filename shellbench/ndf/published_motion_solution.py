@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,10 @@ from shellbench.ndf.loads import force_density
 from shellbench.ndf.published_motion_field import MotionField
 from shellbench.ndf.published_motion_file import MotionHeader, write_motion
 from shellbench.ndf.quadrature import RuleSpec, area_rule
+from shellbench.ndf.rounding import rounded_tensors
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.undeformed import Undeformed, stresses
-from shellbench.solution import FIELDS, Step
+from shellbench.solution import FIELDS, NumberFormat, Step
 
 QUERY = 4096  # points that are evaluated at once
 FINE = RuleSpec((12, 12), 4)  # of energies and reactions: panels of about sqrt(sigma) on a shell of unit size
@@ -130,6 +131,15 @@ class TrainedMotion:
         force = (force + self.case.spring_stiffness(points) * u) * weights[:, None]
         arm = self.case.surface.position(points) + u - np.asarray(centre, dtype=float)
         return force.sum(axis=0), np.cross(arm, force).sum(axis=0)
+
+    def rounded(self, format: NumberFormat) -> tuple[TrainedMotion, int]:
+        """Return the motion with all weights and biases rounded to a format, and the bytes it takes.
+
+        Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`).
+        """
+        siren = self.field.siren
+        tensors, bytes_taken = rounded_tensors(siren.tensors, format)
+        return replace(self, field=replace(self.field, siren=siren.with_tensors(tensors))), bytes_taken
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""

@@ -43,7 +43,8 @@ class InputScale:
         """Return the map for the inputs of a case."""
         half: list[bool] = []
         for periodic in inputs.case.surface.domain.periodic:
-            half += [False, False] if periodic and inputs.periodic else [True]
+            turns = {"both": [False, False], "cosine": [False], "none": [True]}
+            half += turns[inputs.periodic] if periodic else [True]
         halved = torch.tensor([half[k] for k in inputs.kept], device=placement.device)
         factor = torch.where(halved, 0.5, 1.0).to(placement.dtype)
         return cls(factor, 1 - factor)

@@ -12,6 +12,7 @@ from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.model import Positive
+from shellbench.ndf.inputs import PeriodicInput
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.solution import SeededSettings
 
@@ -32,7 +33,7 @@ class PublishedSettings(SeededSettings):
     modulus_factor: Positive | None = PydanticField(
         None, description="of Young's modulus in training, linear theory; None follows from the case"
     )
-    periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
+    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     strain: StrainName | None = PydanticField(
         None, description="strains of the loss; None is linear where nothing moves, and eq. (30) in motion"
     )

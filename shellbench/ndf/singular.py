@@ -16,6 +16,7 @@ from torch import Tensor
 from shellbench.case import Case
 from shellbench.ndf.jets import D1, VALUE, Array, Placement, compose, constant, dot, from_derivatives, product
 from shellbench.ndf.lengths import Focus
+from shellbench.ndf.mirror import even_columns
 from shellbench.ndf.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
@@ -47,8 +48,17 @@ class FixedFeatures:
     kept: tuple[int, ...]
 
     @classmethod
-    def of(cls, case: Case, around: tuple[Focus, ...] = (), multipliers: int = MULTIPLIERS) -> FixedFeatures:
-        """Derive the features of a case, leaving out those that are not even where free components need it."""
+    def of(
+        cls,
+        case: Case,
+        around: tuple[Focus, ...] = (),
+        multipliers: int = MULTIPLIERS,
+        mirrored: tuple[int, ...] = (),
+    ) -> FixedFeatures:
+        """Derive the features of a case, leaving out those that are not even where free components need it.
+
+        They must be even about the seams of the coordinates `mirrored`, too.
+        """
         everything = cls(case, around, multipliers, tuple(range(1 + multipliers * len(around))))
         even = torch.ones(everything.count, dtype=torch.bool)
         for support in edge_supports(case):
@@ -56,6 +66,8 @@ class FixedFeatures:
                 jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
                 slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
+        if mirrored:
+            even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
         return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()))
 
     @property

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +22,16 @@ from shellbench.model import one_sentence
 from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.ndf.field import Ansatz, Features, Field
 from shellbench.ndf.jets import Array, Placement
-from shellbench.ndf.quadrature import RuleSpec
+from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.reaction import edge_reaction
+from shellbench.ndf.rounding import rounded_network, rounded_tensors
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.ndf.weights import Header, StateHeader, network_of, network_tensors, read, write
-from shellbench.solution import FIELDS, Step
+from shellbench.solution import FIELDS, NumberFormat, Step
 
-QUERY = 4096  # points that are evaluated at once
+QUERY = 2048  # points at which values are computed at once: of more, they no longer fit the cache of a processor
+JETS = 512  # points at which jets are, which are six times as large
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class NdfSolution:
     rule
         The fine quadrature of energies and reactions.
     membrane, bending
-        Parts of the strain energy on that quadrature, J.
+        Parts of the strain energy on that quadrature, J; NaN where they are integrated only when they are asked for.
     point_forces
         (k,) forces of the point supports, N, in the order of `shellbench.ndf.supports.point_supports`.
     """
@@ -86,19 +90,31 @@ class NdfSolution:
             raise KeyError(name)
         part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
 
-        def strain(xi: Array) -> Tensor:
-            surface = Undeformed.of(self.case.surface, xi, self.field.features.placement)
-            strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
+        def asked(xi: Array) -> Tensor:
+            strains, densities = self._strained(xi)
             if name.endswith("strain"):
                 return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
-            work = strains * stresses(surface.elasticity(self.case.material), strains)
-            return 0.5 * work[:, part].sum(-1)
+            return densities[:, part].sum(-1)
 
-        return self._at(points, strain)
+        return self._at(points, asked, JETS)
+
+    def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
+        """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
+        surface = Undeformed.of(self.case.surface, xi, self.field.features.placement)
+        strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
+        return strains, 0.5 * strains * stresses(surface.elasticity(self.case.material), strains)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
-        return self.membrane, self.bending
+        return self._integrated if math.isnan(self.membrane) else (self.membrane, self.bending)
+
+    @cached_property
+    def _integrated(self) -> tuple[float, float]:
+        rule = area_rule(self.case.surface.domain, graded_points(self.case, self.spec), self.rule)
+        x = self.case.surface.derivatives(rule.points, 1)
+        weights = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+        parts = weights @ self._at(rule.points, lambda xi: self._strained(xi)[1], JETS)
+        return float(parts[:3].sum()), float(parts[3:].sum())
 
     def reaction(
         self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
@@ -127,6 +143,24 @@ class NdfSolution:
                     arm = arm + self.displacement(point)
                 force, moment = force + push, moment + np.cross(arm, push)
         return force, moment
+
+    def rounded(self, format: NumberFormat) -> tuple[NdfSolution, int]:
+        """Return the field with all its weights, those of hidden layers included, rounded, and the bytes it takes.
+
+        Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`).
+        """
+        network, hidden = rounded_network(self.field.features.network, format)
+        features = replace(self.field.features, network=network)
+        last, bytes_taken = self.on_rounded(features, format)
+        return last, hidden + bytes_taken
+
+    def on_rounded(self, features: Features, format: NumberFormat) -> tuple[NdfSolution, int]:
+        """Return the field on features that are rounded already, and the bytes of output weights and rigid motion."""
+        (output, rigid), bytes_taken = rounded_tensors([self.field.output, self.field.rigid], format)
+        field = Field(self.field.ansatz, features, output, rigid)
+        if output is self.field.output:
+            return replace(self, field=field), bytes_taken
+        return replace(self, field=field, membrane=float("nan"), bending=float("nan")), bytes_taken
 
     @property
     def header(self) -> Header:
@@ -157,11 +191,11 @@ class NdfSolution:
         layers = network_tensors(self.field.features.network)
         return {**layers, "output": self.field.output, "rigid": self.field.rigid}
 
-    def _at(self, points: ArrayLike, function: Callable[[Array], Tensor]) -> Array:
+    def _at(self, points: ArrayLike, function: Callable[[Array], Tensor], at_once: int = QUERY) -> Array:
         xi = np.asarray(points, dtype=float)
         flat = self.case.surface.domain.wrap(xi.reshape(-1, 2))
         with torch.no_grad():
-            parts = [function(flat[k : k + QUERY]).cpu().numpy() for k in range(0, max(len(flat), 1), QUERY)]
+            parts = [function(flat[k : k + at_once]).cpu().numpy() for k in range(0, max(len(flat), 1), at_once)]
         values = np.concatenate(parts).astype(float)
         return np.asarray(values.reshape(*xi.shape[:-1], *values.shape[1:]))
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.ndf.energy import NormalEquations
+from shellbench.ndf.field import Ansatz, Features
+from shellbench.ndf.jets import VALUE
+from shellbench.ndf.supports import point_supports
 
 JITTER = 1e-14  # on the unit diagonal: a few times the rounding of the matrix itself
 MAX_JITTER = 1e-6  # beyond this the answer would be the jitter's
@@ -75,3 +79,37 @@ def _cholesky(scaled: Tensor) -> tuple[Tensor, float]:
             return factor, jitter
         jitter *= 10
     raise SolveFailure("the normal matrix of the output layer is not positive definite")
+
+
+def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
+    """Return the potential energy of output weights (3 M,) on the rule of the equations, J."""
+    return float(0.5 * weights @ (equations.stiffness @ weights) - equations.load @ weights) + equations.constant
+
+
+def solve_nested(ansatz: Ansatz, features: Features, equations: NormalEquations, width: int) -> OutputLayer:
+    """Solve for the weights of the first `width` network features and all fixed ones; the others are zero."""
+    total, hidden = features.count, features.network.width
+    each = np.concatenate([np.arange(width), np.arange(hidden, total)])
+    kept = torch.as_tensor(np.concatenate([each + c * total for c in range(3)]), device=equations.load.device)
+    constraints, targets = point_constraints(ansatz, features)
+    part = NormalEquations(
+        equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
+    )
+    solved = solve_output(part, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
+    weights = torch.zeros_like(equations.load)
+    weights[kept] = solved.weights
+    return replace(solved, weights=weights)
+
+
+def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tensor]:
+    """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
+    placement, supports = features.placement, point_supports(ansatz.case, ansatz.t)
+    points = np.array([s.point.xi for s in supports]).reshape(-1, 2)
+    if not supports or ansatz.soft:
+        return features.network.weights[0].new_zeros((0, 3 * features.count)), placement.tensor(np.zeros(0))
+    components = [s.component for s in supports]
+    index = torch.arange(len(supports), device=placement.device)
+    held = ansatz.factors.matrix(points, placement)[VALUE][index, components]
+    rows = (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
+    lift = ansatz.lift.jet(points, placement)[VALUE][index, components]
+    return rows, placement.tensor(np.array([s.value for s in supports])) - lift

@@ -28,15 +28,17 @@ from shellbench.ndf.declines import why_declined
 from shellbench.ndf.deep_path import follow
 from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
-from shellbench.ndf.jets import VALUE, Placement, activation
+from shellbench.ndf.inputs import PeriodicInput
+from shellbench.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.mass import scales
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import deep_random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
-from shellbench.ndf.ritz import LARGEST_GAP, point_constraints, strain_of
+from shellbench.ndf.ritz import LARGEST_GAP, strain_of
 from shellbench.ndf.solution import NdfSolution
+from shellbench.ndf.solve import point_constraints
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.training import (
@@ -74,7 +76,7 @@ class TrainerSettings(SeededSettings):
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
-    periodic_input: bool = PydanticField(True, description="false: plain coordinates; the shell is then slit")
+    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
@@ -127,11 +129,11 @@ class NdfSolver:
         strain = strain_of(case, settings.strain)
         with torch.no_grad():
             if case.dynamics is not None:
-                activation(settings.activation)
+                smooth_activation(settings.activation)
                 return _move(case, settings, strain, tell)
             if not large_displacement.is_path(case):
                 return _Run(case, settings, tell).solve(self.load(start) if isinstance(start, Path) else start)
-            activation(settings.activation)
+            smooth_activation(settings.activation)
             return follow(
                 case,
                 field_spec(settings, strain),
@@ -195,7 +197,7 @@ class _Run:
     """One training: the states it passes through become the solution's history."""
 
     def __init__(self, case: Case, settings: TrainerSettings, progress: ProgressCallback) -> None:
-        activation(settings.activation)
+        smooth_activation(settings.activation)
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
         self.spec = field_spec(settings, "linear")

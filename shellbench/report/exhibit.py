@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import base64
+import re
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
 
 from matplotlib.figure import Figure
+from PIL import Image
 
 from shellbench.report.palette import style
 
 PRINT_DPI, SCREEN_DPI = 300, 160
+PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and no difference to be seen
+COORDINATES = re.compile(rb'(?<= d=")[^"]*')
+LONG = re.compile(rb"-?\d+\.\d{3,}")
 Format = Literal["pdf", "png", "svg"]
 
 
@@ -49,12 +54,13 @@ class Exhibit:
             if for_print:
                 (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
             png = self._rendered("png", SCREEN_DPI)
+            png = png if self.drawing else few_colours(png)
             (folder / f"{self.name}.png").write_bytes(png)
             if not self.drawing:
-                return _data_uri("image/png", png)
-            svg = self._rendered("svg", SCREEN_DPI)
+                return data_uri("image/png", png)
+            svg = short_coordinates(self._rendered("svg", SCREEN_DPI))
             (folder / f"{self.name}.svg").write_bytes(svg)
-            return _data_uri("image/svg+xml", svg)
+            return data_uri("image/svg+xml", svg)
 
     def _rendered(self, format: Format, dpi: int) -> bytes:
         buffer = BytesIO()
@@ -63,5 +69,25 @@ class Exhibit:
         return buffer.getvalue()
 
 
-def _data_uri(kind: str, data: bytes) -> str:
+def few_colours(png: bytes) -> bytes:
+    """Return a PNG with a palette of its own."""
+    image = (
+        Image.open(BytesIO(png)).convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    )
+    buffer = BytesIO()
+    image.save(buffer, "PNG", optimize=True)
+    return buffer.getvalue()
+
+
+def short_coordinates(svg: bytes) -> bytes:
+    """Return an SVG with its curves rounded to a hundredth of a point."""
+    return COORDINATES.sub(lambda curve: LONG.sub(_hundredths, curve[0]), svg)
+
+
+def _hundredths(number: re.Match[bytes]) -> bytes:
+    return f"{round(float(number[0]), 2) + 0.0:.2f}".rstrip("0").rstrip(".").encode()  # + 0.0: there is no -0
+
+
+def data_uri(kind: str, data: bytes) -> str:
+    """Return data as a link that holds it."""
     return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"

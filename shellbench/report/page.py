@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,27 +16,35 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.report.bibliography import Source, read_bibliography
+from shellbench.report import evidence
 from shellbench.report.derivation import DERIVATION
 from shellbench.report.derivation import TITLE as NEWTON_TITLE
 from shellbench.report.effort import effort_table
-from shellbench.report.exhibits import exhibits
+from shellbench.report.evidence import Evidence, Section
+from shellbench.report.exhibit import Exhibit, data_uri
+from shellbench.report.exhibits import PICTURE, exhibits
 from shellbench.report.fields import field_table
 from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.motion_tables import motion_tables
 from shellbench.report.newton import newton_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.path_exhibits import CURVE, STATES
-from shellbench.report.provenance import environment_words, makings
+from shellbench.report.palette import style
+from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.resolution import mesh_table, resolution_table
 from shellbench.report.solutions import Known
 from shellbench.report.strains import strain_table
 from shellbench.report.strains import words as strain_words
-from shellbench.report.suites import rows_at_home
+from shellbench.report.suites import compared, rows_at_home
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import displacement_tables, quantity_tables, render, tables_as_csv
+from shellbench.report.view import View, views
+from shellbench.report.view_data import palettes_json, view_json
+from shellbench.report.view_page import scripts
 
 BIBLIOGRAPHY = "bibliography.bib"
+REPORT_COMMAND = "shellbench report"
 
 
 @dataclass(frozen=True)
@@ -50,16 +58,17 @@ class Tables:
     quantities: list[Table]
     motions: list[Table]
     newton: list[Table]
+    evidence: list[Table]
 
     @property
     def printed(self) -> list[Table]:
         """Those that fit a printed page."""
-        return [*self.displacements, *self.paths, *self.strains, *self.newton, *self.motions, *self.resolution]
+        return [*self.displacements, *self.apart]
 
     @property
     def apart(self) -> list[Table]:
         """Those with columns of their own, each a file of its own."""
-        return [*self.paths, *self.strains, *self.newton, *self.motions, *self.resolution]
+        return [*self.paths, *self.strains, *self.newton, *self.motions, *self.resolution, *self.evidence]
 
     @property
     def all(self) -> list[Table]:
@@ -102,27 +111,31 @@ def write_report(
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     named = {row.run_id for row in rows}
     by_id = {record.run_id: record for record in store.read().records if record.run_id in named}
-    studies = (resolution_table(by_id, rows), mesh_table(by_id, rows), field_table(by_id, rows, store.folder))
-    tables = Tables(
-        displacements=displacement_tables(rows, known),
-        resolution=[table for table in studies if table is not None],
-        paths=[table for table in (effort_table(by_id, rows),) if table is not None],
-        strains=[table for table in (strain_table(rows),) if table is not None],
-        quantities=quantity_tables(rows, known),
-        motions=motion_tables(by_id, rows, store.folder),
-        newton=[table for table in (newton_table(by_id, rows),) if table is not None],
-    )
+    shown = compared(rows)
+    with style():
+        sections = evidence.sections(Evidence(by_id, rows, store.folder, known))
+    tables = _tables(by_id, shown, store, known, sections)
+    turned = views(by_id, shown, store.folder)
     try:
         figures = out / "figures"
         shutil.rmtree(figures, ignore_errors=True)
         figures.mkdir(parents=True)
-        shown = [(exhibit, exhibit.save(figures, for_print)) for exhibit in exhibits(by_id, rows, store.folder, known)]
+        drawn = exhibits(by_id, shown, store.folder, known)
+        proven = [exhibit for section in sections for exhibit in section.exhibits]
+        uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
-        sources = read_bibliography(bibliography)
-        facts = _facts(by_id, rows, tables, sources)
-        facts["exhibits"], facts["for_print"] = shown, for_print
-        facts |= _cloth(rows, {exhibit.name for exhibit, _ in shown}, tables)
-        facts["paths_shown"] = tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit, _ in shown)
+        facts = _facts(by_id, rows, tables, read_bibliography(bibliography))
+        facts |= _figures(facts["makings"], [*drawn, *proven])
+        facts |= _cloth(shown, {exhibit.name for exhibit in drawn}, tables)
+        facts |= {
+            "exhibits": [(exhibit, uris[exhibit.name]) for exhibit in drawn],
+            "for_print": for_print,
+            "sections": sections,
+            "section_uris": {exhibit.name: uris[exhibit.name] for exhibit in proven},
+            "paths_shown": tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit in drawn),
+        }
+        pictures = {exhibit.name for exhibit in drawn}
+        facts |= _scripts({case: one for case, one in turned.items() if f"{PICTURE}{case}" in pictures})
         _write(out / "index.html", _page("page.html.j2", HTML, tables, facts))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, tables, facts))
         _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
@@ -137,17 +150,34 @@ def write_report(
     return out / "index.html"
 
 
+def _tables(
+    records: dict[str, Record], rows: Sequence[Row], store: Store, known: Known, sections: Sequence[Section]
+) -> Tables:
+    seen = (resolution_table(records, rows), mesh_table(records, rows), field_table(records, rows, store.folder))
+    return Tables(
+        displacements=displacement_tables(rows, known),
+        resolution=[table for table in seen if table is not None],
+        paths=[table for table in (effort_table(records, rows),) if table is not None],
+        strains=[table for table in (strain_table(rows),) if table is not None],
+        quantities=quantity_tables(rows, known),
+        motions=motion_tables(records, rows, store.folder),
+        newton=[table for table in (newton_table(records, rows),) if table is not None],
+        evidence=[table for section in sections for table in section.tables],
+    )
+
+
 def _facts(
     records: dict[str, Record], rows: Sequence[Row], tables: Tables, sources: dict[str, Source]
 ) -> dict[str, Any]:
     made, environments = makings(records, rows)
-    cited = dict.fromkeys(source for table in tables.displacements + tables.quantities for source in table.sources)
+    cited = dict.fromkeys(source for table in tables.all for source in table.cited)
+    shown = compared(rows)
     return {
         "version": __version__,
-        "rows": rows,
-        "verdict": overall(rows),
-        "short": shortfalls(rows),
-        "strain_words": strain_words(rows) if tables.strains else [],
+        "rows": shown,
+        "verdict": overall(shown),
+        "short": shortfalls(shown),
+        "strain_words": strain_words(shown) if tables.strains else [],
         "newton_title": NEWTON_TITLE,
         "derivation": DERIVATION if tables.newton else (),
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
@@ -158,6 +188,31 @@ def _facts(
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
         + [f"{table.name}.csv" for table in tables.apart]
         + ([BIBLIOGRAPHY] if sources else []),
+    }
+
+
+def _figures(made: Sequence[Making], drawn: Sequence[Exhibit]) -> dict[str, Any]:
+    """Return how each figure was made."""
+    by_run = {making.record.run_id: making for making in made}
+    return {
+        "report_command": REPORT_COMMAND,
+        "made_by": {
+            exhibit.name: [by_run[run_id] for run_id in dict.fromkeys(exhibit.run_ids) if run_id in by_run]
+            for exhibit in drawn
+        },
+    }
+
+
+def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
+    """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
+    run = scripts(viewing=bool(turned))
+    return {
+        "views": {f"{PICTURE}{case}": view_json(one) for case, one in turned.items()},
+        "dense": any(answer.density is not None for one in turned.values() for answer in one.answers),
+        "palettes": palettes_json(),
+        "scripts": run.inline,
+        "plotly": run.library,
+        "script_hashes": run.hashes,
     }
 
 
@@ -182,10 +237,19 @@ def _page(template: str, notation: Notation, tables: Tables, facts: dict[str, An
     return environment.get_template(template).render(
         **facts,
         tables=tables,
+        files={table.name: _table_files(table) for table in tables.all} if notation is HTML else {},
         written={table.name: table.write("html" if notation is HTML else "markdown") for table in tables.all},
         matrix_titles=titles,
         matrix=lines,
     )
+
+
+def _table_files(table: Table) -> dict[str, str]:
+    """Return links that hold a table's files, so that the page keeps them wherever it is moved."""
+    return {
+        "csv": data_uri("text/csv;charset=utf-8", table.write("csv").encode()),
+        "tex": data_uri("text/x-tex;charset=utf-8", table.write("latex").encode()),
+    }
 
 
 def _write(path: Path, text: str) -> None:

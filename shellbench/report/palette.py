@@ -10,6 +10,8 @@ from typing import Any, cast
 
 import matplotlib as mpl
 
+from shellbench import catalog
+
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
 MARKERS = ("P", "v", "X", "D", "^", "s", "o")
@@ -64,13 +66,23 @@ def style() -> Iterator[None]:
 def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
     """Return the colour and marker of each solver.
 
-    A solver's place in the palette follows from its name, so that it looks the same in every report; two names
-    that fall on one place take the next free one in alphabetical order. Beyond the palette's length it repeats.
+    A solver's place in the palette follows from its name, so that it looks the same in every report. Of names that fall
+    on one place, those that the suites declare choose first, whether they are drawn or not, and the others take the
+    next free place in alphabetical order. Beyond the palette's length it repeats.
     """
+    wanted = set(solvers)
     places: dict[str, int] = {}
-    for solver in sorted(set(solvers)):
+    for solver in (*declared_solvers(), *sorted(wanted)):
+        if solver in places:
+            continue
         place = int(hashlib.sha256(solver.encode()).hexdigest(), 16) % len(OKABE_ITO)
         taken = set(places.values())
         free = [(place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO))]
         places[solver] = next((p for p in free if p not in taken), place)
-    return {solver: Ink(OKABE_ITO[place], MARKERS[place]) for solver, place in places.items()}
+    return {solver: Ink(OKABE_ITO[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
+
+
+def declared_solvers() -> tuple[str, ...]:
+    """Return the solvers of the suites, those of comparisons before those of studies."""
+    suites = sorted(map(catalog.find_suite, catalog.suite_names()), key=lambda suite: suite.study is not None)
+    return tuple(dict.fromkeys(run.solver for suite in suites for run in suite.runs))

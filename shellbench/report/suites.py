@@ -10,11 +10,27 @@ from shellbench.bench.row import Row
 NO_SUITE = "other"  # for runs that no suite declares
 
 
+def is_study(suite: str) -> bool:
+    """Tell whether a suite studies something else than how right solvers are."""
+    return suite in catalog.suite_names() and catalog.find_suite(suite).study is not None
+
+
+def compared(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows that hold solvers against known values; those of studies alone are evidence of other things."""
+    return [row for row in rows if not row.suites or not all(map(is_study, row.suites))]
+
+
+def shown_under(row: Row) -> tuple[str, ...]:
+    """Return the suites under which a row is shown: no studies, unless it belongs to no other."""
+    suites = row.suites or (row.suite or NO_SUITE,)
+    return tuple(suite for suite in suites if not is_study(suite)) or suites
+
+
 def suites_of(rows: Sequence[Row]) -> list[str]:
     """Return the suites of the rows: the one with most gated rows first, those of equal weight as they appear."""
     weight: dict[str, int] = {}
     for row in rows:
-        for suite in row.suites or (row.suite or NO_SUITE,):
+        for suite in shown_under(row):
             weight[suite] = weight.get(suite, 0) + (row.passed is not None or row.open_finding is not None)
     return sorted(weight, key=lambda suite: -weight[suite])
 
@@ -22,7 +38,7 @@ def suites_of(rows: Sequence[Row]) -> list[str]:
 def rows_of(rows: Sequence[Row], suite: str) -> list[Row]:
     """Return the rows of all runs that a suite declares, in the suite's order of cases."""
     order = catalog.find_suite(suite).order if suite in catalog.suite_names() else ()
-    found = [row for row in rows if suite in (row.suites or (row.suite or NO_SUITE,))]
+    found = [row for row in rows if suite in shown_under(row)]
     return sorted(found, key=lambda row: order.index(row.case) if row.case in order else len(order))
 
 

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
+from shellbench.report.latex_table import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
 
 Format = Literal["text", "markdown", "latex", "csv", "html"]
@@ -36,12 +37,20 @@ class Column:
         Whether numbers are aligned to the right.
     wide
         Whether it holds sentences: neither the terminal nor a printed page has room for it.
+    key
+        Column of the data by which a reader sorts this one at full precision; what its cells show if empty.
     """
 
     heading: str
     show: Show
     right: bool = True
     wide: bool = False
+    key: str = ""
+
+    def sort_value(self, line: Line) -> float | None:
+        """Return the number by which a row of the data is sorted; None if it has none."""
+        value = line.get(self.key)
+        return float(value) if isinstance(value, int | float) and present(value) else None
 
 
 @dataclass(frozen=True)
@@ -78,16 +87,25 @@ class Table:
     notes: tuple[Note, ...] = ()
     sources: tuple[str, ...] = field(default=())
 
+    @property
+    def cited(self) -> tuple[str, ...]:
+        """Keys of all sources in the table and its remarks."""
+        return tuple(dict.fromkeys([*self.sources, *(note.source for note in self.notes if note.source)]))
+
     def columns_in(self, notation: Notation) -> tuple[Column, ...]:
         """Return the columns that a notation shows."""
         return tuple(column for column in self.columns if not column.wide or notation not in (TEXT, LATEX_NOTATION))
 
+    def lines(self) -> Iterator[tuple[str, list[Line]]]:
+        """Yield the heading of each block (plain words) with its rows of the data."""
+        for heading, rows in self.data.groupby("block", sort=False) if len(self.data) else ():
+            yield str(heading), [{str(name): value for name, value in line.items()} for line in rows.to_dict("records")]
+
     def blocks(self, notation: Notation) -> Iterator[tuple[str, list[Cells]]]:
         """Yield the heading of each block (plain words) with its rows of cells in a notation."""
         columns = self.columns_in(notation)
-        for heading, rows in self.data.groupby("block", sort=False) if len(self.data) else ():
-            lines = rows.to_dict("records")
-            yield str(heading), [[column.show(line, notation) for column in columns] for line in lines]
+        for heading, lines in self.lines():
+            yield heading, [[column.show(line, notation) for column in columns] for line in lines]
 
     def write(self, format: Format) -> str:
         """Write the table in a format."""
@@ -142,39 +160,6 @@ def write_markdown(table: Table) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def write_latex(table: Table) -> str:
-    """Write a table for booktabs, with caption, label and remarks; sources are cited by their keys."""
-    tex = LATEX_NOTATION
-    columns = table.columns_in(tex)
-    width = len(columns)
-    cited = " ".join(tex.cite(key) for key in table.sources)
-    caption = f"{tex.strong(tex.escape(table.title) + '.')} {tex.escape(table.caption)}"
-    lines = [
-        "% needs \\usepackage{booktabs}",
-        r"\begin{table*}",
-        r"  \centering",
-        r"  \scriptsize",
-        r"  \setlength{\tabcolsep}{3pt}",
-        rf"  \caption{{{caption}{f' Sources: {cited}.' if cited else ''}}}",
-        rf"  \label{{tab:{table.name.replace('_', '-')}}}",
-        rf"  \begin{{tabular}}{{{''.join('r' if column.right else 'l' for column in columns)}}}",
-        r"    \toprule",
-        f"    {' & '.join(tex.escape(column.heading) for column in columns)} \\\\",
-    ]
-    for heading, block in table.blocks(tex):
-        lines.append(r"    \midrule")
-        if heading:
-            lines.append(rf"    \multicolumn{{{width}}}{{l}}{{\emph{{{tex.escape(heading)}}}}} \\")
-        lines += [f"    {' & '.join(row)} \\\\" for row in block]
-    lines += [r"    \bottomrule", r"  \end{tabular}"]
-    if table.notes:
-        lines += [r"  \par\medskip", r"  \begin{minipage}{\linewidth}"]
-        lines += [rf"    {note.write(tex)}\par" for note in table.notes]
-        lines += [r"  \end{minipage}"]
-    lines.append(r"\end{table*}")
-    return "\n".join(lines) + "\n"
-
-
 def write_html(table: Table) -> str:
     """Write a table element whose blocks and rows have headers that screen readers announce."""
     width = len(table.columns)
@@ -188,20 +173,27 @@ def write_html(table: Table) -> str:
         f"<caption><strong>{HTML.escape(table.title)}.</strong> {HTML.escape(table.caption)}</caption>",
         f"<thead><tr>{head}</tr></thead>",
     ]
-    for heading, block in table.blocks(HTML):
+    for heading, block in table.lines():
         lines.append("<tbody>")
         if heading:
             words = f"<span>{HTML.escape(heading)}</span>"
             lines.append(f'<tr class="block"><th scope="rowgroup" colspan="{width}">{words}</th></tr>')
-        for first, *rest in block:
-            cells = "".join(f'<td class="{side}">{cell}</td>' for cell, side in zip(rest, sides[1:], strict=True))
-            lines.append(f'<tr><th scope="row">{first}</th>{cells}</tr>')
+        for line in block:
+            first, *rest = (_cell(column, side, line) for column, side in zip(table.columns, sides, strict=True))
+            lines.append(f'<tr><th scope="row"{first}</th>{"".join(f"<td{cell}</td>" for cell in rest)}</tr>')
         lines.append("</tbody>")
     lines.append("</table>")
     if table.notes:
         notes = "".join(f"<li>{note.write(HTML)}</li>" for note in table.notes)
         lines.append(f'<ul class="notes">{notes}</ul>')
     return "\n".join(lines) + "\n"
+
+
+def _cell(column: Column, side: str, line: Line) -> str:
+    """Return attributes and content of a cell, to be put into its element."""
+    value = column.sort_value(line)
+    sorted_by = "" if value is None else f' data-value="{value!r}"'
+    return f' class="{side}"{sorted_by}>{column.show(line, HTML)}'
 
 
 def write_csv(table: Table) -> str:

@@ -14,7 +14,7 @@ from shellbench.bench.row import Row
 from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
-from shellbench.report.suites import rows_at_home, rows_of, suite_title, suites_of
+from shellbench.report.suites import compared, rows_at_home, rows_of, suite_title, suites_of
 from shellbench.report.table import Column, Format, Line, Note, Show, Table, present
 
 
@@ -26,13 +26,14 @@ def render(rows: Sequence[Row], format: Format | Literal["json"], known: Known =
     rows
         From `shellbench.bench.compare`.
     format
-        "json" is the list of the rows themselves; all others are tables, one for each suite.
+        "json" is the list of the rows themselves; all others are tables, one for each suite. Those of studies are
+        left out unless there are no others.
     known
         Known values by name of case.
     """
     if format == "json":
         return json.dumps([json.loads(row.model_dump_json()) for row in rows], indent=1) + "\n"
-    tables = displacement_tables(rows, known)
+    tables = displacement_tables(compared(rows) or rows, known)
     if format == "csv":
         return tables_as_csv(tables)
     return "\n".join(table.write(format) for table in tables)
@@ -239,12 +240,12 @@ COMPARISON = (
     Column("Solution", _solution, right=False),
     Column("Theory, origin and source", _origin, right=False, wide=True),
     Column("Seeds", _of_solvers(_seeds)),
-    Column("Value", _value),
-    Column("Error", _error("mean")),
-    Column("Worst seed", _of_solvers(_worst)),
-    Column("Tolerance", _of_solvers(_tolerance)),
+    Column("Value", _value, key="value"),
+    Column("Error", _error("mean"), key="mean_error"),
+    Column("Worst seed", _of_solvers(_worst), key="worst_error"),
+    Column("Tolerance", _of_solvers(_tolerance), key="tolerance"),
     Column("Verdict", _of_solvers(_verdict), right=False),
-    Column("Unknowns", _of_solvers(_count)),
-    Column("Time (s)", _of_solvers(_seconds)),
-    Column("Memory", _of_solvers(_bytes("peak_memory_bytes"))),
+    Column("Unknowns", _of_solvers(_count), key="parameters"),
+    Column("Time (s)", _of_solvers(_seconds), key="seconds"),
+    Column("Memory", _of_solvers(_bytes("peak_memory_bytes")), key="peak_memory_bytes"),
 )

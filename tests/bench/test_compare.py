@@ -14,7 +14,7 @@ from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from tests.bench import strip
 from tests.bench.conftest import forget
-from tests.bench.running import behave, run
+from tests.bench.running import run
 
 CONTRACT = [
     "case",
@@ -194,12 +194,6 @@ def test_changed_tolerances_judge_old_records(store: Store) -> None:
     run(store, "strip", solvers=("toy",))
     edit(catalog.data_folder("cases") / "strip.toml", "toy = 1e-9", "toy = 1e-3")
     assert only(rows(store), quantity="centre").tolerance == 1e-3
-
-
-def test_records_of_a_solver_that_is_gone_do_not_count(store: Store, plugin: Path) -> None:
-    behave(store, "exact")
-    edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", "toy = toy_shells.solver:ExactSolver\n", "")
-    assert rows(store) == []
 
 
 def test_the_newest_record_counts_even_if_it_failed(store: Store, plugin: Path) -> None:

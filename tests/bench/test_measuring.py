@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from shellbench.bench.environment import environment
 from shellbench.bench.measuring import FIELDS, measured, values_of, without_values
-from shellbench.bench.record import HistoryStep, Identity, Record
-from shellbench.bench.sampling import PICTURE, energies_of_states, write_fields
+from shellbench.bench.record import HistoryStep, Identity, Record, ResolutionStep
+from shellbench.bench.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study, write_fields
 from shellbench.bench.task import Task, case_data
 from shellbench.bench.worker import run
 from shellbench.case import Case
@@ -112,6 +114,15 @@ def test_a_record_of_a_broken_path_survives_json(tmp_path: Path) -> None:
 def test_older_records_can_be_read() -> None:
     step = HistoryStep.model_validate({"iteration": 0, "seconds": 1.0, "energy": -1.0, "unknowns": 4})
     assert (step.phase, step.iterations, step.at) == ("solve", None, 1.0)
+    seen = {"points": 10, "probe_difference": 0.0, "interpolation_difference": 1e-3, "largest_displacement": 1.0}
+    assert ResolutionStep.model_validate(seen).interpolation_rms is None
+
+
+def test_a_record_from_before_frame_rates_and_precision_can_be_read(tmp_path: Path) -> None:
+    data = broken_run(spring.loaded_case(), tmp_path).model_dump(mode="json")
+    assert data.pop("frame_rates") == data.pop("precision") == []
+    record = Record.model_validate(data)
+    assert (record.frame_rates, record.precision) == ((), ())
 
 
 def test_an_unfinished_answer_is_no_good_answer(tmp_path: Path) -> None:
@@ -185,3 +196,110 @@ def test_a_history_ends_where_its_energy_is_not_finite(tmp_path: Path) -> None:
     solution.history = (*solution.history[:5], bad, *solution.history[6:])
     found, _ = measured(solution, case, tmp_path)
     assert len(found["history"]) == 5
+
+
+class Told(SpringSolution):
+    """A spring that knows its energy densities, or goes wrong when it is asked for them."""
+
+    wrong: Exception | None = None
+
+    def evaluate(self, name: str, points: Any, at: float | None = None) -> Any:
+        if self.wrong:
+            raise self.wrong
+        return np.full(np.shape(points)[:-1], {"membrane_energy_density": 0.5, "bending_energy_density": 2.0}[name])
+
+
+def test_energy_densities_are_kept_in_single_precision(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    assert write_fields(Told(case), case, tmp_path / "fields.npz")
+    with np.load(tmp_path / "fields.npz") as fields:
+        for name, value in (("membrane", 0.5), ("bending", 2.0)):
+            density = fields[f"{name}_energy_density"]
+            assert (density.shape, density.dtype) == ((PICTURE, PICTURE), np.float32)
+            assert np.all(density == value)
+
+
+@pytest.mark.parametrize("wrong", [ZeroDivisionError("a bug"), NotImplementedError()])
+def test_densities_that_can_not_be_told_cost_nothing_else(wrong: Exception, tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution = Told(case)
+    solution.wrong = wrong
+    found, why = measured(solution, case, tmp_path)
+    assert why is None
+    assert found["resolution"]
+    with np.load(tmp_path / FIELDS) as fields:
+        assert {"probes", "displacement"} < set(fields)
+        assert not any("density" in name for name in fields)
+
+
+def test_a_full_disk_is_passed_on(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution = Told(case)
+    solution.wrong = OSError(errno.ENOSPC, "No space left on device")
+    with pytest.raises(OSError, match="No space left"):
+        measured(solution, case, tmp_path)
+
+
+def test_a_solution_without_densities_keeps_the_rest(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    write_fields(SpringSolution(case), case, tmp_path / "fields.npz")
+    with np.load(tmp_path / "fields.npz") as fields:
+        assert not any("density" in name for name in fields)
+        assert list(fields["probe_marks"]) == [0.25, 0.5, 1.0]
+
+
+class Shaped(SpringSolution):
+    """A displacement that is a function of both coordinates on the unit square."""
+
+    def __init__(self, case: Case, function: Any) -> None:
+        super().__init__(case)
+        self.function = function
+
+    def displacement(self, points: Any, at: float | None = None, parameters: object = None) -> Any:
+        xi = np.asarray(points, dtype=float)
+        return self.function(xi[..., 0], xi[..., 1])[..., None] * np.array([0.0, 0.0, 1.0])
+
+
+def test_a_bilinear_field_loses_nothing_on_any_grid() -> None:
+    case = spring.loaded_case()
+    for step in resolution_study(Shaped(case, lambda x, y: 1 + 2 * x - y + 3 * x * y), case):
+        assert step.interpolation_difference <= 1e-14
+        assert step.interpolation_rms is not None
+        assert step.interpolation_rms <= 1e-14
+        assert step.probe_difference == 0.0
+
+
+def test_a_quadratic_field_loses_its_parabola_over_each_cell() -> None:
+    case = spring.loaded_case()
+    x = np.linspace(0, 1, max(RESOLUTIONS))
+    for step in resolution_study(Shaped(case, lambda x, y: x**2), case):
+        share = x * (step.points - 1) % 1.0
+        gaps = share * (1 - share) / (step.points - 1) ** 2  # chord less parabola
+        assert step.interpolation_difference == pytest.approx(gaps.max(), rel=1e-6, abs=1e-14)
+        assert step.interpolation_rms == pytest.approx(np.sqrt(np.mean(gaps**2)), rel=1e-6, abs=1e-14)
+        assert step.interpolation_rms <= step.interpolation_difference
+
+
+def test_a_study_that_goes_wrong_costs_no_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case = spring.loaded_case()
+    solution: Any = SpringSolution(case)
+
+    def rounded(format: str) -> tuple[object, int]:
+        raise ZeroDivisionError("a bug")
+
+    solution.rounded = rounded
+    found, why = measured(solution, case, tmp_path)
+    assert why == "the solution can't be measured: ZeroDivisionError: a bug"
+    assert "precision" not in found
+    assert set(found["values"]) == {"half", "full", "bending", "energy"}
+    assert len(found["resolution"]) == len(RESOLUTIONS)
+    assert found["fields_file"] == FIELDS
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_a_plug_in_without_rounding_has_a_whole_record(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    found, why = measured(SpringSolution(case), case, tmp_path)
+    assert why is None
+    assert found["precision"] == ()
+    assert found["frame_rates"] == ()

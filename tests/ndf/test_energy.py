@@ -13,8 +13,7 @@ from shellbench.ndf.field import Field
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.loads import check_balance, concentrated_forces, force_density
 from shellbench.ndf.quadrature import RuleSpec, area_rule
-from shellbench.ndf.ritz import point_constraints, potential_energy, solve_nested
-from shellbench.ndf.solve import solve_output
+from shellbench.ndf.solve import point_constraints, potential_energy, solve_nested, solve_output
 from tests.ndf.shells import FREE, shell, support
 from tests.ndf.test_factors import CASES, random_field
 

@@ -37,7 +37,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize("periodic", ["both", "cosine", "none"])
 def test_jets_of_inputs_match_differences(name, periodic):
     case = CASES[name]
     inputs = Inputs.of(case, periodic, foci(case), edge_layers(case))
@@ -74,7 +74,7 @@ def test_singular_feature_is_that_of_a_plate():
 def test_inputs_and_features_close_on_periodic_surfaces(name):
     case = CASES[name]
     domain = case.surface.domain
-    inputs, features = Inputs.of(case, True, foci(case)), FixedFeatures.of(case, foci(case))
+    inputs, features = Inputs.of(case, "both", foci(case)), FixedFeatures.of(case, foci(case))
     for axis in range(2):
         if domain.periodic[axis]:
             here = inner_points(case)
@@ -89,7 +89,7 @@ def test_without_periodic_inputs_the_shell_is_slit():
     case = CASES["loaded tube"]
     domain = case.surface.domain
     ends = np.array([[domain.lower[0], 1.0], [domain.upper[0], 1.0]])
-    values = Inputs.of(case, False, foci(case)).jets(ends, PLACEMENT)[0]
+    values = Inputs.of(case, "none", foci(case)).jets(ends, PLACEMENT)[0]
     assert (values[0] - values[1]).abs().max() > 0.5
 
 
@@ -99,7 +99,7 @@ def test_inputs_and_features_are_even_at_planes_of_symmetry(name):
     for edge in edge_supports(case):
         if edge.even:
             points = edge_samples(case, edge.edge)[1:-1]
-            for made in (Inputs.of(case, True, foci(case), edge_layers(case)), FixedFeatures.of(case, foci(case))):
+            for made in (Inputs.of(case, "both", foci(case), edge_layers(case)), FixedFeatures.of(case, foci(case))):
                 assert made.jets(points, PLACEMENT)[D1 + edge.edge.axis].abs().max() < 1e-9
 
 
@@ -114,7 +114,7 @@ def test_inputs_are_independent_of_each_other():
     points = {"p": [90, 2.5], "q": [270, 2.5]}
     forces = [{"kind": "point", "on": [n], "force": [0, 0, f]} for n, f in (("p", 1), ("q", -1))]
     case = shell("tube", points=points, loads=forces)
-    inputs = Inputs.of(case, True, foci(case))
+    inputs = Inputs.of(case, "both", foci(case))
     assert len(foci(case)) == 2
     assert inputs.stretched == (False, False, False, True, True)
     values = inputs.jets(case.surface.domain.grid(20, 20).reshape(-1, 2), PLACEMENT)[0]
@@ -137,10 +137,10 @@ def test_layers_at_edges_are_those_of_the_strongest_curvature():
     layers = edge_layers(shell("roof"))
     assert layers == pytest.approx((np.sqrt(0.05 * 3.0) / 3.0, np.sqrt(0.05 * 3.0)), rel=1e-9)
     assert edge_layers(shell("plane")) is None
-    inputs = Inputs.of(shell("roof"), True, (), layers)
+    inputs = Inputs.of(shell("roof"), "both", (), layers)
     assert inputs.stretched == (False, False, True, True, True, True)
     tube = shell("tube")
-    assert sum(Inputs.of(tube, True, (), edge_layers(tube)).stretched) == 2
+    assert sum(Inputs.of(tube, "both", (), edge_layers(tube)).stretched) == 2
 
 
 def test_point_supports_are_foci_as_well():
@@ -152,11 +152,13 @@ def test_point_supports_are_foci_as_well():
 @pytest.mark.parametrize(
     ("surface", "periodic", "axes"),
     [
-        ("plane", True, (0, 1)),
-        ("roof", True, (0, 1, None, None, None, None)),  # stretched toward its four edges
-        ("tube", True, (0, 0, 1, None, None)),  # cosine and sine of the angle, stretched toward two edges
-        ("tube", False, (0, 1, None, None)),
-        ("torus", True, (0, 0, 1, 1)),
+        ("plane", "both", (0, 1)),
+        ("roof", "both", (0, 1, None, None, None, None)),  # stretched toward its four edges
+        ("tube", "both", (0, 0, 1, None, None)),  # cosine and sine of the angle, stretched toward two edges
+        ("tube", "none", (0, 1, None, None)),
+        ("tube", "cosine", (0, 1, None, None)),
+        ("torus", "both", (0, 0, 1, 1)),
+        ("torus", "cosine", (0, 1)),
     ],
 )
 def test_axes_of_inputs_are_the_coordinates_that_they_are(surface, periodic, axes):

@@ -8,7 +8,7 @@ import torch
 
 from shellbench.errors import InputError
 from shellbench.ndf import jets
-from shellbench.ndf.jets import ACTIVATIONS, D1, D2, D11, D12, D22, VALUE, Placement, activation
+from shellbench.ndf.jets import ACTIVATIONS, D1, D2, D11, D12, D22, VALUE, Placement, activation, smooth_activation
 from shellbench.ndf.network import Network, random_features, siren
 
 PLACEMENT = Placement()
@@ -99,10 +99,11 @@ def test_cross_product_and_power_match_nested_differentiation(points):
 
 
 def test_relu_is_refused_with_the_reason():
-    with pytest.raises(InputError, match="second derivatives vanish"):
-        activation("relu")
-    with pytest.raises(InputError, match="allowed are sine"):
-        activation("swish")
+    with pytest.raises(InputError, match=r"second derivatives vanish.* allowed are gelu, sine, tanh"):
+        smooth_activation("relu")
+    for named in (activation, smooth_activation):
+        with pytest.raises(InputError, match="allowed are sine"):
+            named("swish")
 
 
 def test_random_features_follow_their_seed():

@@ -210,7 +210,7 @@ def test_a_slit_tube_is_softer():
     """Without periodic inputs nothing closes the tube: it can only be softer than the closed one."""
     case = shell("tube", supports=[support("end", "xi2_min", clamped=True)],
                  loads=[{"kind": "edge", "on": ["xi2_max"], "vector": ["-sin(xi1)", 0, "cos(xi1)"]}])  # fmt: skip
-    closed, slit = (sum(solve(case, neurons=120, periodic_input=p).energies()) for p in (True, False))
+    closed, slit = (sum(solve(case, neurons=120, periodic_input=p).energies()) for p in ("both", "none"))
     assert slit > 1.5 * closed
 
 
@@ -286,7 +286,7 @@ def test_damaged_files_give_one_sentence(roof, tmp_path):
     with safe_open(path, framework="pt") as file:
         facts = json.loads(file.metadata()["shellbench"])
     for change in (
-        {"solver": "ndf"}, {"format": "other"}, {"case": {}}, {"activation": "relu"}, {"history": [{"x": 1}]},
+        {"solver": "ndf"}, {"format": "other"}, {"case": {}}, {"activation": "step"}, {"history": [{"x": 1}]},
         {"spec": {"layer": -1}}, {"rule": {"panels": 3}}, {"parameters": "many"}, {"diagnostics": None},
     ):  # fmt: skip
         save_file(tensors, damaged, metadata={"shellbench": json.dumps({**facts, **change})})
@@ -321,8 +321,6 @@ def test_what_fails_says_why_and_keeps_what_it_found():
         solve(case, neurons=60, panels=(1, 1), order=2)
     assert caught.value.partial.case == case
     assert caught.value.partial.diagnostics["energy_gap"] > 5e-4
-    with pytest.raises(InputError, match="second derivatives vanish"):
-        solve(case, activation="relu")
     if not torch.cuda.is_available():
         with pytest.raises(InputError, match="not available"):
             solve(case, device="cuda")

@@ -17,7 +17,7 @@ from shellbench.ndf.build import FieldSpec
 from shellbench.ndf.gauss_newton import energy_gradient, quadratic_model
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.network import Network
-from shellbench.ndf.ritz import point_constraints
+from shellbench.ndf.solve import point_constraints
 from shellbench.ndf.trainer import NdfSolver, TrainerSettings
 from shellbench.ndf.training import Plan, Problem, first_state, train
 

@@ -1,0 +1,35 @@
+"""Weights of a field in a shorter floating-point format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from shellbench.ndf.network import Network
+from shellbench.rounding import shortened
+from shellbench.solution import NumberFormat
+
+
+def rounded_tensors(tensors: Sequence[Tensor], format: NumberFormat) -> tuple[list[Tensor], int]:
+    """Return tensors rounded to a format, in the precision they had, and the bytes that they take in the format.
+
+    Each is scaled by its largest magnitude before (see `shellbench.rounding`); one that is no longer than the format
+    stays as it is.
+    """
+    result, bytes_taken = [], 0
+    for tensor in tensors:
+        numbers = tensor.detach().cpu().numpy()
+        short = shortened(numbers, format)
+        result.append(tensor if short.numbers is numbers else torch.from_numpy(short.expanded()).to(tensor))
+        bytes_taken += short.nbytes
+    return result, bytes_taken
+
+
+def rounded_network(network: Network, format: NumberFormat) -> tuple[Network, int]:
+    """Return a network with all weights and biases rounded, and the bytes that they take in the format."""
+    weights, first = rounded_tensors(network.weights, format)
+    biases, second = rounded_tensors(network.biases, format)
+    return replace(network, weights=tuple(weights), biases=tuple(biases)), first + second

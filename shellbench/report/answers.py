@@ -1,0 +1,147 @@
+"""Ways to keep an answer, each with its bytes and its error: the data of memory at stated error.
+
+A solution is kept as its solver does, or with its numbers rounded to a shorter format, or as a mesh made from it (of a
+motion, a sequence of meshes). The bytes of the first two do not depend on the resolution at which it is asked; what
+rounding and interpolation add to the error does not hide, because it was measured and is added here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from shellbench.bench.record import PrecisionStep
+from shellbench.report.ladder import CaseRuns, Ladder, Run
+
+BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
+LEVELS = (1e-2, 1e-3, 1e-4)  # errors at which memory is stated, relative to the largest displacement
+Kept = Literal["solved", "rounded", "mesh"]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One way to keep one run.
+
+    Attributes
+    ----------
+    format
+        In words: "as solved", a number format, or the size of a mesh.
+    difference
+        Bound of the difference from the run that all are held against at the same material points, relative to the
+        largest displacement: the run's own, and what rounding or interpolation add; None if it is not known.
+    error
+        Of the headline quantity against its known value, relative (see `headline_size`); None if it is not known.
+    """
+
+    run: Run
+    kept: Kept
+    format: str
+    storage_bytes: int
+    difference: float | None
+    error: float | None
+
+
+def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
+    """Return all ways in which a solver's answers to a case can be kept."""
+    found = [answer for run in ladder.runs for answer in _own_numbers(case, run)]
+    known = [(answer.difference, answer.run) for answer in found if answer.kept == "solved" and answer.difference]
+    if known:
+        smallest, best = min(known, key=lambda pair: pair[0])
+        found += _meshes(case, best, smallest)
+    return found
+
+
+def fewest(candidates: Sequence[Answer], level: float) -> Answer | None:
+    """Return the answer of fewest bytes whose displacement is within a level everywhere it was asked; None if none."""
+    return _smallest([answer for answer in candidates if answer.difference is not None and answer.difference <= level])
+
+
+def fewest_for_headline(candidates: Sequence[Answer], level: float) -> Answer | None:
+    """Return the answer of fewest bytes whose headline quantity is within a level of its known value; None if none."""
+    return _smallest([answer for answer in candidates if answer.error is not None and answer.error <= level])
+
+
+def field_is_known(case: CaseRuns, level: float) -> bool:
+    """Tell whether the run that all are held against is itself known to a level."""
+    return case.doubt is not None and bool(case.scale) and case.doubt <= level * (case.scale or 0.0)
+
+
+def headline_is_known(case: CaseRuns, ladder: Ladder, level: float) -> bool:
+    """Tell whether the headline quantity is known to a level."""
+    row, size = ladder.finest.row, headline_size(case, ladder.finest)
+    return size is not None and (row.reference_uncertainty or 0.0) <= level * size
+
+
+def headline_size(case: CaseRuns, run: Run) -> float | None:
+    """Return what errors of the headline quantity are relative to; None if its value is not known.
+
+    It is the known value or, where a length is judged by its absolute error, the largest displacement.
+    """
+    row = run.row
+    if row.reference is None or row.value is None:
+        return None
+    if row.relative_error is not None:
+        return abs(row.reference) or None
+    return case.scale if row.unit == "m" else None
+
+
+def own_difference(case: CaseRuns, run: Run) -> float | None:
+    """Return how far a run is from the one that all are held against, relative, and no less than that one is known."""
+    if case.yardstick is None or not case.scale:
+        return None
+    doubt = case.doubt / case.scale if case.doubt is not None else None
+    if run is case.yardstick:
+        return doubt
+    found = run.difference(case.yardstick)
+    return max(found.largest / case.scale, doubt or 0.0) if found is not None else None
+
+
+def _own_numbers(case: CaseRuns, run: Run) -> Iterator[Answer]:
+    own = own_difference(case, run)
+    if run.record.storage_bytes:
+        yield Answer(run, "solved", "as solved", run.record.storage_bytes, own, _headline_error(case, run, 0.0))
+    for step in run.record.precision:
+        if step.largest_difference is None or step.storage_bytes >= (run.record.storage_bytes or 0):
+            continue
+        added = own + step.largest_difference / case.scale if own is not None and case.scale else None
+        error = _headline_error(case, run, change_by_rounding(run, step))
+        yield Answer(run, "rounded", step.format, step.storage_bytes, added, error)
+
+
+def change_by_rounding(run: Run, step: PrecisionStep) -> float | None:
+    """Return by how much rounding changes the headline quantity, relative; None if it is not known, or was zero."""
+    name = run.row.quantity
+    exact = next((other.quantities.get(name) for other in run.record.precision if other.format == "float64"), None)
+    if exact is None and name in run.record.values:
+        exact = run.record.values[name].value
+    return step.quantities[name] / exact - 1 if exact and name in step.quantities else None
+
+
+def _headline_error(case: CaseRuns, run: Run, change: float | None) -> float | None:
+    size, value, reference = headline_size(case, run), run.row.value, run.row.reference
+    if size is None or value is None or reference is None or change is None:
+        return None
+    return abs(value * (1 + change) - reference) / size
+
+
+def _meshes(case: CaseRuns, run: Run, own: float) -> Iterator[Answer]:
+    """Yield the meshes that were made of a run, but for the finest, at whose points the others were held against it."""
+    scale = case.scale or 1.0
+    grids = sorted(run.record.resolution, key=lambda step: step.points)[:-1]
+    if not case.moves:
+        states = len(run.probes.marks) if run.probes is not None else 1
+        for grid in grids:
+            size = BYTES_A_POINT * grid.points**2 * states
+            words = f"mesh {grid.points}×{grid.points}" + (f", {states} states" if states > 1 else "")
+            yield Answer(run, "mesh", words, size, own + grid.interpolation_difference / scale, None)
+        return
+    for rate in sorted(run.record.frame_rates, key=lambda step: step.frames)[:-1]:
+        for grid in grids:
+            size = BYTES_A_POINT * grid.points**2 * rate.frames
+            added = (grid.interpolation_difference + rate.interpolation_difference) / scale
+            yield Answer(run, "mesh", f"{rate.frames} meshes {grid.points}×{grid.points}", size, own + added, None)
+
+
+def _smallest(candidates: Sequence[Answer]) -> Answer | None:
+    return min(candidates, key=lambda answer: answer.storage_bytes, default=None)

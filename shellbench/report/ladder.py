@@ -1,0 +1,277 @@
+"""Runs of one case ordered by resolution, solver by solver, and the run that all are held against.
+
+A level holds the runs of one solver that are marginally different discretisations of each other: meshes with a row
+of cells more, other diagonals, or other seeds. Between levels the resolution differs in earnest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+from shellbench import catalog
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.evidence import Evidence
+from shellbench.report.probes import Difference, Probes, difference, read_probes
+from shellbench.report.solutions import grouped, variant_name
+from shellbench.report.suites import compared, leading_rows
+
+ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
+STUDY = "resolution"
+Finer = Literal["unknowns", "time steps"]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run that came to its end.
+
+    Attributes
+    ----------
+    time_steps
+        Of a motion, its steps; 0 where nothing moves.
+    probes
+        None if it kept none.
+    """
+
+    row: Row
+    record: Record
+    time_steps: int
+    probes: Probes | None
+
+    @property
+    def unknowns(self) -> int:
+        """Number of unknowns that were solved for or trained."""
+        return self.record.parameters or 0
+
+    @property
+    def name(self) -> str:
+        """How it departs from its solver's defaults, and its seed."""
+        seed = "" if self.row.seed is None else f", seed {self.row.seed}"
+        return f"{variant_name(self.row) or 'default settings'}{seed}"
+
+    @property
+    def largest(self) -> float:
+        """Largest displacement that it is known to have anywhere, m."""
+        seen = max((step.largest_displacement for step in self.record.resolution), default=0.0)
+        return max(seen, self.probes.largest if self.probes is not None else 0.0)
+
+    def difference(self, other: Run) -> Difference | None:
+        """Return how far it is from another run at the same material points."""
+        return difference(self.probes, other.probes)
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The runs of one solver on one case, from coarse to fine in levels."""
+
+    solver: str
+    levels: tuple[tuple[Run, ...], ...]
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """All runs, from coarse to fine."""
+        return tuple(run for level in self.levels for run in level)
+
+    @property
+    def finest(self) -> Run:
+        """The run that stands for the finest level: most unknowns, and of these most time steps."""
+        return leader(self.levels[-1])
+
+    @property
+    def line(self) -> tuple[Run, ...]:
+        """The runs that stand for the levels which have the finest run's time steps, from coarse to fine."""
+        leaders = map(leader, self.levels)
+        return tuple(run for run in leaders if _near(run.time_steps, self.finest.time_steps))
+
+    @property
+    def other_time_steps(self) -> tuple[Run, ...]:
+        """The runs that stand for the other levels."""
+        return tuple(run for run in map(leader, self.levels) if run not in self.line)
+
+    def steps(self, finer: Finer) -> list[tuple[Run, Run]]:
+        """Return pairs of runs of one seed, where possible, at successive levels of the one or the other resolution."""
+        pairs: list[tuple[Run, Run]] = []
+        for place, level in enumerate(self.levels):
+            below = [other for other in self.levels[:place] if _next(leader(other), leader(level), finer)]
+            if below:
+                fine = leader(level)
+                pairs.append((_of_seed(below[-1], fine.row.seed), fine))
+        return pairs
+
+    def last_step(self, finer: Finer) -> tuple[Run, Run] | None:
+        """Return the finest pair of runs at successive levels; None if there is none."""
+        return self.steps(finer)[-1] if self.steps(finer) else None
+
+    def change(self) -> Difference | None:
+        """Return the larger difference of the last step in unknowns and the last step in time."""
+        pairs = [pair for finer in FINER if (pair := self.last_step(finer)) is not None]
+        found = [change for coarse, fine in pairs if (change := fine.difference(coarse)) is not None]
+        return max(found, key=lambda change: change.largest, default=None)
+
+
+FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
+
+
+@dataclass(frozen=True)
+class CaseRuns:
+    """All runs of one case that can be compared.
+
+    Attributes
+    ----------
+    failed
+        Number of runs of the study that did not come to an end, by solver.
+    """
+
+    case: str
+    title: str
+    moves: bool
+    ladders: tuple[Ladder, ...]
+    failed: dict[str, int]
+
+    @cached_property
+    def yardstick(self) -> Run | None:
+        """The run that solvers are held against: of their finest, the one with the smallest error of the headline.
+
+        An error below the known value's uncertainty counts as the latter; of equals, a run without a seed comes first,
+        then one with more unknowns. Without a known value it is the run without a seed that changed least from the
+        resolution before it.
+        """
+        finest = {id(ladder.finest): ladder for ladder in self.ladders if ladder.finest.probes is not None}
+        runs = [ladder.finest for ladder in finest.values()]
+        judged = [(error, run) for run in runs if (error := _error(run.row)) is not None]
+        if judged:
+            return min(judged, key=lambda one: (one[0], one[1].row.seed is not None, -one[1].unknowns))[1]
+
+        def changed(run: Run) -> float:
+            change = finest[id(run)].change()
+            return math.inf if change is None else change.largest
+
+        certain = [run for run in runs if run.row.seed is None] or runs
+        return min(certain, key=lambda run: (changed(run), -run.unknowns), default=None)
+
+    @property
+    def judged(self) -> bool:
+        """Whether the yardstick was chosen by its error, not for want of a known value."""
+        return self.yardstick is not None and _error(self.yardstick.row) is not None
+
+    @cached_property
+    def scale(self) -> float | None:
+        """The largest displacement of the yardstick, m; None if there is no yardstick, or nothing moved."""
+        return (self.yardstick.largest or None) if self.yardstick is not None else None
+
+    @cached_property
+    def doubt(self) -> float | None:
+        """How well the yardstick itself is known, m; None if nothing is there to tell.
+
+        It is what it changed from the resolution before it; without one, its smallest difference from another solver.
+        """
+        for ladder in self.ladders:
+            if ladder.finest is self.yardstick and (change := ladder.change()) is not None:
+                return change.largest
+        others = [
+            found.largest
+            for ladder in self.ladders
+            if self.yardstick is not None
+            and ladder.finest is not self.yardstick
+            and (found := self.yardstick.difference(ladder.finest)) is not None
+        ]
+        return min(others, default=None)
+
+
+def leader(level: Sequence[Run]) -> Run:
+    """Return the run that stands for a level: fewest unknowns, time steps and changed settings, the lowest seed."""
+    return min(level, key=lambda run: (run.unknowns, run.time_steps, len(run.row.overrides), run.row.seed or 0))
+
+
+def case_runs(evidence: Evidence) -> list[CaseRuns]:
+    """Return the runs of each case with default settings, and those of studies of the resolution."""
+    rows = [row for row in evidence.rows if row.primary]
+    plain = leading_rows(compared(rows))
+    chosen = {id(row) for row in plain} | {id(row) for row in rows if STUDY in map(_study, row.suites)}
+    found = []
+    by_case = grouped((row for row in rows if id(row) in chosen), lambda row: (row.case, row.own_case))
+    for (case, _), of_case in by_case.items():
+        ladders: list[Ladder] = []
+        failed: dict[str, int] = {}
+        for solver, of_solver in grouped(of_case, lambda row: row.solver).items():
+            runs = [run for row in _once(of_solver) if (run := _run(row, evidence)) is not None]
+            lost = sum(row.status in {"failed", "timeout"} for row in of_solver)
+            failed |= {solver: lost} if lost else {}
+            if runs:
+                ladders.append(Ladder(solver, _levels(runs)))
+        if ladders:
+            moves = any(run.time_steps for ladder in ladders for run in ladder.runs)
+            found.append(CaseRuns(case, of_case[0].case_title or case, moves, tuple(ladders), failed))
+    return found
+
+
+def _study(suite: str) -> str | None:
+    return catalog.find_suite(suite).study if suite in catalog.suite_names() else None
+
+
+def _once(rows: Sequence[Row]) -> list[Row]:
+    return list({row.run_id: row for row in reversed(rows)}.values())[::-1]
+
+
+def _run(row: Row, evidence: Evidence) -> Run | None:
+    record = evidence.records.get(row.run_id or "")
+    if record is None or record.status != "ok" or not record.parameters:
+        return None
+    return Run(row, record, _time_steps(record), read_probes(record, evidence.folder))
+
+
+def _time_steps(record: Record) -> int:
+    """Return the steps of the last passage through time: a solver that refines goes through it several times."""
+    steps, upto = 0, math.inf
+    for step in reversed([step for step in record.history if step.phase == "time"]):
+        if step.at >= upto:
+            break
+        steps, upto = steps + 1, step.at
+    return steps
+
+
+def _levels(runs: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
+    ordered = sorted(runs, key=lambda run: (run.unknowns, run.time_steps, run.row.seed or 0))
+    return tuple(
+        level
+        for like in _alike(ordered, lambda run: run.unknowns)
+        for level in _alike(sorted(like, key=lambda run: run.time_steps), lambda run: run.time_steps)
+    )
+
+
+def _alike(runs: Sequence[Run], size: Callable[[Run], int]) -> list[tuple[Run, ...]]:
+    """Split runs in order of size into groups of which none is larger than `ALIKE` times the first."""
+    groups: list[list[Run]] = []
+    for run in runs:
+        if groups and size(run) <= ALIKE * size(groups[-1][0]):
+            groups[-1].append(run)
+        else:
+            groups.append([run])
+    return [tuple(group) for group in groups]
+
+
+def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
+    """Tell whether a run is coarser than another in one way, and alike in the other."""
+    if finer == "unknowns":
+        return fine.unknowns > ALIKE * coarse.unknowns and _near(coarse.time_steps, fine.time_steps)
+    return fine.time_steps > ALIKE * coarse.time_steps and _near(coarse.unknowns, fine.unknowns)
+
+
+def _near(one: int, other: int) -> bool:
+    return max(one, other) <= ALIKE * min(one, other)
+
+
+def _of_seed(level: Sequence[Run], seed: int | None) -> Run:
+    return leader([run for run in level if run.row.seed == seed] or level)
+
+
+def _error(row: Row) -> float | None:
+    """Return the error of the headline, relative or, where it is judged so, absolute; at least what is known of it."""
+    doubt = row.reference_uncertainty or 0.0
+    if row.relative_error is not None:
+        return max(abs(row.relative_error), doubt / abs(row.reference) if row.reference else 0.0)
+    return None if row.absolute_error is None else max(abs(row.absolute_error), doubt)

@@ -1,0 +1,159 @@
+r"""A table for LaTeX: booktabs, a caption that can be cited, and no more than a page has room for.
+
+A file is whole in itself, to be read by ``\input``. A table that is longer than a page goes on in further floats of the
+same number; one that is wider has its columns of words broken into lines. What does not fit even so is made smaller,
+which TeX decides, as it alone knows the widths of letters. It needs the packages ``array``, ``booktabs`` and
+``graphicx``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from shellbench.report.latex_letters import with_letters_of_latex
+from shellbench.report.notation import LATEX_NOTATION, TEXT
+
+if TYPE_CHECKING:
+    from shellbench.report.table import Cells, Column, Table
+
+PAGE_LINES = 76  # of \scriptsize on a page of A4 or letter paper, caption included
+LINE_LETTERS = 135  # of \scriptsize in a line of 17 cm
+GAP_LETTERS = 2  # what \tabcolsep takes on both sides of a column
+WORDS_LETTERS = 30  # a wider column of words is broken into lines, where the table is too wide
+LETTER_EM = 0.5  # mean width of a letter
+RULED_LINES = 1.5  # a heading with the rule above it
+PACKAGES = ("array", "booktabs", "graphicx")
+
+
+@dataclass
+class _Page:
+    """One float: blocks of rows, and remarks below them."""
+
+    lines: float = 0.0
+    blocks: list[tuple[str, list[Cells]]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def write_latex(table: Table) -> str:
+    """Write a table for booktabs, with caption, label and remarks; sources are cited by their keys."""
+    needed = ", ".join(PACKAGES)
+    pages = list(_pages(table))
+    floats = [_float(table, page, first=i == 0) for i, page in enumerate(pages)]
+    return with_letters_of_latex(f"% needs the packages {needed}\n" + "\n".join(floats))
+
+
+def _pages(table: Table) -> Iterator[_Page]:
+    """Fill pages with blocks, which are broken only if they are longer than a page, and then with remarks."""
+    tex = LATEX_NOTATION
+    head = 3 + _lines_of(_caption(table))
+    page = _Page(lines=head)
+    heights = _row_heights(table)
+    done = 0
+    for heading, rows in table.blocks(tex):
+        tall = heights[done : done + len(rows)]
+        done += len(rows)
+        if page.blocks and page.lines + RULED_LINES + sum(tall) > PAGE_LINES:
+            yield page
+            page = _Page(lines=head)
+        page.blocks.append((heading, []))
+        page.lines += RULED_LINES
+        for row, height in zip(rows, tall, strict=True):
+            if page.blocks[-1][1] and page.lines + height > PAGE_LINES:
+                yield page
+                page = _Page(lines=head + RULED_LINES, blocks=[(heading, [])])
+            page.blocks[-1][1].append(row)
+            page.lines += height
+    for note in (note.write(tex) for note in table.notes):
+        if page.lines + _lines_of(note) > PAGE_LINES and (page.blocks or page.notes):
+            yield page
+            page = _Page(lines=3)
+        page.notes.append(note)
+        page.lines += _lines_of(note)
+    yield page
+
+
+def _float(table: Table, page: _Page, first: bool) -> str:
+    lines = [r"\begin{table*}[!htbp]", r"  \centering", r"  \scriptsize", r"  \setlength{\tabcolsep}{3pt}"]
+    if first:
+        lines += [rf"  \caption[{LATEX_NOTATION.escape(table.title)}]{{{_caption(table)}}}"]
+        lines += [rf"  \label{{tab:{table.name.replace('_', '-')}}}"]
+    else:
+        lines += [rf"  Table~\ref{{tab:{table.name.replace('_', '-')}}}, continued\par\medskip"]
+    if page.blocks or first:
+        lines += _tabular(table, page)
+    if page.notes:
+        lines += [r"  \par\medskip", r"  \begin{minipage}{\linewidth}", r"    \raggedright"]
+        lines += [rf"    {note}\par" for note in page.notes]
+        lines += [r"  \end{minipage}"]
+    lines.append(r"\end{table*}")
+    return "\n".join(lines) + "\n"
+
+
+def _tabular(table: Table, page: _Page) -> list[str]:
+    tex = LATEX_NOTATION
+    columns = table.columns_in(tex)
+    width = len(columns)
+    lines = [
+        r"  \setbox0=\hbox{%",
+        rf"  \begin{{tabular}}{{{''.join(_alignments(table))}}}",
+        r"    \toprule",
+        f"    {' & '.join(tex.escape(column.heading) for column in columns)} \\\\",
+    ]
+    for heading, block in page.blocks:
+        lines.append(r"    \midrule")
+        if heading:
+            lines.append(rf"    \multicolumn{{{width}}}{{l}}{{\emph{{{tex.escape(heading)}}}}} \\")
+        lines += [f"    {' & '.join(row)} \\\\" for row in block]
+    lines += [r"    \bottomrule", r"  \end{tabular}}%"]
+    return [*lines, r"  \ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\box0}\else\box0\fi"]
+
+
+def _caption(table: Table) -> str:
+    tex = LATEX_NOTATION
+    cited = f" Sources: {', '.join(map(tex.cite, table.sources))}." if table.sources else ""
+    return f"{tex.strong(tex.escape(table.title) + '.')} {tex.escape(table.caption)}{cited}"
+
+
+def _letters(table: Table) -> list[tuple[Column, list[int]]]:
+    """Return the columns, and how many letters each cell has, the heading first."""
+    columns = table.columns_in(LATEX_NOTATION)
+    cells = [row for _, block in table.blocks(TEXT) for row in block]
+    return [(column, [len(column.heading), *(len(row[i]) for row in cells)]) for i, column in enumerate(columns)]
+
+
+def _widths(table: Table) -> list[int | None]:
+    """Return the letters of a line for columns that are broken into lines, None for the others."""
+    letters = _letters(table)
+    natural = [max(count) + GAP_LETTERS for _, count in letters]
+    if sum(natural) <= LINE_LETTERS:
+        return [None] * len(natural)
+    words = [not column.right and wide > WORDS_LETTERS for (column, _), wide in zip(letters, natural, strict=True)]
+    others = sum(wide for wide, word in zip(natural, words, strict=True) if not word)
+    share = max(WORDS_LETTERS, (LINE_LETTERS - others) // max(1, sum(words)))
+    return [min(share, wide) if word else None for wide, word in zip(natural, words, strict=True)]
+
+
+def _alignments(table: Table) -> list[str]:
+    columns = table.columns_in(LATEX_NOTATION)
+    return [
+        ("r" if column.right else "l")
+        if letters is None
+        else rf">{{\raggedright\arraybackslash}}p{{{LETTER_EM * letters:g}em}}"
+        for column, letters in zip(columns, _widths(table), strict=True)
+    ]
+
+
+def _row_heights(table: Table) -> list[int]:
+    """Return how many lines each row of cells takes."""
+    counts = [count[1:] for _, count in _letters(table)]
+    widths = _widths(table)
+    return [
+        max(-(-cell // width) if width else 1 for cell, width in zip(cells, widths, strict=True))
+        for cells in zip(*counts, strict=True)
+    ]
+
+
+def _lines_of(latex: str) -> int:
+    return -(-len(latex) // LINE_LETTERS)

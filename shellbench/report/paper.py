@@ -1,0 +1,198 @@
+r"""The report for a paper: each table a file for ``\input``, each figure a PDF, and a document that shows them all.
+
+What stands here is what the page shows. A caption says its theory and cites its sources, so that a table can be taken
+into another document as it is.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from shellbench import __version__, catalog
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.errors import InputError
+from shellbench.report import evidence
+from shellbench.report.bibliography import read_bibliography
+from shellbench.report.derivation import TITLE as NEWTON_TITLE
+from shellbench.report.effort import effort_table
+from shellbench.report.evidence import Evidence
+from shellbench.report.exhibit import PRINT_DPI, Exhibit
+from shellbench.report.exhibits import exhibits
+from shellbench.report.fields import field_table
+from shellbench.report.latex_letters import with_letters_of_latex
+from shellbench.report.latex_table import PACKAGES
+from shellbench.report.motion_tables import motion_tables
+from shellbench.report.newton import newton_table
+from shellbench.report.notation import LATEX_NOTATION
+from shellbench.report.palette import style
+from shellbench.report.provenance import environment_words, makings
+from shellbench.report.resolution import mesh_table, resolution_table
+from shellbench.report.solutions import Known, theory_words
+from shellbench.report.strains import strain_table
+from shellbench.report.suites import compared, rows_at_home
+from shellbench.report.summary import overall
+from shellbench.report.table import Table, present
+from shellbench.report.tables import displacement_tables, quantity_tables
+
+DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
+OWN = "shellbench"  # source of known values that were computed here, by independent programs
+OWN_ENTRY = f"""@misc{{{OWN},
+  title = {{shellbench {__version__}}},
+  note  = {{Computed for this suite by a program of its own; see its folders references and tests/origins}},
+}}
+"""
+LINE_INCHES = 17 / 2.54  # of the document
+ERROR_WORDS = ("error", "reference", "mean", "worst")  # columns of figures that known values judge are called so
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """A section of the document."""
+
+    title: str
+    words: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    exhibits: tuple[Exhibit, ...] = ()
+
+
+def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values) -> Path:
+    """Write tables, figures, bibliography and the document that shows them.
+
+    Parameters
+    ----------
+    store
+        Holds the records that the rows refer to, and their files.
+    rows
+        From `shellbench.bench.compare`; missing runs may be among them.
+    out
+        Folder to write; made if need be, tables and figures of an older paper are removed.
+    known
+        Known values by name of case.
+
+    Returns
+    -------
+    Path
+        The document, ``paper.tex``.
+
+    Raises
+    ------
+    InputError
+        If the store can't be read, or `out` is a file or can't be written.
+    """
+    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
+    named = {row.run_id for row in rows}
+    records = {record.run_id: record for record in store.read().records if record.run_id in named}
+    chapters = _chapters(Evidence(records, rows, store.folder, known))
+    try:
+        for name in ("tables", "figures"):
+            shutil.rmtree(out / name, ignore_errors=True)
+            (out / name).mkdir(parents=True)
+        for chapter in chapters:
+            for table in chapter.tables:
+                _write(out / "tables" / f"{table.name}.tex", table.write("latex"))
+            for exhibit in chapter.exhibits:
+                _draw(exhibit, out / "figures")
+        bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
+        given = bibliography.read_text(encoding="utf-8") if bibliography.is_file() else ""
+        own = "" if OWN in read_bibliography(bibliography) else OWN_ENTRY
+        _write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
+        _write(out / DOCUMENT, _document(chapters, records, rows))
+    except OSError as error:
+        raise InputError(f"{out}: the paper can't be written ({error.strerror})") from None
+    return out / DOCUMENT
+
+
+def _chapters(found: Evidence) -> list[Chapter]:
+    """Return the sections of the document that have something to show, their tables with theory and sources."""
+    records, rows, folder, known = found.records, compared(found.rows), found.folder, found.known
+    by_id = dict(records)
+    with style():
+        sections = evidence.sections(found)
+    seen = (resolution_table(by_id, rows), mesh_table(by_id, rows), field_table(by_id, rows, folder))
+    chapters = [
+        Chapter("Displacements", tables=tuple(displacement_tables(rows, known))),
+        Chapter("Other quantities", tables=tuple(quantity_tables(rows, known))),
+        Chapter("Paths", tables=_there(effort_table(by_id, rows))),
+        Chapter("Strain measures", tables=_there(strain_table(rows))),
+        Chapter(NEWTON_TITLE, tables=_there(newton_table(by_id, rows))),
+        Chapter("Cloth in motion", tables=tuple(motion_tables(by_id, rows, folder))),
+        Chapter("Resolution", tables=_there(*seen)),
+        *(Chapter(s.title, s.words, s.tables, s.exhibits) for s in sections),
+        Chapter("Figures", exhibits=tuple(exhibits(by_id, rows, folder, known))),
+    ]
+    stated = [replace(c, tables=tuple(_stated(table, found) for table in c.tables)) for c in chapters]
+    return [chapter for chapter in stated if chapter.tables or chapter.exhibits]
+
+
+def _draw(exhibit: Exhibit, folder: Path) -> None:
+    with style():
+        path = folder / f"{exhibit.name}.pdf"
+        exhibit.figure.savefig(path, format="pdf", dpi=PRINT_DPI, metadata={"CreationDate": None})
+
+
+def _there(*tables: Table | None) -> tuple[Table, ...]:
+    return tuple(table for table in tables if table is not None)
+
+
+def _stated(table: Table, found: Evidence) -> Table:
+    """Return the table with a caption that says what theory its cases ask for, and whose figures judge them."""
+    cases = _cases(table)
+    theories = dict.fromkeys(
+        theory_words(str(record.case["theory"])) for record in found.records.values() if record.case_name in cases
+    )
+    unsaid = [theory for theory in theories if theory not in table.caption]
+    caption = f"{table.caption} Theory: {' and '.join(unsaid)}." if unsaid else table.caption
+    judged = any(str(name).startswith(ERROR_WORDS) for name in table.data.columns)
+    sources = table.sources or (tuple(dict.fromkeys(_judges(cases, found.known))) if judged else ())
+    return replace(table, caption=caption, sources=sources)
+
+
+def _cases(table: Table) -> list[str]:
+    return list(dict.fromkeys(map(str, table.data["case"]))) if "case" in table.data else []
+
+
+def _judges(cases: Iterable[str], known: Known) -> Iterable[str]:
+    for case in cases:
+        yield from (value.source for value in known(case).values if value.role == "judge" and present(value.source))
+
+
+def _document(chapters: Sequence[Chapter], records: Mapping[str, Record], rows: Sequence[Row]) -> str:
+    made, environments = makings(records, rows)
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("shellbench.report"),
+        autoescape=False,
+        block_start_string="<%",
+        block_end_string="%>",
+        variable_start_string="<<",
+        variable_end_string=">>",
+        comment_start_string="<#",
+        comment_end_string="#>",
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    environment.filters["words"] = LATEX_NOTATION.escape
+    facts: dict[str, Any] = {
+        "version": __version__,
+        "packages": PACKAGES,
+        "line_inches": LINE_INCHES,
+        "verdict": overall(compared(rows)).words,
+        "chapters": chapters,
+        "environments": [environment_words(one) for one in environments],
+        "commands": dict.fromkeys(making.command for making in made),
+        "cited": any(table.cited for chapter in chapters for table in chapter.tables),
+    }
+    return with_letters_of_latex(environment.get_template("paper.tex.j2").render(facts))
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")

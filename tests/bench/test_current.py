@@ -1,0 +1,100 @@
+"""Which records count: what today's case and solver would make again, and what an absent solver has left."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shellbench import catalog
+from shellbench.bench.baseline import Baseline
+from shellbench.bench.compare import rows, rows_and_notes
+from shellbench.bench.current import current_runs
+from shellbench.bench.gate import Scope, gate, move_baseline
+from shellbench.bench.store import Store
+from shellbench.errors import InputError, ShellbenchError
+from tests.bench.running import run
+from tests.bench.test_compare import edit
+
+pytestmark = pytest.mark.usefixtures("toys")
+QUANTITIES = 3
+
+
+@pytest.fixture
+def recorded(toys: Path, store: Store) -> Store:
+    run(store, "strip", solvers=("toy",))
+    return store
+
+
+def uninstall(plugin: Path) -> None:
+    edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", "toy = toy_shells.solver:ExactSolver\n", "")
+
+
+def remove_source(plugin: Path) -> None:
+    entry = "toy = toy_shells.solver:ExactSolver"
+    edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", entry, "toy = toy_shells.gone:ExactSolver")
+
+
+@pytest.mark.parametrize("leave", [uninstall, remove_source])
+def test_records_of_an_absent_solver_are_shown_with_a_note(recorded: Store, plugin: Path, leave) -> None:
+    before = rows(recorded)
+    leave(plugin)
+    found, notes = rows_and_notes(recorded)
+    assert found == before
+    assert len(found) == QUANTITIES
+    assert notes == ("solver 'toy' is not installed: 1 stored run is shown as recorded, and no gate takes them",)
+
+
+@pytest.mark.parametrize("leave", [uninstall, remove_source])
+def test_no_gate_takes_the_record_of_an_absent_solver(recorded: Store, plugin: Path, leave) -> None:
+    scope = Scope(suites=("toys",))
+    gated = [f for f in gate(recorded, None, scope).accuracy if f.row.solver == "toy"]
+    assert {f.colour for f in gated} == {"green"}
+    leave(plugin)
+    findings = [f for f in gate(recorded, None, scope).accuracy if f.row.solver == "toy"]
+    assert len(findings) == len(gated)
+    assert {(f.colour, f.row.status) for f in findings} == {("red", "missing")}
+    assert all("toy" in f.sentence for f in findings)  # says which solver, in one sentence
+    assert not any("\n" in f.sentence for f in findings)
+
+
+def test_no_baseline_remembers_an_absent_solver(recorded: Store, plugin: Path) -> None:
+    uninstall(plugin)
+    with pytest.raises(ShellbenchError, match="not moved"):
+        move_baseline(recorded, Baseline(values=(), costs=()), Scope(suites=("toys",)))
+    with pytest.raises(InputError, match="unknown solver 'toy'"):
+        gate(recorded, None, Scope(solvers=("toy",)))
+
+
+def test_a_changed_solver_is_left_out_while_it_is_there(recorded: Store, plugin: Path) -> None:
+    edit(plugin / "toy_shells" / "strip.py", "24", "25")
+    found, notes = rows_and_notes(recorded)
+    assert found == []
+    assert notes == ("1 stored run is left out: the solver has changed since",)
+
+
+def test_the_record_of_an_absent_solver_answers_for_todays_case_only(recorded: Store, plugin: Path) -> None:
+    uninstall(plugin)
+    edit(catalog.data_folder("cases") / "strip.toml", "thickness = 0.1", "thickness = 0.2")
+    found, notes = rows_and_notes(recorded)
+    assert found == []
+    assert notes == ("1 stored run is left out: the case has changed since",)
+
+
+def test_of_two_sources_of_an_absent_solver_the_newest_counts(recorded: Store, plugin: Path) -> None:
+    edit(plugin / "toy_shells" / "strip.py", "24", "25")
+    run(recorded, "strip", solvers=("toy",))
+    newest = recorded.read().records[-1]
+    uninstall(plugin)
+    runs = current_runs(recorded.read()).runs
+    assert [r.record.run_id for r in runs] == [newest.run_id]
+    assert not runs[0].installed
+
+
+def test_what_asks_for_installed_solvers_finds_no_other(recorded: Store, plugin: Path) -> None:
+    found = current_runs(recorded.read())
+    assert found.find("strip", "toy", {}, 0) is not None
+    uninstall(plugin)
+    found = current_runs(recorded.read())
+    assert found.find("strip", "toy", {}, 0) is None
+    assert found.find("strip", "toy", {}, 0, installed=False) is not None

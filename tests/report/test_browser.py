@@ -1,0 +1,453 @@
+"""The page in a real browser: nothing is fetched, shells turn and move, tables sort, by hand, by key and on paper."""
+
+import base64
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+
+from shellbench.bench.store import Store as Records
+from shellbench.report import exhibit, exhibits, page, shells
+from shellbench.report.fields import read_fields
+from shellbench.report.projection import AXES_TO_UP
+from shellbench.report.scene import pictured
+from tests.report.motion import BROKEN, OFFSET
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = (
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync"),
+    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),  # WebGL by software
+)
+WITHOUT_WEBGL = ("--disable-3d-apis", "--disable-webgl")
+NARROW = {"width": 360, "height": 740}
+MILLIONTH = 3e-5  # of the largest component: what two bytes keep
+
+
+@pytest.fixture(scope="module")
+def playwright():
+    reason = "the page is tested in a browser: install playwright (pip install playwright) and Chromium or Chrome"
+    api = pytest.importorskip("playwright.sync_api", reason=reason)
+    with api.sync_playwright() as running:
+        yield running
+
+
+def launched(playwright, *flags):
+    path = os.environ.get("SHELLBENCH_BROWSER") or next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip(f"no browser to test the page in: install one of {', '.join(BROWSERS)}, or set SHELLBENCH_BROWSER")
+    return playwright.chromium.launch(executable_path=path, args=[*FLAGS, *flags], headless=True)
+
+
+@pytest.fixture(scope="module")
+def browser(playwright):
+    with launched(playwright) as running:
+        yield running
+
+
+def written(store, folder, figures=exhibits.exhibits):
+    """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
+    with pytest.MonkeyPatch.context() as coarse:
+        coarse.setattr(page, "exhibits", figures)
+        coarse.setattr(exhibit, "SCREEN_DPI", 60)
+        coarse.setattr(shells, "CELLS", 8)
+        return page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
+
+
+@pytest.fixture(scope="module")
+def dense(store, tmp_path_factory):
+    """The store with an energy density in the fields of one run."""
+    folder = tmp_path_factory.mktemp("dense") / "runs"
+    shutil.copytree(store.folder, folder)
+    path = folder / next(r for r in store.records if (r.case_name, r.identity.solver) == PLATE).fields_file
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    x = arrays["xi"][..., 0]
+    np.savez(path, membrane_energy_density=x.astype("f4"), bending_energy_density=(2 * x).astype("f4"), **arrays)
+    return type(store)(folder, store.records, store.rows, store.known)
+
+
+PLATE = ("square_plate", "fem")
+
+
+@pytest.fixture(scope="module")
+def course_page(dense, tmp_path_factory):
+    return written(dense, tmp_path_factory.mktemp("course"))
+
+
+@pytest.fixture(scope="module")
+def cloth_page(motion, tmp_path_factory):
+    def pictures(records, rows, folder, known):
+        return [
+            exhibits.Exhibit(
+                f"{exhibits.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
+            )
+            for one in exhibits.lead_shells(pictured(records, rows), folder)
+        ]
+
+    return written(motion, tmp_path_factory.mktemp("cloth"), pictures)
+
+
+class Open:
+    """A page in a browser, with whatever it complained of or asked for."""
+
+    def __init__(self, browser, path, **context):
+        self.context = browser.new_context(**context)
+        self.page = self.context.new_page()
+        self.complaints, self.requests = [], []
+        self.page.on("console", lambda message: self._heard(message.type, message.text))
+        self.page.on("pageerror", lambda error: self._heard("error", str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(path.as_uri())
+
+    def _heard(self, kind, text):
+        if kind == "error":
+            self.complaints.append(text)
+
+    def view(self, case):
+        """Open a case's view; return its figure."""
+        figure = self.page.locator(f"figure[data-case={case}]")
+        if not figure.locator(".view").count():
+            figure.locator("button.opener").click()
+        figure.locator(".plot canvas").first.wait_for(timeout=60_000)
+        self.settle(case)
+        return figure
+
+    def settle(self, case):
+        self.page.evaluate(f"() => shellbench.views.alive.get({case!r}).drawn")
+
+    def surface(self, case):
+        """What the surface shows: coordinates by the titles of their axes, colours and their bar."""
+        self.settle(case)
+        shown = self.page.evaluate(
+            """(name) => {
+              const { plot } = shellbench.views.alive.get(name);
+              const { x, y, z, surfacecolor, colorbar, cmin, cmax, showscale } = plot.data[0];
+              const { scene } = plot.layout;
+              const axes = { x: scene.xaxis, y: scene.yaxis, z: scene.zaxis };
+              const camera = plot._fullLayout.scene._scene.getCamera();
+              return { x, y, z, surfacecolor, title: colorbar.title.text, cmin, cmax, showscale, camera,
+                       titles: Object.fromEntries(Object.entries(axes).map(([k, v]) => [k, v.title.text])) };
+            }""",
+            case,
+        )
+        return {**shown, **{name: np.array(shown[name]) for name in ("x", "y", "z", "surfacecolor")}}
+
+
+@pytest.fixture(scope="module")
+def course(browser, course_page):
+    opened = Open(browser, course_page, viewport={"width": 1280, "height": 900}, accept_downloads=True)
+    yield opened
+    opened.context.close()
+
+
+@pytest.fixture(scope="module")
+def cloth(browser, cloth_page):
+    opened = Open(browser, cloth_page, viewport={"width": 1280, "height": 900})
+    yield opened
+    opened.context.close()
+
+
+def fields_of(store, case, solver):
+    best = min(
+        (row for row in store.rows if (row.case, row.solver) == (case, solver) and row.default_settings and row.value),
+        key=lambda row: abs(row.relative_error or 0.0),
+    )
+    record = next(record for record in store.records if record.run_id == best.run_id)
+    return read_fields(record, store.folder)
+
+
+def coordinates(shown, up):
+    """Cartesian coordinates (n1, n2, 3): the page draws the axis that points up as its z."""
+    values = np.empty((*shown["x"].shape, 3))
+    for name, axis in zip("xyz", AXES_TO_UP[up], strict=True):
+        values[..., axis] = shown[name]
+        assert shown["titles"][name] in (f"{'xyz'[axis]} (m)", "")
+    return values
+
+
+def set_slider(figure, name, value):
+    figure.locator(f"input[name={name}]").evaluate(
+        "(input, value) => { input.value = value; input.dispatchEvent(new Event('input')); }", str(value)
+    )
+
+
+def choose(figure, name, words):
+    figure.locator(f"select[name={name}]").select_option(label=words)
+
+
+def test_the_page_loads_alone_and_without_a_complaint(course, cloth):
+    for opened in (course, cloth):
+        assert opened.page.title().startswith("shellbench report: ")
+    course.view("scordelis_lo")
+    cloth.view("napkin_plane")
+    for opened in (course, cloth):
+        assert opened.complaints == []
+        assert [url for url in opened.requests if not url.startswith(("file:", "data:", "blob:"))] == []
+        assert len([url for url in opened.requests if url.startswith("file:")]) == 1  # the page itself
+
+
+def test_the_verdict_is_seen_first(course):
+    verdict = course.page.locator(".verdict").bounding_box()
+    assert verdict["y"] + verdict["height"] < 400
+    assert verdict["y"] < course.page.locator("table").first.bounding_box()["y"]
+
+
+def test_the_slider_moves_the_shell(course, dense):
+    figure = course.view("pinched_cylinder_free")
+    fields = fields_of(dense, "pinched_cylinder_free", "fem")
+    highest = float(figure.locator("input[name=scale]").get_attribute("max"))
+    for scale in (0.0, 0.25 * highest, highest):
+        set_slider(figure, "scale", scale)
+        seen = coordinates(course.surface("pinched_cylinder_free"), "z")
+        expected = fields.position + scale * fields.displacement
+        size = np.abs(fields.position).max() + scale * np.abs(fields.displacement).max()
+        assert np.abs(seen - expected).max() < MILLIONTH * size
+    assert f"displacement × {highest:.0f}, coloured by" in figure.locator(".said").inner_text()
+
+
+def test_colours_are_chosen_and_named(course, dense):
+    figure = course.view("square_plate")
+    fields = fields_of(dense, "square_plate", "fem")
+    choose(figure, "colour", "magnitude")
+    shown = course.surface("square_plate")
+    assert shown["title"] == "|u| (m)"
+    size = np.linalg.norm(fields.displacement, axis=-1)
+    assert np.abs(shown["surfacecolor"] - size).max() < MILLIONTH * size.max()
+    choose(figure, "colour", "z component")
+    shown = course.surface("square_plate")
+    assert shown["title"] == "u<sub>z</sub> (m)"
+    assert np.abs(shown["surfacecolor"] - fields.displacement[..., 2]).max() < MILLIONTH * size.max()
+    assert "coloured by u_z (m) from −0.487 to 0" in figure.locator(".said").inner_text()
+    choose(figure, "colour", "strain energy density")
+    shown = course.surface("square_plate")
+    assert shown["title"] == "energy density (J/m²)"
+    assert np.abs(shown["surfacecolor"] - 3 * fields.xi[..., 0]).max() < MILLIONTH * 300
+
+
+def test_a_density_that_was_not_kept_is_no_choice(course):
+    figure = course.view("pinched_cylinder_diaphragm")
+    assert "strain energy density" not in figure.locator("select[name=colour]").inner_text()
+
+
+def test_the_difference_of_two_solvers_is_theirs(course, dense):
+    figure = course.view("square_plate")
+    choose(figure, "shown", "difference: fem − ndf-ritz")
+    shown = course.surface("square_plate")
+    ours, theirs = (fields_of(dense, "square_plate", name).displacement for name in ("fem", "ndf-ritz"))
+    apart = np.linalg.norm(ours - theirs, axis=-1)
+    assert shown["title"] == "|Δu| (m)"
+    assert np.abs(shown["surfacecolor"] - apart).max() < MILLIONTH * apart.max()  # not of the displacement
+    assert shown["cmax"] == pytest.approx(apart.max(), rel=MILLIONTH)
+
+
+def test_at_most_four_are_alive_and_the_others_are_pictures_again(course):
+    page = course.page
+    for case in ("square_plate", "scordelis_lo", "pinched_cylinder_free", "pinched_cylinder_diaphragm"):
+        course.view(case)
+    assert page.evaluate("() => shellbench.views.alive.size") == 4
+    figure = page.locator("figure[data-case=scordelis_lo]")
+    figure.locator("button.opener").click()
+    assert page.evaluate("() => shellbench.views.alive.size") == 3
+    assert figure.locator("img").is_visible()
+    assert not figure.locator(".plot").count()
+    assert course.complaints == []
+
+
+def test_a_fifth_view_closes_the_oldest(cloth):
+    cases = cloth.page.locator("figure[data-case]").evaluate_all("(all) => all.map((one) => one.dataset.case)")
+    assert len(cases) == 4
+    alive = cloth.page.evaluate(
+        """async (cases) => {
+          for (const view of [...shellbench.views.alive.values()]) shellbench.views.close(view);
+          const { alive, open } = shellbench.views;
+          for (const name of cases) await open(document.querySelector(`figure[data-case=${name}]`));
+          const copy = document.querySelector(`figure[data-case=${cases[3]}]`).cloneNode(true);
+          copy.querySelector(".view").remove();
+          copy.dataset.case = "again";
+          const kept = document.getElementById(`view-${cases[3]}`).cloneNode(true);
+          kept.id = "view-again";
+          kept.textContent = kept.textContent.replace(`"case":"${cases[3]}"`, '"case":"again"');
+          document.body.append(copy, kept);
+          await open(copy);
+          return [...alive.keys()];
+        }""",
+        cases,
+    )
+    assert alive == [*cases[1:], "again"]
+    cloth.page.reload()
+
+
+def test_keys_turn_the_shell(course):
+    figure = course.view("scordelis_lo")
+    plot = figure.locator(".plot")
+    plot.focus()
+
+    def angles():
+        eye = course.surface("scordelis_lo")["camera"]["eye"]
+        level = np.hypot(eye["x"], eye["y"])
+        return np.degrees([np.arctan2(eye["y"], eye["x"]), np.arctan2(eye["z"], level)])
+
+    first = angles()
+    course.page.keyboard.press("ArrowRight")
+    course.page.wait_for_timeout(300)
+    assert angles() - first == pytest.approx([10, 0], abs=0.1)
+    course.page.keyboard.press("ArrowUp")
+    course.page.wait_for_timeout(300)
+    assert angles() - first == pytest.approx([10, 10], abs=0.1)
+    figure.locator("button[aria-label='Back to the first view']").click()
+    course.page.wait_for_timeout(300)
+    assert angles() == pytest.approx(first, abs=0.1)
+    assert plot.get_attribute("tabindex") == "0"
+    assert "Arrow keys" in plot.get_attribute("aria-label")
+    labels = figure.locator("input, select, button").evaluate_all(
+        "(all) => all.map((one) => one.closest('label')?.textContent || one.getAttribute('aria-label') || one.textContent)"
+    )
+    assert all(label.strip() for label in labels)
+
+
+def test_motions_have_a_slider_over_time(cloth, motion):
+    cloth.page.evaluate("() => [...shellbench.views.alive.values()].forEach(shellbench.views.close)")
+    figure = cloth.view("pendulum_strip")
+    fields = fields_of(motion, "pendulum_strip", "fem")
+    marks = json.loads(cloth.page.locator("#view-pendulum_strip").text_content())["marks"]
+    for place in (0, len(marks) // 2, len(marks) - 1):
+        set_slider(figure, "mark", place)
+        t = float(marks[place].split()[2])
+        assert marks[place] in figure.locator(".said").inner_text()
+        frame = int(np.argmin(np.abs(fields.marks - t)))
+        assert fields.marks[frame] == pytest.approx(t, rel=1e-3, abs=1e-9)
+        seen = coordinates(cloth.surface("pendulum_strip"), up_of(cloth, "pendulum_strip"))
+        expected = fields.position + fields.displacements[frame]
+        assert np.abs(seen - expected).max() < MILLIONTH * 3
+    broken = next(o for o in figure.locator("select[name=shown] option").all_inner_texts() if "(failed)" in o)
+    choose(figure, "shown", broken.strip())
+    assert float(marks[-1].split()[2]) > BROKEN
+    assert "no such state was kept" in figure.locator(".said").inner_text()
+    assert cloth.complaints == []
+
+
+def up_of(opened, case):
+    return json.loads(opened.page.locator(f"#view-{case}").text_content())["up"]
+
+
+def test_a_motion_plays_and_stops(cloth):
+    figure = cloth.page.locator("figure[data-case=free_fall]")
+    cloth.view("free_fall")
+    set_slider(figure, "mark", 0)
+    figure.get_by_role("button", name="Play all states").click()
+    cloth.page.wait_for_function("() => shellbench.views.alive.get('free_fall').choice.mark > 1")
+    figure.get_by_role("button", name="Stop").click()
+    stopped = figure.locator("input[name=mark]").input_value()
+    cloth.page.wait_for_timeout(600)
+    assert figure.locator("input[name=mark]").input_value() == stopped
+
+
+def test_the_difference_of_motions_is_that_of_their_formulas(cloth):
+    figure = cloth.view("napkin_plane")
+    choose(figure, "shown", "difference: fem − ndf")
+    shown = cloth.surface("napkin_plane")
+    assert shown["surfacecolor"] == pytest.approx(np.full_like(shown["surfacecolor"], OFFSET), rel=1e-4)
+
+
+COLUMN = """(table, column) => [...table.tBodies].map((body) => [...body.rows]
+  .filter((row) => !row.classList.contains("block"))
+  .map((row) => row.cells[column].dataset.value ?? null))"""
+
+
+def test_tables_sort_by_key_and_by_number(course):
+    table = course.page.locator("#displacements_obstacle_course")
+    headings = [text.strip() for text in table.locator("thead th").all_inner_texts()]
+    column = headings.index("Time (s)")
+    heading = table.locator("thead th").nth(column)
+    before = table.evaluate(COLUMN, column)
+    assert len(before) == 4  # blocks stay apart
+    for direction, key in (("ascending", "Enter"), ("descending", "Space")):
+        heading.locator("button").focus()
+        course.page.keyboard.press(key)
+        assert heading.get_attribute("aria-sort") == direction
+        for block in table.evaluate(COLUMN, column):
+            values = [float(value) for value in block if value is not None]
+            assert values == sorted(values, reverse=direction == "descending")
+            assert block[len(values) :] == [None] * (len(block) - len(values))  # those without one come last
+    course.page.keyboard.press("Enter")
+    assert heading.get_attribute("aria-sort") == "none"
+    assert table.evaluate(COLUMN, column) == before
+
+
+def test_columns_without_a_key_sort_by_the_numbers_that_they_show(course):
+    table = course.page.locator("#resolution, table#fields").last
+    assert table.get_attribute("id") == "fields"
+    headings = [text.strip() for text in table.locator("thead th").all_inner_texts()]
+    column = headings.index("Largest")
+    table.locator("thead th button").nth(column).click()
+    for body in table.locator("tbody").all():
+        texts = body.locator("tr:not(.block)").evaluate_all(
+            f"(rows) => rows.map((row) => row.cells[{column}].innerText)"
+        )
+        values = [number(text) for text in texts]
+        assert values == sorted(values)
+        assert len(values) > 1
+
+
+def number(text):
+    mantissa, _, power = text.replace("\u202f", "").rstrip("%").replace("−", "-").partition("×10")
+    return float(mantissa) * 10.0 ** int(power or 0)
+
+
+def test_downloads_hold_what_the_report_wrote(course, course_page):
+    with course.page.expect_download() as caught:
+        course.page.locator("a[download='fields.csv']").click()
+    assert caught.value.suggested_filename == "fields.csv"
+    with open(caught.value.path(), encoding="utf-8") as file:
+        assert file.read() == (course_page.parent / "fields.csv").read_text(encoding="utf-8")
+    link = course.page.locator("a[download='displacements_obstacle_course.csv']").get_attribute("href")
+    assert base64.b64decode(link.partition(",")[2]).decode() in (course_page.parent / "table.csv").read_text("utf-8")
+
+
+def test_a_narrow_screen_does_not_scroll_sideways(browser, course_page):
+    opened = Open(browser, course_page, viewport=NARROW)
+    figure = opened.view("square_plate")
+    assert opened.page.evaluate("() => document.documentElement.scrollWidth") <= NARROW["width"]
+    assert opened.page.evaluate("() => document.body.scrollWidth") <= NARROW["width"]
+    for control in figure.locator("input, select, button").all():
+        box = control.bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= NARROW["width"]
+    opened.context.close()
+
+
+def test_paper_shows_pictures_and_no_controls(course):
+    page = course.page
+    figure = page.locator("figure[data-case=square_plate]")
+    course.view("square_plate")
+    assert not figure.locator("img").is_visible()
+    page.emulate_media(media="print")
+    assert figure.locator("img").is_visible()
+    assert not page.locator(".view, button.opener, .files, nav, details.made").filter(visible=True).count()
+    clipped = page.locator(".wide").evaluate_all(
+        "(all) => all.filter((one) => getComputedStyle(one).overflowX !== 'visible')"
+    )
+    assert clipped == []
+    page.emulate_media(media="screen")
+
+
+def test_without_scripts_the_pictures_and_tables_are_there(browser, course_page):
+    opened = Open(browser, course_page, java_script_enabled=False)
+    page = opened.page
+    assert page.locator("figure[data-case=square_plate] img").is_visible()
+    assert page.locator("button").filter(visible=True).count() == 0
+    assert "Verdict." in page.locator(".verdict").inner_text()
+    opened.context.close()
+
+
+def test_without_webgl_the_page_says_so(playwright, course_page):
+    with launched(playwright, *WITHOUT_WEBGL) as browser:
+        opened = Open(browser, course_page)
+        figure = opened.page.locator("figure[data-case=square_plate]")
+        assert "no WebGL" in figure.locator(".said").inner_text()
+        assert figure.locator("img").is_visible()
+        assert not figure.locator("button.opener").count()
+        assert opened.complaints == []

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from shellbench import catalog
+from shellbench.report.evidence import Evidence
+from shellbench.report.palette import inks
+from shellbench.report.seed_figure import seed_figure
+from shellbench.report.seeds import naturally, section, seed_spreads, seed_table
+from tests.report.conftest import TRUTH, UNCERTAINTY, record, row
+from tests.report.studied import evidence, studied
+
+ERRORS = {0: -3e-3, 1: 1e-3, 2: 5e-3}
+
+
+@pytest.fixture
+def runs(tmp_path):
+    return [studied(tmp_path, "resolution", "field", {"neurons": 60}, e, seed=seed) for seed, e in ERRORS.items()]
+
+
+def line(rows):
+    (found,) = seed_table(seed_spreads({}, rows)).data.to_dict("records")
+    return found
+
+
+def test_mean_spread_and_largest_error_are_those_of_numpy(runs):
+    found = line([of for _, of in runs])
+    truth = TRUTH["square_plate"]
+    values = truth * (1 + np.array(list(ERRORS.values())))
+    assert found["mean"] == pytest.approx(np.mean(values), rel=1e-14)
+    assert found["standard_deviation"] == pytest.approx(np.std(values, ddof=1), rel=1e-12)
+    assert found["relative_standard_deviation"] == pytest.approx(np.std(values, ddof=1) / truth, rel=1e-12)
+    assert found["largest_from_mean"] == pytest.approx(np.max(np.abs(values - np.mean(values))) / truth, rel=1e-12)
+    assert found["mean_error"] == pytest.approx(1e-3)
+    assert (found["largest_error"], found["worst_seed"]) == (pytest.approx(5e-3), 2)
+
+
+def test_the_largest_error_keeps_its_sign(tmp_path):
+    rows = [
+        studied(tmp_path, "resolution", "field", {"neurons": 9}, e, seed=s)[1] for s, e in {4: 1e-3, 7: -2e-3}.items()
+    ]
+    found = line(rows)
+    assert (found["largest_error"], found["worst_seed"]) == (pytest.approx(-2e-3), 7)
+    assert "-0.20 %" in seed_table(seed_spreads({}, rows)).write("text")
+
+
+def test_without_a_known_value_spreads_are_relative_to_the_mean(runs):
+    rows = [of.model_copy(update={"reference": None, "relative_error": None}) for _, of in runs]
+    (spread,) = seed_spreads({}, rows)
+    values = 1 + np.array(list(ERRORS.values()))
+    assert spread.errors == pytest.approx(values / values.mean() - 1)
+    found = line(rows)
+    assert found["relative_standard_deviation"] == pytest.approx(np.std(values, ddof=1) / values.mean())
+    assert found["largest_error"] is None
+    labels = seed_figure([spread], inks(["field"])).axes[0].get_yticklabels()
+    assert labels[0].get_text().endswith("†")
+
+
+def test_a_failed_seed_is_counted_and_left_out(tmp_path, runs):
+    failed = studied(tmp_path, "resolution", "field", {"neurons": 60}, 0.9, seed=3, status="failed")
+    rows = [of for _, of in [*runs, failed]]
+    assert line(rows)["mean"] == line(rows[:3])["mean"]
+    text = seed_table(seed_spreads({}, rows)).write("text")
+    assert "3 of 4" in text
+    assert "1 of 4 failed" in text
+
+
+def test_one_seed_has_no_spread(runs):
+    assert seed_spreads({}, [runs[0][1]]) == []
+    assert section(Evidence({}, [runs[0][1]], None)) is None
+
+
+def test_runs_with_other_settings_are_not_mixed(tmp_path, runs):
+    other = [studied(tmp_path, "resolution", "field", {"neurons": 7}, 10 * e, seed=s) for s, e in ERRORS.items()]
+    spreads = seed_spreads({}, [of for pair in zip(runs, other, strict=True) for _, of in pair])
+    assert [spread.solution for spread in spreads] == ["field, neurons 7", "field, neurons 60"]  # by number
+    assert spreads[0].deviation == pytest.approx(10 * spreads[1].deviation)
+
+
+def test_numbers_in_words_sort_as_numbers():
+    assert sorted(["w 10", "w 9", "w 9, a", "v 11"], key=naturally) == ["v 11", "w 9", "w 9, a", "w 10"]
+
+
+def test_a_figure_for_each_suite_marks_every_run_with_default_settings(tmp_path, runs):
+    case = catalog.named_case("scordelis_lo")
+    made = [record(tmp_path, case, "field", seed, error) for seed, error in ERRORS.items()]
+    held = evidence(tmp_path, [*runs, *((one, row(one)) for one in made)])
+    found = section(held)
+    assert [exhibit.name for exhibit in found.exhibits] == ["seeds_obstacle_course"]
+    axes = found.exhibits[0].figure.axes[0]
+    marks = [line for line in axes.get_lines() if line.get_marker() not in ("None", "none", None)]
+    drawn = sorted(float(x) for line in marks for x in line.get_xdata())
+    assert drawn == pytest.approx(sorted(100 * abs(error) for error in ERRORS.values()))
+    assert found.exhibits[0].run_ids == tuple(one.run_id for one in made)
+    assert len(found.tables[0].data) == 2  # the study's line too
+
+
+def test_the_known_value_s_uncertainty_is_shaded_where_it_is_in_view(tmp_path):
+    rows = [studied(tmp_path, "resolution", "field", {"n": 1}, e, seed=s)[1] for s, e in enumerate((1e-9, 1e-6))]
+    axes = seed_figure(seed_spreads({}, rows), inks(["field"])).axes[0]
+    (shade,) = axes.patches
+    assert shade.get_x() + shade.get_width() == pytest.approx(100 * UNCERTAINTY)

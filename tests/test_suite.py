@@ -1,0 +1,66 @@
+"""Suite files: lines that sweep over a setting, studies, and what is refused in one sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from shellbench import catalog
+from shellbench.errors import InputError
+from shellbench.suite import read_suite
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "Mine"\n{text}')
+    return path
+
+
+def test_a_sweep_is_read_as_a_line_for_each_value(tmp_path):
+    text = '[[runs]]\nsolver = "a"\nseeds = [3]\nsettings = { order = 2 }\nsweep = { cells = [[4, 4], [8, 9]] }\n'
+    runs = read_suite(write(tmp_path, text)).runs
+    assert [(run.settings, run.label, run.seeds) for run in runs] == [
+        ({"order": 2, "cells": [4, 4]}, "cells 4×4", (3,)),
+        ({"order": 2, "cells": [8, 9]}, "cells 8×9", (3,)),
+    ]
+
+
+def test_a_label_stands_before_the_value(tmp_path):
+    text = '[[runs]]\nsolver = "a"\nlabel = "fine"\nsweep = { step = [0.5] }\n[[runs]]\nsolver = "b"\n'
+    first, second = read_suite(write(tmp_path, text)).runs
+    assert (first.label, second.label, second.settings) == ("fine, step 0.5", "", {})
+
+
+@pytest.mark.parametrize(
+    "sweep", ["{}", "{ a = [1], b = [2] }", "{ a = 1 }", "{ a = [] }", "[1, 2]", '"cells"'], ids=str
+)
+def test_what_is_no_sweep_is_one_sentence(tmp_path, sweep):
+    path = write(tmp_path, f'[[runs]]\nsolver = "a"\nsweep = {sweep}\n')
+    with pytest.raises(InputError, match=r"runs\.0\.sweep: found .* one setting with a list of values") as caught:
+        read_suite(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_study_is_refused(tmp_path):
+    with pytest.raises(InputError, match="study"):
+        read_suite(write(tmp_path, 'study = "taste"\n[[runs]]\nsolver = "a"\n'))
+
+
+@pytest.mark.parametrize("name", catalog.suite_names())
+def test_a_suite_names_cases_that_belong_to_it(name):
+    suite = catalog.find_suite(name)
+    members = {case.name for case in catalog.cases_of(name)}
+    assert members
+    assert set(suite.order) == members
+    for run in suite.runs:
+        assert set(run.cases) <= members
+
+
+@pytest.mark.parametrize("name", [n for n in catalog.suite_names() if catalog.find_suite(n).study])
+def test_a_study_gates_nothing_of_its_own(name):
+    """A gate judges runs with default settings: a study's lines that have none are never red or green."""
+    suite = catalog.find_suite(name)
+    gated = [case for case in catalog.cases_of(name) if set(case.suites) <= {name}]
+    for case in gated:
+        assert not any(quantity.tolerance for quantity in case.quantities)
+    assert suite.title.endswith("not gated")
