@@ -114,12 +114,15 @@ def accuracy_finding(row: Row) -> Finding:
 
 
 def missing_rows(store: Store, rows: Sequence[Row]) -> list[Row]:
-    """Return gated rows without a record that counts, of the suites, solvers and seeds that `rows` have records of."""
+    """Return gated rows without a record that counts, of the suites, solvers and seeds that `rows` have records of.
+
+    No solver is imported: reports are made where none is installed.
+    """
     begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
     suites = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
     if not suites:
         return []
-    lacking = [e for e in _expected(Scope(suites), current_runs(store.read())) if e.run is None]
+    lacking = [e for e in _expected(Scope(suites), current_runs(store.read()), ask=False) if e.run is None]
     wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
     return [row for expected in wanted for row in expected.rows()]
 
@@ -189,7 +192,8 @@ class _Expected:
         )
 
 
-def _expected(scope: Scope, current: CurrentRuns) -> Iterator[_Expected]:
+def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[_Expected]:
+    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
     for solver in scope.solvers:
         find_solver(solver)
     seen: set[tuple[str, str, int | None]] = set()
@@ -200,12 +204,13 @@ def _expected(scope: Scope, current: CurrentRuns) -> Iterator[_Expected]:
                 if scope.solvers and run.solver not in scope.solvers:
                     continue
                 for seed in scope.seeds or run.seeds:
-                    found = current.find(case.name, run.solver, {}, seed)
+                    found = current.find(case.name, run.solver, {}, seed, installed=ask)
                     known_seed = found.record.identity.seed if found else seed
                     if (case.name, run.solver, known_seed) in seen:
                         continue
                     seen.add((case.name, run.solver, known_seed))
-                    lack = NOTHING_LACKS if found else _lack(current, case, run.solver, seed)
+                    why = _lack if ask else _absence
+                    lack = NOTHING_LACKS if found else why(current, case, run.solver, seed)
                     yield _Expected(suite, case, run.solver, seed, found, lack)
 
 
@@ -217,5 +222,9 @@ def _lack(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
         return "missing", f"no record: {error}"
     if reason is not None:
         return "declined", f"the solver declines the case: {reason}"
+    return _absence(current, case, solver, seed)
+
+
+def _absence(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
     stale = current.why_not(case.name, solver, seed)
     return "missing", f"no record that counts: {stale}" if stale else "no record"

@@ -12,7 +12,8 @@ With this k the energy of a cylinder along either coordinate is exact on any reg
   diagonals to the right tend to the energy per area B/2 ((k11 + k12)^2 + (k22 + k12)^2 + 4 k12^2), by the folds of a
   quadratic surface; to the left with -k12. With alternating diagonals every second vertex gives way by
   (k11 + k22)/12 times the cell's area, and what is left is B/2 (5/6 (k11^2 + k22^2) - k11 k22/3 + 4 k12^2).
-  The isotropic plate without Poisson's effect has B/2 (k11^2 + k22^2 + 2 k12^2).
+  The isotropic plate without Poisson's effect has B/2 (k11^2 + k22^2 + 2 k12^2). No other k, not even one for each
+  direction of edges, takes the product of k11 and k12 out of the first of these.
 """
 
 from __future__ import annotations

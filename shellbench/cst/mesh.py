@@ -63,7 +63,8 @@ class TriangleMesh:
     @property
     def steps(self) -> Array:
         """(2,) sides of a cell."""
-        return np.asarray(self.domain.size) / np.asarray(self.cells)
+        sizes: Array = np.array(self.domain.size)
+        return sizes / self.cells
 
     @cached_property
     def points(self) -> Array:

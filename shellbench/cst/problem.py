@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +35,18 @@ class Problem:
     loading: Loading
     supports: Supports
     loose: Loose
-    pattern: Pattern
 
     @classmethod
     def of(cls, case: Case, mesh: TriangleMesh) -> Problem:
         """Put a case on a mesh; InputError if it does not fit it."""
         elastic = Elastic.of(case, mesh)
         supports = Supports.of(case, mesh)
-        loose = Loose.of(case, supports)
-        free = np.setdiff1d(supports.free, loose.pins)
-        return cls(case, mesh, elastic, Loading.of(case, mesh, elastic), supports, loose, Pattern.of(elastic, free))
+        return cls(case, mesh, elastic, Loading.of(case, mesh, elastic), supports, Loose.of(case, supports))
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Of the matrices of what is neither held nor pinned."""
+        return Pattern.of(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
 
     def internal(self, displacement: Array) -> Array:
         """Return the forces (v, 3) that triangles, hinges and springs need to be held so, N."""

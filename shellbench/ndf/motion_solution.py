@@ -31,7 +31,7 @@ from shellbench.ndf.jets import VALUE, Array
 from shellbench.ndf.motion_problem import Energies, Motion
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.reaction import edge_reaction
-from shellbench.ndf.rounding import rounded_network, rounded_tensors
+from shellbench.ndf.rounding import rounded_network, rounded_tensors, short_enough
 from shellbench.ndf.solution import NdfSolution, features_of
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.weights import Header, network_tensors, write
@@ -260,6 +260,8 @@ class MotionSolution:
         Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`). The times, of which there
         are few, stay as they are.
         """
+        if short_enough(self.tensors().values(), format):
+            return self, self.storage_bytes
         features, course = self.features.features, self.course
         assert isinstance(features, Features)
         network, hidden = rounded_network(features.network, format)

@@ -18,6 +18,7 @@ from shellbench.ndf.build import FieldSpec, build_ansatz
 from shellbench.ndf.field import Ansatz
 from shellbench.ndf.jets import Array
 from shellbench.ndf.motion_solution import MotionSolution, read_motion
+from shellbench.ndf.rounding import short_enough
 from shellbench.ndf.solution import NdfSolution, read_solution
 from shellbench.ndf.weights import StateHeader, read, write
 from shellbench.solution import NumberFormat, Step
@@ -104,6 +105,8 @@ class PathSolution:
 
     def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
         """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
+        if all(short_enough(state.tensors().values(), format) for state in self.states):
+            return self, self.storage_bytes
         last, bytes_taken = self.states[-1].rounded(format)
         states = [last]
         for state in self.states[-2::-1]:

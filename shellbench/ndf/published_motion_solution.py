@@ -20,7 +20,7 @@ from shellbench.ndf.loads import force_density
 from shellbench.ndf.published_motion_field import MotionField
 from shellbench.ndf.published_motion_file import MotionHeader, write_motion
 from shellbench.ndf.quadrature import RuleSpec, area_rule
-from shellbench.ndf.rounding import rounded_tensors
+from shellbench.ndf.rounding import rounded_tensors, short_enough
 from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.solution import FIELDS, NumberFormat, Step
@@ -138,6 +138,8 @@ class TrainedMotion:
         Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`).
         """
         siren = self.field.siren
+        if short_enough(siren.tensors, format):
+            return self, self.storage_bytes
         tensors, bytes_taken = rounded_tensors(siren.tensors, format)
         return replace(self, field=replace(self.field, siren=siren.with_tensors(tensors))), bytes_taken
 

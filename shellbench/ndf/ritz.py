@@ -77,7 +77,7 @@ class RitzSettings(SeededSettings):
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     supports: Supports = PydanticField("hard", description="held by boundary factors, or about by springs, linear only")
-    penalty: Positive = PydanticField(PENALTY, description="stiffness of soft edges in D / L, L the root of the area")
+    penalty: Positive | None = PydanticField(None, description="of soft supports: stiffness in D / sqrt(area); 1e4")
     panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
     order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
@@ -121,6 +121,8 @@ class RitzSolver:
         InputError
             If the case or the settings can't be solved with.
         """
+        if settings.penalty and settings.supports == "hard":
+            raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
         path = case.dynamics is not None or large_displacement.is_path(case)
         (smooth_activation if path else activation)(settings.activation)
         spec = FieldSpec(
@@ -203,9 +205,10 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
     rule = area_rule(case.surface.domain, focal, chosen.rule)
     check_balance(case, rule, chosen.rule, focal)
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
-    springs = Springs.of(ansatz, chosen.fine, focal, settings.penalty) if ansatz.soft else None
+    weight = settings.penalty or PENALTY
+    springs = Springs.of(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
     if springs:
-        equations = Springs.of(ansatz, chosen.rule, focal, settings.penalty).join(equations, ansatz, features)
+        equations = Springs.of(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
     progress(Progress(1, 3, "solving for the output layer"))
     widths = sorted({math.ceil(share * chosen.neurons) for share in NESTED})
     layers = [solve_nested(ansatz, features, equations, width) for width in widths]
@@ -265,7 +268,7 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
         "jitter_share": signs.jitter_share,
     }
     if springs:
-        diagnostics["spring_energy"] = energies.spring_energy(share)
+        diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
     solution = replace(solution, history=tuple(history), diagnostics=diagnostics)
     if reason := refusal(signs, spec, settings.largest_gap):
         raise SolveFailure(reason, solution)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.ndf.network import Network
 from shellbench.rounding import shortened
 from shellbench.solution import NumberFormat
+
+
+def short_enough(tensors: Iterable[Tensor], format: NumberFormat) -> bool:
+    """Tell whether no tensor is longer than a format, so that rounding changes nothing."""
+    return all(tensor.element_size() <= np.dtype(format).itemsize for tensor in tensors)
 
 
 def rounded_tensors(tensors: Sequence[Tensor], format: NumberFormat) -> tuple[list[Tensor], int]:

@@ -24,7 +24,7 @@ from shellbench.ndf.field import Ansatz, Features, Field
 from shellbench.ndf.jets import Array, Placement
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.reaction import edge_reaction
-from shellbench.ndf.rounding import rounded_network, rounded_tensors
+from shellbench.ndf.rounding import rounded_network, rounded_tensors, short_enough
 from shellbench.ndf.supports import point_supports
 from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.ndf.weights import Header, StateHeader, network_of, network_tensors, read, write
@@ -149,6 +149,8 @@ class NdfSolution:
 
         Every tensor is scaled by its largest magnitude before (see `shellbench.rounding`).
         """
+        if short_enough(self.tensors().values(), format):
+            return self, self.storage_bytes
         network, hidden = rounded_network(self.field.features.network, format)
         features = replace(self.field.features, network=network)
         last, bytes_taken = self.on_rounded(features, format)
@@ -158,8 +160,6 @@ class NdfSolution:
         """Return the field on features that are rounded already, and the bytes of output weights and rigid motion."""
         (output, rigid), bytes_taken = rounded_tensors([self.field.output, self.field.rigid], format)
         field = Field(self.field.ansatz, features, output, rigid)
-        if output is self.field.output:
-            return replace(self, field=field), bytes_taken
         return replace(self, field=field, membrane=float("nan"), bending=float("nan")), bytes_taken
 
     @property

@@ -68,17 +68,18 @@ class Family:
     Attributes
     ----------
     swept
-        Names of the settings that depart from the defaults; empty for the default run.
+        Name of the setting; empty for the default run. Two sweeps of one solver over different settings are two
+        families.
     """
 
     solver: str
-    swept: tuple[str, ...]
+    swept: str
     points: tuple[Point, ...]
 
     @property
     def is_mesh(self) -> bool:
         """Whether its unknowns belong to meshes of so many cells, and errors have an order in the mesh width."""
-        return MESH in self.swept and len({point.unknowns for point in self.points}) > 1
+        return self.swept == MESH and len({point.unknowns for point in self.points}) > 1
 
     def rate(self, measure: Measure, floor: float) -> Rate | None:
         """Fit a power law to the finest runs that ended well and still improved on all coarser ones.
@@ -168,11 +169,11 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
     if yardstick is None:
         return None
     first = rows[0]
-    families: dict[tuple[str, tuple[str, ...]], list[Point]] = {}
+    families: dict[tuple[str, str], list[Point]] = {}
     for alike in grouped(rows, same_but_for_seed).values():
         point = _point(alike, yardstick)
         if point is not None:
-            families.setdefault((alike[0].solver, tuple(sorted(alike[0].overrides))), []).append(point)
+            families.setdefault((alike[0].solver, swept_setting(alike[0])), []).append(point)
     if not families:
         return None
     return CaseAccuracy(
@@ -191,6 +192,15 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
             if course.refines and not course.is_field
         ),
     )
+
+
+def swept_setting(row: Row) -> str:
+    """Return the setting over which a suite's line swept to make a run: the last one that its label names.
+
+    A run whose label names none is put with those of its solver that depart from the defaults in the same settings.
+    """
+    named = row.label.rpartition(", ")[2].partition(" ")[0]
+    return named if named in row.overrides else " ".join(sorted(row.overrides))
 
 
 def _point(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:

@@ -199,8 +199,9 @@ def _exhibits(cases: Sequence[CaseRuns], solvers: Sequence[str]) -> Iterator[Exh
             title=f"{case.title}: the same material points at many resolutions",
             caption="Left: difference of the displacement from the same solver's finest run, largest (full) and root"
             " mean square (dashed) over the same material points; open marks: largest difference between marginally"
-            f" different runs; grey: fitted slopes, powers of the number N of unknowns. {second}:"
-            f" drift of {quantity} from that of the same solver's finest run{drift_floor(case)}.{over_time}"
+            f" different runs; stars: each solver's finest run from the common one; grey: fitted slopes,"
+            f" powers of the number N of unknowns. {second}: drift of {quantity}"
+            f" from that of the same solver's finest run{drift_floor(case)}.{over_time}"
             f" {yardstick_words(case)}",
             description="; ".join(
                 f"{ladder.solver}: from {max(f.largest for _, f in _to_finest(ladder)):.2g} m to"

@@ -19,12 +19,14 @@ from shellbench.report.probes import Difference
 from shellbench.report.rates import Rate
 
 WIDTH, HEIGHT, MARGIN = 2.53, 2.15, 0.45  # inches: a panel, and the legend below
+LINE, MOST_BESIDE = 0.17, 5  # inches a further line of the legend, and entries in one
 ALONE = 3.3  # inches of a panel of two
 SMALLEST_DRIFT = 1e-9  # relative; no figure here is known better, and smaller ones are drawn at this height
 SMALLEST = 1e-10  # relative difference below which rounding is all there is
 PALEST = 0.25  # opacity of the coarsest run over time
 FEW_DECADES = 2.0
 _RIM: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.4}
+_COMMON: dict[str, Any] = {"marker": "*", "markersize": 8, "linestyle": "none", **_RIM}
 _OTHER: dict[str, Any] = {"marker": "x", "markersize": 5, "linestyle": "none"}
 
 
@@ -58,10 +60,12 @@ def consistency_figure(
     panels = list(figure.subplots(1, count))
     scale = case.scale or 1.0
     _differences(panels[0], ladders, spreads, rates, inks, scale)
+    _from_common(panels[0], case, inks, scale)
+    _finish(panels[0], "unknowns", "difference (% of the largest)")
     _drift(panels[1], ladders, inks)
     if case.moves:
         _over_time(panels[2], case, ladders, inks, scale)
-    shown = dict.fromkeys(ladder.solver for ladder in ladders)
+    shown = dict.fromkeys(ladder.solver for ladder in case.ladders)
     entries = {
         solver: Line2D([], [], color=inks[solver].colour, marker=inks[solver].marker, linestyle="-") for solver in shown
     }
@@ -73,13 +77,17 @@ def consistency_figure(
         )
     if any(ladder.other_time_steps for ladder in ladders):
         entries["other time steps"] = Line2D([], [], color="#444444", **_OTHER)
+    if len(case.ladders) > 1:
+        entries["finest, from the common run"] = Line2D([], [], color="#444444", **_COMMON)
     if case.moves and len(case.ladders) > 1:
-        entries["from the common run"] = Line2D([], [], color="#444444", linestyle=":", linewidth=1.5)
+        entries["the same over time"] = Line2D([], [], color="#444444", linestyle=":", linewidth=1.5)
     titles = ("From the solver's finest run", "Headline quantity", "Over time")
     for axes, title in zip(panels, titles, strict=False):
         axes.set_title(title, loc="left")
     labels = [label.replace("$", r"\$") for label in entries]
-    figure.legend(entries.values(), labels, loc="outside lower center", ncols=min(4, len(entries)))
+    rows = -(-len(entries) // MOST_BESIDE)
+    figure.legend(entries.values(), labels, loc="outside lower center", ncols=-(-len(entries) // rows))
+    figure.set_size_inches(width, HEIGHT + MARGIN + LINE * (rows - 1))
     return figure
 
 
@@ -118,7 +126,17 @@ def _differences(
         rate = rates.get(ladder.solver)
         if rate is not None:
             _slope(axes, rate)
-    _finish(axes, "unknowns", "difference (% of the largest)")
+
+
+def _from_common(axes: Axes, case: CaseRuns, inks: Mapping[str, Ink], scale: float) -> None:
+    """Draw how far each solver's finest run is from the one that all are held against."""
+    for ladder in case.ladders:
+        if case.yardstick is None or ladder.finest is case.yardstick:
+            continue
+        found = ladder.finest.difference(case.yardstick)
+        if found is not None and found.largest > SMALLEST * scale:
+            colour = inks[ladder.solver].colour
+            axes.plot([ladder.finest.unknowns], [100 * found.largest / scale], color=colour, **_COMMON)
 
 
 def _from_finest(runs: Sequence[Run], finest: Run, scale: float) -> list[tuple[int, Difference]]:

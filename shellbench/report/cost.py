@@ -153,10 +153,12 @@ def _caption(one: CaseAccuracy) -> str:
         "Numbers at the right: slopes fitted to the finest sizes of each solver's longest sweep at which errors still"
         " fall, drawn dashed below."
     )
+    level = any(len({point.unknowns for point in family.points}) == 1 and family.swept for family in one.families)
+    steps = " Dotted: a sweep that leaves the unknowns as they are, as over the time step." if level else ""
     return (
         f"Error of the {one.quantity} against unknowns, wall time and peak memory of the solve (above what the process"
         f" held before). Errors are against {one.yardstick.words}. A mark is one size: with several seeds the"
-        f" geometric mean, with a bar from the least to the largest. {rates}"
+        f" geometric mean, with a bar from the least to the largest. {rates}{steps}"
     )
 
 

@@ -67,7 +67,7 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
             [100 * point.error for _, point in sound],
             color=ink.colour,
             linewidth=1.0,
-            linestyle=DASHES[family_dashes(family)],
+            linestyle=DASHES[0] if len({point.unknowns for _, point in sound}) > 1 else DASHES[2],
             alpha=0.85,
         )
     for x, point in shown:
@@ -86,11 +86,6 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
             markeredgewidth=0.8 if alone or not point.sound else 0.2,
             zorder=3 if alone else 2.5,
         )
-
-
-def family_dashes(family: Family) -> int:
-    """Return the dashes of a family's line: those of meshes are full, others follow from what was swept."""
-    return 0 if family.is_mesh or len(family.swept) < 2 else 1 + len(family.swept) % (len(DASHES) - 1)
 
 
 def scaled(cost: float, measure: Measure) -> float:

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import base64
 import re
+from collections import Counter
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
+from urllib.parse import quote
 
+import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
 from shellbench.report.palette import style
 
 PRINT_DPI, SCREEN_DPI = 300, 160
-PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and no difference to be seen
-COORDINATES = re.compile(rb'(?<= d=")[^"]*')
+PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and hardly a difference to be seen
+FARTHEST = 15  # of 255: how far a colour may be from the palette; farther, and bands are seen
+ROUNDED = 8  # of 255: half the bytes, and no difference to be seen
+COORDINATES = re.compile(rb'(?<= [dxy]=")[^"]*')
+STYLES = re.compile(rb'style="([^"]*)"')
+REMARKS = re.compile(rb"<!--.*?-->", re.DOTALL)
+INDENTS = re.compile(rb"\n\s*")
+OFTEN = 3  # marks of a style from which on it is a class
 LONG = re.compile(rb"-?\d+\.\d{3,}")
+QUOTE, APOSTROPHE, NEWLINE, SPACE = b'"', b"'", b"\n", b" "
+IN_LINKS = " !$()*+,-./:;=?@[]_~{}|'"  # characters that need no escape in a link that holds mark-up
 Format = Literal["pdf", "png", "svg"]
 
 
@@ -58,9 +69,9 @@ class Exhibit:
             (folder / f"{self.name}.png").write_bytes(png)
             if not self.drawing:
                 return data_uri("image/png", png)
-            svg = short_coordinates(self._rendered("svg", SCREEN_DPI))
+            svg = lean(self._rendered("svg", SCREEN_DPI))
             (folder / f"{self.name}.svg").write_bytes(svg)
-            return data_uri("image/svg+xml", svg)
+            return data_uri("image/svg+xml", svg) if APOSTROPHE in svg else text_uri("image/svg+xml", svg)
 
     def _rendered(self, format: Format, dpi: int) -> bytes:
         buffer = BytesIO()
@@ -70,22 +81,43 @@ class Exhibit:
 
 
 def few_colours(png: bytes) -> bytes:
-    """Return a PNG with a palette of its own."""
-    image = (
-        Image.open(BytesIO(png)).convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    )
+    """Return a PNG of fewer colours: a palette of its own, or if that is too far from some, all of them rounded."""
+    image = Image.open(BytesIO(png)).convert("RGB")
+    colours = np.asarray(image).astype(int)
+    reduced = image.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    palette = np.array(reduced.getpalette()).reshape(-1, 3)
+    palette[np.asarray(reduced)[0, 0]] = colours[0, 0]  # the background stays what it was
+    reduced.putpalette(palette.ravel().tolist())
+    if np.abs(np.asarray(reduced.convert("RGB")) - colours).max() > FARTHEST:
+        rounded = np.minimum((colours + ROUNDED // 2) // ROUNDED * ROUNDED, 255).astype(np.uint8)
+        reduced = Image.fromarray(rounded)
     buffer = BytesIO()
-    image.save(buffer, "PNG", optimize=True)
+    reduced.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 
-def short_coordinates(svg: bytes) -> bytes:
-    """Return an SVG with its curves rounded to a hundredth of a point."""
-    return COORDINATES.sub(lambda curve: LONG.sub(_hundredths, curve[0]), svg)
+def lean(svg: bytes) -> bytes:
+    """Return an SVG that draws the same in fewer bytes.
+
+    Curves are rounded to a hundredth of a point, a style that many marks have is written once, as a class, and there
+    are no remarks and no indents.
+    """
+    counted = Counter(STYLES.findall(svg))
+    names = {style: b"s%d" % i for i, style in enumerate(style for style, n in counted.items() if n >= OFTEN)}
+    rules = b"".join(b".%s{%s}" % (name, style) for style, name in names.items())
+    named = STYLES.sub(lambda found: b'class="%s"' % names[found[1]] if found[1] in names else found[0], svg)
+    rounded = COORDINATES.sub(lambda found: LONG.sub(_hundredths, found[0]), named)
+    plain = INDENTS.sub(b"\n", REMARKS.sub(b"", rounded))
+    return plain.replace(b"</style>", rules + b"</style>", 1) if b"</style>" in svg else svg
 
 
 def _hundredths(number: re.Match[bytes]) -> bytes:
     return f"{round(float(number[0]), 2) + 0.0:.2f}".rstrip("0").rstrip(".").encode()  # + 0.0: there is no -0
+
+
+def text_uri(kind: str, text: bytes) -> str:
+    """Return mark-up as a link that holds it, shorter than base64 would be."""
+    return f"data:{kind},{quote(text.replace(QUOTE, APOSTROPHE).replace(NEWLINE, SPACE), safe=IN_LINKS)}"
 
 
 def data_uri(kind: str, data: bytes) -> str:

@@ -15,8 +15,8 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.report.bibliography import Source, read_bibliography
 from shellbench.report import evidence
+from shellbench.report.bibliography import Source, read_bibliography
 from shellbench.report.derivation import DERIVATION
 from shellbench.report.derivation import TITLE as NEWTON_TITLE
 from shellbench.report.effort import effort_table
@@ -28,8 +28,8 @@ from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.motion_tables import motion_tables
 from shellbench.report.newton import newton_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.palette import style
+from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.resolution import mesh_table, resolution_table
 from shellbench.report.solutions import Known

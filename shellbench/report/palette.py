@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -67,8 +68,8 @@ def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
     """Return the colour and marker of each solver.
 
     A solver's place in the palette follows from its name, so that it looks the same in every report. Of names that fall
-    on one place, those that the suites declare choose first, whether they are drawn or not, and the others take the
-    next free place in alphabetical order. Beyond the palette's length it repeats.
+    on one place, those that the suites declare choose first, whether they are drawn or not; the others take, in
+    alphabetical order, the next place that is least in use.
     """
     wanted = set(solvers)
     places: dict[str, int] = {}
@@ -76,9 +77,8 @@ def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
         if solver in places:
             continue
         place = int(hashlib.sha256(solver.encode()).hexdigest(), 16) % len(OKABE_ITO)
-        taken = set(places.values())
-        free = [(place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO))]
-        places[solver] = next((p for p in free if p not in taken), place)
+        taken = Counter(places.values())
+        places[solver] = min(((place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO))), key=taken.__getitem__)
     return {solver: Ink(OKABE_ITO[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
 
 

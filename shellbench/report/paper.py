@@ -50,7 +50,7 @@ OWN_ENTRY = f"""@misc{{{OWN},
 }}
 """
 LINE_INCHES = 17 / 2.54  # of the document
-ERROR_WORDS = ("error", "reference", "mean", "worst")  # columns of figures that known values judge are called so
+ERROR, REFERENCE = "error", "reference"  # how columns end that hold figures against known values
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _stated(table: Table, found: Evidence) -> Table:
     )
     unsaid = [theory for theory in theories if theory not in table.caption]
     caption = f"{table.caption} Theory: {' and '.join(unsaid)}." if unsaid else table.caption
-    judged = any(str(name).startswith(ERROR_WORDS) for name in table.data.columns)
+    judged = any(str(name).endswith((ERROR, REFERENCE)) for name in table.data.columns)
     sources = table.sources or (tuple(dict.fromkeys(_judges(cases, found.known))) if judged else ())
     return replace(table, caption=caption, sources=sources)
 

@@ -1,4 +1,4 @@
-"""Error and energy gap against points a side, a column for each case, all seeds and refused runs among them."""
+"""Error and energy gap against points a side, a column for each case, all seeds and failed runs among them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def sampling_figure(cases: Sequence[Sequence[Sampled]], inks: Mapping[str, Ink])
         for one in shown
     }
     if any(not sound for one in shown for _, _, sound in one.marks):
-        entries["refused run"] = Line2D([], [], color="#666666", marker="o", markerfacecolor="white", linestyle="none")
+        entries["failed run"] = Line2D([], [], color="#666666", marker="o", markerfacecolor="white", linestyle="none")
     figure.legend(list(entries.values()), list(entries), loc="outside lower center", ncols=len(entries))
     return figure
 

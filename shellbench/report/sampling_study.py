@@ -85,8 +85,8 @@ def section(evidence: Evidence) -> Section | None:
             title="Error and energy gap against points a side",
             caption="Error of the headline quantity, and difference of the energy between the points of the solve and a"
             " finer rule, against points a side. A mark is a run, the line the median of the seeds; open marks are runs"
-            " that were refused because of their gap. A gap of a solver that draws its points at random measures the"
-            f" noise of its loss as well. Held fixed: {fixed}.",
+            " that failed, refused for too large a gap if they ended. A gap of a solver that draws its points at"
+            f" random measures the noise of its loss as well. Held fixed: {fixed}.",
             description="; ".join(_words(one) for one in found),
             figure=sampling_figure([[one for one in found if one.case == case] for case in cases], colours),
             run_ids=tuple(run_id for one in found for run_id in one.run_ids),
@@ -99,7 +99,7 @@ def section(evidence: Evidence) -> Section | None:
             "How many points a field needs. An optimiser that sees the energy at few points lowers it there and lets"
             " the field go wild between them. Two remedies are compared: to draw the points anew at every iteration,"
             " and to hold the energy against a finer rule at the end and refuse what differs.",
-            "Refused runs are shown with the value and the gap that they were refused with.",
+            "A run with too large a gap is refused; it is shown with the value and the gap that it was refused with.",
         ),
         tables=(sampling_table(found),),
         exhibits=(exhibit,),
@@ -175,7 +175,7 @@ def sampling_table(found: Sequence[Sampled]) -> Table:
         name="sampling",
         title="Points, error and energy gap",
         caption="Magnitude of the headline quantity's error and of the energy gap between the points of the solve and a"
-        " finer rule, least and largest of the seeds; how many runs were refused; mean wall time of the solve.",
+        " finer rule, least and largest of the seeds; how many runs failed; mean wall time of the solve.",
         data=pd.DataFrame(lines),
         columns=(
             Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),
@@ -185,7 +185,7 @@ def sampling_table(found: Sequence[Sampled]) -> Table:
             Column("Largest error", _share("largest_error")),
             Column("Least gap", _share("least_gap")),
             Column("Largest gap", _share("largest_gap")),
-            Column("Refused", _refused),
+            Column("Failed", _failed),
             Column("Time (s)", lambda line, notation: notation.escape(duration(line["seconds"]))),
         ),
     )
@@ -199,12 +199,12 @@ def _share(name: str) -> Show:
     return show
 
 
-def _refused(line: Line, notation: Notation) -> str:
+def _failed(line: Line, notation: Notation) -> str:
     failed, runs = int(line["failed"]), int(line["runs"])
     return notation.strong(f"{failed} of {runs}") if failed else f"0 of {runs}"
 
 
 def _words(one: Sampled) -> str:
     error = f"error up to {TEXT.number(percent(max(one.errors), signed=False))} %" if one.errors else "no value"
-    refused = f", {one.failed} of {len(one.marks)} refused" if one.failed else ""
-    return f"{one.title}, {one.solver}, {one.a_side:.3g} points a side: {error}{refused}"
+    failed = f", {one.failed} of {len(one.marks)} failed" if one.failed else ""
+    return f"{one.title}, {one.solver}, {one.a_side:.3g} points a side: {error}{failed}"

@@ -35,7 +35,7 @@ class SeedSpread:
     values
         Of the runs that ended well, in the order of `seeds`.
     studied
-        Whether it is part of a study rather than of a comparison of solvers.
+        Whether it is part of a study alone, rather than of a comparison of solvers.
     asked
         How many runs there are, failed ones counted.
     known
@@ -134,7 +134,11 @@ def section(evidence: Evidence) -> Section | None:
             "A field starts from random numbers. These are the answers of runs that differ in nothing else: if they"
             " lie apart, no single one is the solver's answer, and the worst seed is what a user may get.",
         ),
-        tables=(seed_table(found),),
+        tables=tuple(
+            seed_table(kind, studied)
+            for studied in (False, True)
+            if (kind := [spread for spread in found if spread.studied is studied])
+        ),
         exhibits=exhibits,
     )
 
@@ -156,7 +160,7 @@ def seed_spreads(records: Mapping[str, Record], rows: Sequence[Row]) -> list[See
                 solver=first.solver,
                 solution=solution_name(first),
                 unit=first.unit,
-                studied=bool(studies_of(first)),
+                studied=not first.default_settings and bool(studies_of(first)),
                 with_defaults=first.default_settings and not first.own_case,
                 seeds=tuple(row.seed or 0 for row in good),
                 values=tuple(row.value or 0.0 for row in good),
@@ -178,8 +182,8 @@ def naturally(words: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
 
 
-def seed_table(found: Sequence[SeedSpread]) -> Table:
-    """Return the table of spreads."""
+def seed_table(found: Sequence[SeedSpread], studied: bool = False) -> Table:
+    """Return the table of spreads of runs that compare solvers, or of those that are `studied` at many sizes."""
     lines: list[dict[str, Any]] = [
         {
             "block": f"{spread.title} ({spread.unit})" if spread.unit else spread.title,
@@ -202,8 +206,8 @@ def seed_table(found: Sequence[SeedSpread]) -> Table:
     ]
     lost = [spread for spread in found if len(spread.values) < spread.asked]
     return Table(
-        name="seeds",
-        title="Spread over seeds",
+        name="seeds_studied" if studied else "seeds",
+        title="Spread over seeds in studies" if studied else "Spread over seeds",
         caption="Mean and sample standard deviation of the headline quantity over seeds; the standard deviation and"
         " the largest distance from the mean relative to the known value, or to the mean where none is known; mean and"
         " largest error against the known value, and the seed that has the largest. Those of a position are relative to"

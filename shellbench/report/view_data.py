@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 LARGEST = 32767  # of two bytes
 APART = "cividis"  # colours of differences, told from those of displacements
+SAME = 1e-9  # of directions
 STOPS = 33  # of a colour map; between them colours are interpolated
 
 
@@ -60,7 +61,7 @@ def view_json(view: View) -> str:
         "largest_scale": view.largest_scale,
         "look": [view.camera.azimuth, view.camera.elevation],
         "up": view.camera.up,
-        "component": _component(view.direction),
+        "along": along(view.direction),
         "answers": answers,
         "data": packed(planes),
     }
@@ -99,9 +100,14 @@ def _kept(values: Array, planes: list[NDArray[np.int16]]) -> float:
     return step
 
 
-def _component(direction: tuple[float, float, float] | None) -> str:
-    """Return the axis along which the still picture is coloured, or the magnitude if along none."""
+def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None:
+    """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None."""
     if direction is None:
-        return "magnitude"
-    along = np.abs(direction) / np.linalg.norm(direction)
-    return "xyz"[int(np.argmax(along))] if along.max() > 1 - 1e-9 else "magnitude"
+        return None
+    vector = np.asarray(direction) / np.linalg.norm(direction)
+    axis = int(np.argmax(np.abs(vector)))
+    if abs(vector[axis]) > 1 - SAME:
+        symbol = f"{'−' if vector[axis] < 0 else ''}%<sub>{'xyz'[axis]}</sub>"
+    else:
+        symbol = f"% along ({', '.join(f'{part:g}' for part in direction)})".replace("-", "−")
+    return {"vector": vector.tolist(), "symbol": symbol}

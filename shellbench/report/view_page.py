@@ -12,7 +12,7 @@ from plotly.offline import get_plotlyjs
 from shellbench.report.view_data import packed_bytes
 
 SORTING = ("sort.js",)
-VIEWING = ("view_field.js", "view_plot.js", "view.js")
+VIEWING = ("view_field.js", "view_plot.js", "view_controls.js", "view.js")
 
 
 @dataclass(frozen=True)

@@ -56,10 +56,10 @@ def test_the_ritz_method_of_these_tests_knows_the_isotropic_plate():
 def test_meshes_converge_to_the_plate_that_the_docstring_of_hinges_states(diagonal, form, order):
     """And that is not the isotropic one: it is too stiff in twist."""
     limit = thin_plate(form)
-    cells = np.array([8, 16, 32])
+    cells = np.array([16, 24, 48])
     errors = [abs(centre(solved(plate(), cells=(n, n), diagonal=diagonal)) / limit - 1) for n in cells]
     assert np.polyfit(np.log(cells), np.log(errors), 1)[0] == pytest.approx(-order, abs=0.25)
-    assert errors[-1] < 2e-2
+    assert errors[-1] < 5e-3
     assert limit < 0.76 * thin_plate(ISOTROPIC)
 
 

@@ -93,16 +93,14 @@ def test_bytes_are_those_of_what_storage_counts(
     exponents = taken - times - SIZE[format] * numbers
     tensors = len(tensors_of(solution)) + (len(solution.marks) - 1 if name == "sheared" else 0)
     assert 0 < exponents <= EXPONENT_BYTES * tensors
-    assert solution.rounded("float64")[1] == solution.storage_bytes
 
 
 @pytest.mark.parametrize("name", ["roof", "sheared", "swung", "trained"])
 def test_double_precision_changes_nothing(name: str, request: pytest.FixtureRequest) -> None:
     solution = request.getfixturevalue(name)
-    same, _ = solution.rounded("float64")
-    points = inner_points(solution.case)
-    assert np.array_equal(same.displacement(points), solution.displacement(points))
-    assert same.energies() == solution.energies()
+    same, taken = solution.rounded("float64")
+    assert same is solution  # so that nothing is measured again
+    assert taken == solution.storage_bytes
 
 
 @pytest.mark.parametrize("name", ["roof", "sheared", "swung", "trained"])

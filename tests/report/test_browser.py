@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -189,6 +190,14 @@ def test_the_page_loads_alone_and_without_a_complaint(course, cloth):
         assert len([url for url in opened.requests if url.startswith("file:")]) == 1  # the page itself
 
 
+def test_every_picture_is_drawn(course):
+    widths = course.page.locator("img").evaluate_all(
+        "(all) => Promise.all(all.map((one) => one.decode().then(() => one.naturalWidth, () => 0)))"
+    )
+    assert len(widths) > 8
+    assert min(widths) > 0
+
+
 def test_the_verdict_is_seen_first(course):
     verdict = course.page.locator(".verdict").bounding_box()
     assert verdict["y"] + verdict["height"] < 400
@@ -211,6 +220,9 @@ def test_the_slider_moves_the_shell(course, dense):
 def test_colours_are_chosen_and_named(course, dense):
     figure = course.view("square_plate")
     fields = fields_of(dense, "square_plate", "fem")
+    shown = course.surface("square_plate")
+    assert shown["title"] == "−u<sub>z</sub> (m)"  # as in the still picture
+    assert shown["surfacecolor"].max() == pytest.approx(0.4875, rel=1e-4)
     choose(figure, "colour", "magnitude")
     shown = course.surface("square_plate")
     assert shown["title"] == "|u| (m)"
@@ -401,8 +413,8 @@ def test_downloads_hold_what_the_report_wrote(course, course_page):
     with course.page.expect_download() as caught:
         course.page.locator("a[download='fields.csv']").click()
     assert caught.value.suggested_filename == "fields.csv"
-    with open(caught.value.path(), encoding="utf-8") as file:
-        assert file.read() == (course_page.parent / "fields.csv").read_text(encoding="utf-8")
+    written = (course_page.parent / "fields.csv").read_text(encoding="utf-8")
+    assert Path(caught.value.path()).read_text(encoding="utf-8") == written
     link = course.page.locator("a[download='displacements_obstacle_course.csv']").get_attribute("href")
     assert base64.b64decode(link.partition(",")[2]).decode() in (course_page.parent / "table.csv").read_text("utf-8")
 

@@ -298,6 +298,9 @@ def test_the_figure_shows_what_the_table_says(request, which):
     largest = {round(100 * one["largest_difference"] / scale, 9) for one in found.values() if "×" in one["run"]}
     drawn = [{round(float(y), 9) for y in curve.get_ydata()} for curve in panels[0].get_lines()]
     assert any(heights and heights <= largest and len(heights) >= 3 for heights in drawn)
+    (star,) = [curve for curve in panels[0].get_lines() if curve.get_marker() == "*"]
+    apart = line(consistency_table(case_runs(shown)), "field")["yardstick_largest"]
+    assert star.get_ydata() == pytest.approx([100 * apart / scale])
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in panels)
     assert exhibit.run_ids
     assert exhibit.name == f"consistency_{PLATE if which == 'plate' else NAPKIN}"

@@ -100,6 +100,20 @@ def test_another_sweep_or_the_default_run_may_be_the_cheaper_way(tmp_path):
     assert found["to_0.0001"] == 700
 
 
+def test_sweeps_over_two_settings_are_two_families(tmp_path):
+    """A coarse step on a fine mesh takes nothing away from the meshes, and has no order in their width."""
+    cells = meshes(tmp_path, "mesh", square({8: 5e-3, 16: 4e-4, 32: 4e-5}))
+    steps = []
+    for step, error in {0.01: 8e-2, 0.005: 3e-2}.items():
+        made, of = studied(tmp_path, "resolution", "mesh", {"cells": [32, 32], "step": step}, error, unknowns=12288)
+        steps.append((made, of.model_copy(update={"label": f"step {step}"})))
+    one = only(tmp_path, [*cells, *steps])
+    assert [(family.swept, len(family.points)) for family in one.of("mesh")] == [("cells", 3), ("step", 2)]
+    assert line(tmp_path, [*cells, *steps]) == line(tmp_path, cells)
+    held_fixed = [(made, of.model_copy(update={"label": f"fixed step, {of.label}"})) for made, of in cells]
+    assert [family.swept for family in only(tmp_path, held_fixed).families] == ["cells"]
+
+
 def test_one_bad_seed_reaches_nothing(tmp_path):
     runs = []
     for neurons, errors in {30: (1e-3, 2e-2), 60: (5e-4, 8e-4)}.items():

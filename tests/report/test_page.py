@@ -9,6 +9,8 @@ import sys
 from html.parser import HTMLParser
 from io import BytesIO
 from pathlib import Path
+from urllib.parse import unquote
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -16,13 +18,12 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
 from shellbench.report import evidence, exhibit, shells
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit, few_colours, short_coordinates
+from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
 from shellbench.report.provenance import command
 from shellbench.report.suites import rows_at_home, rows_of, suites_of
@@ -134,9 +135,12 @@ def test_every_file_is_there(report, store):
 
 
 def test_drawings_are_embedded_as_vectors(report):
-    embedded = re.findall(r"data:image/svg\+xml;base64,([A-Za-z0-9+/=]+)", report.read_text(encoding="utf-8"))
+    page = Page(report.read_text(encoding="utf-8"))
+    links = [a["src"] for tag, a in page.tags if tag == "img"]
+    embedded = [unquote(link.partition(",")[2]) for link in links if link.startswith("data:image/svg+xml,")]
     assert len(embedded) >= 4
-    assert all(b"<svg" in base64.b64decode(data) for data in embedded)
+    for data in embedded:
+        assert ElementTree.fromstring(data).tag == "{http://www.w3.org/2000/svg}svg"
 
 
 def test_only_the_pages_own_scripts_may_run(report):
@@ -260,9 +264,17 @@ def test_a_table_of_a_study_is_printed_when_it_is_asked_for(store):
     assert "cells 2×2" in render(alone, "text", store.known_values)
 
 
-def test_curves_keep_their_shape_when_their_coordinates_are_shortened():
-    svg = b'<g transform="scale(0.015625)"><path d="M 12.345678 -0.001234 L 3 4.5 "/></g>'
-    assert short_coordinates(svg) == b'<g transform="scale(0.015625)"><path d="M 12.35 0 L 3 4.5 "/></g>'
+def test_a_lean_drawing_is_the_same_drawing():
+    style = 'style="fill: #d55e00; stroke-width: 0.3"'
+    marks = "".join(f'<use x="{i}.123456" y="-0.001234" {style}/>' for i in range(5))
+    svg = f"""<svg><style type="text/css">*{{a: b}}</style><g transform="scale(0.015625)" style="fill: red">
+        <path d="M 12.345678 7 L 3 4.5 "/>{marks}</g></svg>"""
+    short = lean(svg.encode()).decode()
+    assert '<g transform="scale(0.015625)" style="fill: red">' in short
+    assert '<path d="M 12.35 7 L 3 4.5 "/>' in short
+    assert "*{a: b}.s0{fill: #d55e00; stroke-width: 0.3}" in short
+    assert re.findall(r'<use x="([^"]*)" y="([^"]*)" class="s0"/>', short) == [(f"{i}.12", "0") for i in range(5)]
+    assert len(short) < len(svg)
 
 
 def test_a_palette_spoils_no_picture():
@@ -272,7 +284,7 @@ def test_a_palette_spoils_no_picture():
     buffer = BytesIO()
     Image.fromarray(picture).save(buffer, "PNG")
     reduced = np.asarray(Image.open(BytesIO(few_colours(buffer.getvalue()))).convert("RGB"), dtype=float)
-    assert np.abs(reduced - picture).max() <= 8  # of 255: not to be seen
+    assert np.abs(reduced - picture).max() <= 10  # of 255: hardly to be seen
 
 
 @pytest.mark.long

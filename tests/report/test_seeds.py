@@ -91,7 +91,7 @@ def test_a_figure_for_each_suite_marks_every_run_with_default_settings(tmp_path,
     drawn = sorted(float(x) for line in marks for x in line.get_xdata())
     assert drawn == pytest.approx(sorted(100 * abs(error) for error in ERRORS.values()))
     assert found.exhibits[0].run_ids == tuple(one.run_id for one in made)
-    assert len(found.tables[0].data) == 2  # the study's line too
+    assert [(table.name, len(table.data)) for table in found.tables] == [("seeds", 1), ("seeds_studied", 1)]
 
 
 def test_the_known_value_s_uncertainty_is_shaded_where_it_is_in_view(tmp_path):
@@ -99,3 +99,9 @@ def test_the_known_value_s_uncertainty_is_shaded_where_it_is_in_view(tmp_path):
     axes = seed_figure(seed_spreads({}, rows), inks(["field"])).axes[0]
     (shade,) = axes.patches
     assert shade.get_x() + shade.get_width() == pytest.approx(100 * UNCERTAINTY)
+
+
+def test_default_runs_that_a_study_declares_too_stand_with_the_comparison_of_solvers(tmp_path, runs):
+    as_defaults = [of.model_copy(update={"overrides": {}, "default_settings": True}) for _, of in runs]
+    assert [spread.studied for spread in seed_spreads({}, as_defaults)] == [False]
+    assert [spread.studied for spread in seed_spreads({}, [of for _, of in runs])] == [True]

@@ -91,7 +91,7 @@ def test_tables_are_the_same_where_no_solver_is_registered(runs: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["without", "unregistered"])
-def test_no_gate_turns_green_without_its_solver(runs: Path, mode: str) -> None:
+def test_the_gate_stays_red_and_calm_without_solvers(runs: Path, mode: str) -> None:
     scope = ("--suite", "obstacle_course", "--store", runs, "--baseline", runs / "none.json")
     ended = shellbench(mode, "gate", *scope)
     assert ended.returncode == 1
@@ -114,3 +114,11 @@ def test_the_report_is_the_same_without_solvers(runs: Path, tmp_path: Path, mode
     differing = [name for name in with_ if with_[name] != without[name]]
     assert [name for name in differing if name.endswith(TEXT)] == []
     assert differing == []
+
+
+def test_the_paper_needs_no_solver(runs: Path, tmp_path: Path) -> None:
+    ended = shellbench("without", "report", "--store", runs, "--paper", tmp_path / "paper")
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stdout.split() == ["written", "to", str(tmp_path / "paper" / "paper.tex")]
+    assert (tmp_path / "paper" / "tables" / "displacements_obstacle_course.tex").is_file()
+    assert not (tmp_path / "paper" / "index.html").exists()

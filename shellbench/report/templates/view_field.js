@@ -87,7 +87,8 @@
     if (choice.colour === "magnitude") {
       return displacement[0].map((x, i) => Math.hypot(x, displacement[1][i], displacement[2][i]));
     }
-    return displacement[AXES.indexOf(choice.colour)];
+    const along = choice.colour === "picture" ? field.kept.along.vector : AXES.map((axis) => Number(axis === choice.colour));
+    return displacement[0].map((_, i) => along.reduce((total, part, k) => total + part * displacement[k][i], 0));
   }
 
   function extremes(values) {

@@ -3,7 +3,7 @@
   "use strict";
 
   const WIRES = 13; // coordinate lines of the reference surface in each direction, as in the still pictures
-  const DISTANCE = 1.55; // of the eye from the middle at first, in sizes of the box
+  const DISTANCE = { wide: 1.55, narrow: 2.1 }; // of the eye from the middle at first, in sizes of the box
   const UP = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] }; // axes drawn as Plotly's x, y and z, of which z points up
   const FLAT = 0.02; // share of the longest side that every side of the box has at least
   const STEEPEST = 1.565; // radians of elevation: nearly a quarter turn, where the view would roll over
@@ -22,8 +22,9 @@
     if (choice.colour === "density") {
       return `${choice.second === null ? "energy density" : "Δ energy density"} (${field.kept.density_unit})`;
     }
-    const symbol = choice.colour === "magnitude" ? `|${what}|` : `${what}<sub>${choice.colour}</sub>`;
-    return `${symbol} (${field.kept.unit})`;
+    const symbols = { magnitude: "|%|", picture: field.kept.along?.symbol };
+    const symbol = symbols[choice.colour] || `%<sub>${choice.colour}</sub>`;
+    return `${symbol.replace("%", what)} (${field.kept.unit})`;
   }
 
   function colours(field, choice, palettes) {
@@ -32,7 +33,14 @@
     return { cmin: low, cmax: high, colorscale: palettes.maps[use] };
   }
 
-  function surface(field, choice, palettes) {
+  function colourBar(narrow) {
+    const common = { exponentformat: "power", thickness: 14, nticks: 7 };
+    const beside = { ...common, side: "right", len: 0.8 };
+    return narrow ? { ...common, side: "top", orientation: "h", len: 0.9, y: 0, yanchor: "bottom" } : beside;
+  }
+
+  function surface(field, choice, palettes, narrow) {
+    const { side, ...bar } = colourBar(narrow);
     const grid = shellbench.field.deformed(field, choice, choice.mark, choice.scale);
     const values = shellbench.field.coloured(field, choice, choice.mark);
     const [x, y, z] = drawn(field, grid || field.position).map((plane) => rows(plane, field.kept.shape));
@@ -46,7 +54,7 @@
       ...colours(field, choice, palettes),
       showscale: !bare,
       opacity: bare ? 0.15 : 1,
-      colorbar: { title: { text: colourTitle(field, choice), side: "right" }, exponentformat: "power", thickness: 14, len: 0.8 },
+      colorbar: { ...bar, title: { text: colourTitle(field, choice), side } },
       lighting: { ambient: 0.9, diffuse: 0.25, specular: 0, roughness: 1, fresnel: 0 },
       contours: { x: { highlight: false }, y: { highlight: false }, z: { highlight: false } },
       hovertemplate: `%{surfacecolor:.4g}<extra>${colourTitle(field, choice)}</extra>`,
@@ -81,9 +89,9 @@
     return wire(field, lines, { color: "#1b1f24", width: 5 });
   }
 
-  function traces(field, choice, palettes) {
+  function traces(field, choice, palettes, narrow) {
     const bare = [reference(field), heldEdges(field)].map((trace) => ({ ...trace, visible: choice.wire }));
-    return [surface(field, choice, palettes), ...bare];
+    return [surface(field, choice, palettes, narrow), ...bare];
   }
 
   function axis(field, k, [low, high], span, largest) {
@@ -97,7 +105,7 @@
     };
   }
 
-  function layout(field) {
+  function layout(field, narrow) {
     const sizes = shellbench.field.box(field);
     const largest = Math.max(...sizes.map(([low, high]) => high - low));
     const spans = sizes.map(([low, high]) => Math.max(high - low, FLAT * largest));
@@ -109,14 +117,14 @@
       font: { family: "system-ui, sans-serif", size: 12, color: "#1b1f24" },
       scene: {
         xaxis, yaxis, zaxis, aspectmode: "manual", aspectratio: { x, y, z }, dragmode: "turntable",
-        camera: firstCamera(field), uirevision: "kept",
+        camera: firstCamera(field, narrow), uirevision: "kept",
       },
     };
   }
 
-  function firstCamera(field) {
+  function firstCamera(field, narrow) {
     const [azimuth, elevation] = field.kept.look.map((degrees) => (degrees * Math.PI) / 180);
-    return camera({ azimuth, elevation, distance: DISTANCE });
+    return camera({ azimuth, elevation, distance: narrow ? DISTANCE.narrow : DISTANCE.wide });
   }
 
   function look({ x, y, z }) {
