@@ -17,6 +17,7 @@ RATES = (15, 30, 60, 120, 240)  # frames per second: those of films and screens,
 MOST = 961  # frames: four seconds at the finest rate, so that a long motion costs no more
 POINTS = 64  # of the probes: the first ones, which are spread as evenly as all of them
 GOLDEN = (5**0.5 - 1) / 2  # its multiples, modulo one, are evenly spread and lie on no frame
+SAME = 6  # decimals of a number of frames beyond which two solvers' last instants differ by rounding only
 FIXED = 5  # instants that are asked for at every rate
 
 
@@ -31,7 +32,7 @@ def frame_rate_study(solution: Solution, case: Case) -> tuple[FrameRateStep, ...
     points = probes_of(case.surface.domain, POINTS)
     fixed = end * (GOLDEN * np.arange(1, FIXED + 1) % 1.0)
     alone = [state_at(solution, points, float(t)) for t in np.sort(fixed)[::-1]][::-1]
-    counts = sorted({max(2, round(rate * end) + 1) for rate in RATES})
+    counts = sorted({max(2, round(round(rate * end, SAME)) + 1) for rate in RATES})
     samples: dict[int, Array] = {}
     asked: dict[int, float] = {}
     for count in (n for n in counts if n <= MOST):

@@ -70,15 +70,22 @@ def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
             f"the field folds where its bending energy does not look: {100 * signs.unseen_turning:.2g} % of its changes"
             f" of slope are kinks without curvature{cause}, so it is no equilibrium of the shell"
         )
-    if not signs.jitter_share <= LARGEST_ADDED:
-        remedy = "a smaller penalty" if spec.supports == "soft" else "fewer neurons"
-        return (
-            f"the equations are too ill-conditioned: what keeps them definite takes {100 * signs.jitter_share:.2g} % of"
-            f" the energy; use {remedy}"
-        )
+    soft = spec.supports == "soft"
+    if soft and not signs.jitter_share <= LARGEST_ADDED:  # before the gap: more panels would not help
+        return ill_conditioned(signs.jitter_share, "a smaller penalty")
     if not signs.gap <= largest_gap:  # also where it is not a number
         return (
             f"the field exploits its quadrature: its energy on the finer one differs by {signs.gap:.2g},"
             f" more than the {largest_gap:g} allowed; use more panels or fewer neurons"
         )
+    if not signs.jitter_share <= LARGEST_ADDED:
+        return ill_conditioned(signs.jitter_share, "fewer neurons")
     return None
+
+
+def ill_conditioned(share: float, remedy: str) -> str:
+    """Say in one sentence that the equations could not be solved as they are."""
+    return (
+        f"the equations are too ill-conditioned: what keeps them definite takes {100 * share:.2g} % of the energy;"
+        f" use {remedy}"
+    )

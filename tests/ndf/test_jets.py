@@ -40,7 +40,7 @@ def points():
 @pytest.mark.parametrize("depth", [1, 2, 4])
 def test_network_jets_match_nested_differentiation(name, depth, points):
     network = siren(2, (5,) * depth, 2.0, seed=3, placement=PLACEMENT, name=name)
-    functions = {"sine": torch.sin, "tanh": torch.tanh, "gelu": torch.nn.functional.gelu}
+    functions = {"sine": torch.sin, "tanh": torch.tanh, "gelu": torch.nn.functional.gelu, "relu": torch.relu}
 
     def plain(h):
         for weight, bias in zip(network.weights, network.biases, strict=True):
