@@ -9,6 +9,8 @@ nox.options.reuse_existing_virtualenvs = True
 
 CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
+STUDIES = ("resolution", "thinness", "sampling", "training")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 REPORT = "reports/latest"
 PAPER = "reports/paper"
 
@@ -81,6 +83,16 @@ def strain_ablation(session: nox.Session) -> None:
 
 
 @nox.session
+def evidence(session: nox.Session) -> None:
+    """Study resolution, memory, cost, training, sampling and thinness, and show it all beside the obstacle course."""
+    install(session)
+    suites = [option for name in ("obstacle_course", *STUDIES) for option in ("--suite", name)]
+    # some runs of the studies fail on purpose: a field on too few points is refused, and that is a finding
+    session.run("shellbench", "run", *suites, *session.posargs, success_codes=[0, 1])
+    session.run("shellbench", "report", *suites, "--out", REPORT)
+
+
+@nox.session
 def example(session: nox.Session) -> None:
     """Make the committed example of the report anew; the published training, which takes long, by its kept records."""
     install(session)
@@ -92,6 +104,7 @@ def example(session: nox.Session) -> None:
         "strain_ablation",
         "cloth",
         "published_motion",
+        *STUDIES,
     ):
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
@@ -120,6 +133,8 @@ def paper(session: nox.Session) -> None:
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
     install(session, "test")
+    if not any(map(shutil.which, BROWSERS)):
+        session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
     session.run("pytest", "-n", "auto", "-m", "not long", *session.posargs)
 
 

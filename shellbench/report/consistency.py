@@ -61,12 +61,12 @@ def section(evidence: Evidence) -> Section | None:
         words=WORDS,
         tables=found,
         exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
+        details=details(cases),
     )
 
 
-def details(evidence: Evidence) -> tuple[Table, ...]:
+def details(cases: Sequence[CaseRuns]) -> tuple[Table, ...]:
     """Return the long tables behind the section: all pairs of runs, and the drift of all quantities."""
-    cases = case_runs(evidence)
     return tuple(table for table in (pair_table(cases), drift_table(cases)) if table is not None)
 
 

@@ -27,6 +27,8 @@ class Section:
         Its anchor.
     words
         Paragraphs, plain words.
+    details
+        Long tables behind it, kept as CSV only.
     """
 
     name: str
@@ -34,6 +36,7 @@ class Section:
     words: tuple[str, ...]
     tables: tuple[Table, ...]
     exhibits: tuple[Exhibit, ...]
+    details: tuple[Table, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -49,12 +49,13 @@ def section(evidence: Evidence) -> Section | None:
         words=WORDS,
         tables=tables,
         exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
+        details=details(cases),
     )
 
 
-def details(evidence: Evidence) -> tuple[Table, ...]:
+def details(cases: Sequence[CaseRuns]) -> tuple[Table, ...]:
     """Return the long table behind the section: the memory of all runs."""
-    table = solve_table(case_runs(evidence), finest_only=False)
+    table = solve_table(cases, finest_only=False)
     return () if table is None else (table,)
 
 

@@ -125,7 +125,7 @@ def write_report(
         uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         facts = _facts(by_id, rows, tables, read_bibliography(bibliography))
-        facts |= _figures(facts["makings"], [*drawn, *proven])
+        facts |= _figures(facts["makings"], [*drawn, *proven], turned)
         facts |= _cloth(shown, {exhibit.name for exhibit in drawn}, tables)
         facts |= {
             "exhibits": [(exhibit, uris[exhibit.name]) for exhibit in drawn],
@@ -191,14 +191,15 @@ def _facts(
     }
 
 
-def _figures(made: Sequence[Making], drawn: Sequence[Exhibit]) -> dict[str, Any]:
-    """Return how each figure was made."""
+def _figures(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, Any]:
+    """Return how each figure was made, with the view that may take its place."""
     by_run = {making.record.run_id: making for making in made}
+    seen = {f"{PICTURE}{case}": [answer.run_id for answer in one.answers] for case, one in turned.items()}
+    shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}
     return {
         "report_command": REPORT_COMMAND,
         "made_by": {
-            exhibit.name: [by_run[run_id] for run_id in dict.fromkeys(exhibit.run_ids) if run_id in by_run]
-            for exhibit in drawn
+            name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()
         },
     }
 
@@ -239,8 +240,8 @@ def _page(template: str, notation: Notation, tables: Tables, facts: dict[str, An
         tables=tables,
         files={table.name: _table_files(table) for table in tables.all} if notation is HTML else {},
         written={table.name: table.write("html" if notation is HTML else "markdown") for table in tables.all},
-        matrix_titles=titles,
-        matrix=lines,
+        matrix_solvers=[solver for solver, _ in lines],
+        matrix=[(title, [cells[case] for _, cells in lines]) for case, title in enumerate(titles)] if lines else [],
     )
 
 

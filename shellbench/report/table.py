@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any, Literal
 
 import pandas as pd
@@ -50,7 +51,7 @@ class Column:
     def sort_value(self, line: Line) -> float | None:
         """Return the number by which a row of the data is sorted; None if it has none."""
         value = line.get(self.key)
-        return float(value) if isinstance(value, int | float) and present(value) else None
+        return float(value) if isinstance(value, int | float) and present(value) and isfinite(value) else None
 
 
 @dataclass(frozen=True)

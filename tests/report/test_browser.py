@@ -16,6 +16,8 @@ from shellbench.report.projection import AXES_TO_UP
 from shellbench.report.scene import pictured
 from tests.report.motion import BROKEN, OFFSET
 
+pytestmark = pytest.mark.long
+
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
@@ -24,7 +26,7 @@ FLAGS = (
 )
 WITHOUT_WEBGL = ("--disable-3d-apis", "--disable-webgl")
 NARROW = {"width": 360, "height": 740}
-MILLIONTH = 3e-5  # of the largest component: what two bytes keep
+ROUNDING = 3e-5  # of the largest component: what two bytes keep
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +215,7 @@ def test_the_slider_moves_the_shell(course, dense):
         seen = coordinates(course.surface("pinched_cylinder_free"), "z")
         expected = fields.position + scale * fields.displacement
         size = np.abs(fields.position).max() + scale * np.abs(fields.displacement).max()
-        assert np.abs(seen - expected).max() < MILLIONTH * size
+        assert np.abs(seen - expected).max() < ROUNDING * size
     assert f"displacement × {highest:.0f}, coloured by" in figure.locator(".said").inner_text()
 
 
@@ -227,16 +229,16 @@ def test_colours_are_chosen_and_named(course, dense):
     shown = course.surface("square_plate")
     assert shown["title"] == "|u| (m)"
     size = np.linalg.norm(fields.displacement, axis=-1)
-    assert np.abs(shown["surfacecolor"] - size).max() < MILLIONTH * size.max()
+    assert np.abs(shown["surfacecolor"] - size).max() < ROUNDING * size.max()
     choose(figure, "colour", "z component")
     shown = course.surface("square_plate")
     assert shown["title"] == "u<sub>z</sub> (m)"
-    assert np.abs(shown["surfacecolor"] - fields.displacement[..., 2]).max() < MILLIONTH * size.max()
+    assert np.abs(shown["surfacecolor"] - fields.displacement[..., 2]).max() < ROUNDING * size.max()
     assert "coloured by u_z (m) from −0.487 to 0" in figure.locator(".said").inner_text()
     choose(figure, "colour", "strain energy density")
     shown = course.surface("square_plate")
     assert shown["title"] == "energy density (J/m²)"
-    assert np.abs(shown["surfacecolor"] - 3 * fields.xi[..., 0]).max() < MILLIONTH * 300
+    assert np.abs(shown["surfacecolor"] - 3 * fields.xi[..., 0]).max() < ROUNDING * 300
 
 
 def test_a_density_that_was_not_kept_is_no_choice(course):
@@ -251,8 +253,8 @@ def test_the_difference_of_two_solvers_is_theirs(course, dense):
     ours, theirs = (fields_of(dense, "square_plate", name).displacement for name in ("fem", "ndf-ritz"))
     apart = np.linalg.norm(ours - theirs, axis=-1)
     assert shown["title"] == "|Δu| (m)"
-    assert np.abs(shown["surfacecolor"] - apart).max() < MILLIONTH * apart.max()  # not of the displacement
-    assert shown["cmax"] == pytest.approx(apart.max(), rel=MILLIONTH)
+    assert np.abs(shown["surfacecolor"] - apart).max() < ROUNDING * apart.max()  # not of the displacement
+    assert shown["cmax"] == pytest.approx(apart.max(), rel=ROUNDING)
 
 
 def test_at_most_four_are_alive_and_the_others_are_pictures_again(course):
@@ -333,7 +335,7 @@ def test_motions_have_a_slider_over_time(cloth, motion):
         assert fields.marks[frame] == pytest.approx(t, rel=1e-3, abs=1e-9)
         seen = coordinates(cloth.surface("pendulum_strip"), up_of(cloth, "pendulum_strip"))
         expected = fields.position + fields.displacements[frame]
-        assert np.abs(seen - expected).max() < MILLIONTH * 3
+        assert np.abs(seen - expected).max() < ROUNDING * 3
     broken = next(o for o in figure.locator("select[name=shown] option").all_inner_texts() if "(failed)" in o)
     choose(figure, "shown", broken.strip())
     assert float(marks[-1].split()[2]) > BROKEN

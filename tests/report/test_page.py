@@ -18,6 +18,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from shellbench import catalog
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
@@ -103,6 +104,19 @@ def test_the_verdict_comes_first_and_is_right(report, store):
     assert sentence in (report.parent / "report.md").read_text(encoding="utf-8")
 
 
+def test_the_glance_has_a_line_for_each_case_and_a_column_for_each_solver(report):
+    lines = (report.parent / "report.md").read_text(encoding="utf-8").splitlines()
+    start = lines.index("| Case | `fem` | `ndf-ritz` | `ndf` |")
+    assert [line.split("|")[1].strip() for line in lines[start + 2 : start + 6]] == [
+        catalog.named_case(case).title for case in COURSE
+    ]
+    roof = next(line for line in lines[start:] if line.startswith("| Scordelis-Lo roof |")).split("|")
+    assert [cell.partition(":")[0].strip() for cell in roof[2:5]] == ["pass", "pass", "fell short"]
+    text = report.read_text(encoding="utf-8").partition('id="glance"')[2]
+    head = re.search(r"<thead><tr>(.*?)</tr>", text)[1]
+    assert re.sub(r"<[^>]*>", " ", head).split() == ["Case", "fem", "ndf-ritz", "ndf"]
+
+
 @pytest.mark.parametrize("name", ["index.html", "report.md"])
 def test_bad_runs_are_named_with_their_reasons(report, name):
     text = html.unescape((report.parent / name).read_text(encoding="utf-8")).replace("\\", "")
@@ -174,7 +188,8 @@ def test_each_figure_says_how_it_was_made(report, store):
         assert re.search(r"shellbench run \w+ --solver [\w-]+", made)
         assert 'href="#environment-1"' in made
     picture = next(figure for figure in figures if 'data-case="square_plate"' in figure)
-    assert "shellbench run square_plate --solver" in picture
+    for solver in ("fem", "ndf-ritz", "ndf"):  # of the picture, and of the view that takes its place
+        assert f"shellbench run square_plate --solver {solver}" in picture
     assert "scordelis_lo" not in picture.partition("How this was made")[2]
 
 
