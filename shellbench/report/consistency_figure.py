@@ -213,8 +213,7 @@ def _trace(axes: Axes, found: Difference | None, scale: float, **look: Any) -> N
 
 
 def _finish(axes: Axes, abscissa: str, ordinate: str) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    logarithmic(axes)
     axes.set_xlabel(abscissa)
     axes.set_ylabel(ordinate)
     axes.margins(x=0.12, y=0.12)
@@ -222,8 +221,18 @@ def _finish(axes: Axes, abscissa: str, ordinate: str) -> None:
     tick(axes.yaxis)
 
 
+def logarithmic(axes: Axes) -> None:
+    """Set logarithmic scales where something positive is drawn: an empty axis has none."""
+    if math.isfinite(axes.xaxis.get_minpos()):
+        axes.set_xscale("log")
+    if math.isfinite(axes.yaxis.get_minpos()):
+        axes.set_yscale("log")
+
+
 def tick(axis: Axis) -> None:
     """Label decades of a logarithmic axis, or 1, 2 and 5 where only few are in view."""
+    if axis.get_scale() != "log":
+        return
     low, high = sorted(axis.get_view_interval())
     decades = math.log10(high / low) if low > 0 else 0.0
     if decades < FEW_DECADES:

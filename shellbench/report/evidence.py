@@ -62,11 +62,3 @@ class Evidence:
 
 
 Maker = Callable[[Evidence], Section | None]
-
-MAKERS: tuple[Maker, ...] = ()
-
-
-def sections(evidence: Evidence) -> list[Section]:
-    """Return the sections that have something to show, in the order of the page."""
-    made = (maker(evidence) for maker in MAKERS)
-    return [section for section in made if section is not None]

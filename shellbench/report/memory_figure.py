@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from shellbench.report.answers import BYTES_A_POINT, LEVELS, Answer, fewest, field_is_known
-from shellbench.report.consistency_figure import tick
+from shellbench.report.consistency_figure import logarithmic, tick
 from shellbench.report.digits import byte_size, percent
 from shellbench.report.ladder import CaseRuns, Run
 from shellbench.report.notation import TEXT
@@ -75,8 +75,7 @@ def _errors(axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], in
             axes.plot(*rounded, color=ink.colour, marker=ink.marker, linestyle="none", markeredgewidth=0.7, **look)
         front = _points(_front([answer for answer in known if answer.kept == "mesh"]))
         axes.plot(*front, color=ink.colour, linestyle=":", marker=".", markersize=5, linewidth=1.1, alpha=SCREEN)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    logarithmic(axes)
     low, high = axes.get_ylim()
     for level in LEVELS:
         axes.axhline(100 * level, color="#444444", linewidth=0.7, linestyle=DASHES[1], zorder=1)
@@ -174,8 +173,7 @@ def _asked(
             fontsize=6.0,
             color=inks[solver].colour,
         )
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    logarithmic(axes)
     axes.margins(x=0.18, y=0.1)
     tick(axes.xaxis)
     _bytes_axis(axes, "y")
@@ -188,8 +186,7 @@ def _solve(axes: Axes, case: CaseRuns, inks: Mapping[str, Ink]) -> None:
         beside = [run for run in ladder.runs if run not in ladder.line]
         axes.plot(*_peaks(ladder.line), markeredgewidth=0.4, **look)
         axes.plot(*_peaks(beside), markeredgewidth=0.4, linestyle="none", **look)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    logarithmic(axes)
     axes.set_xlabel("unknowns")
     axes.set_ylabel("peak less idle (MB)")
     axes.set_title("Memory of the solve", loc="left")
@@ -212,10 +209,12 @@ def _peaks(runs: Sequence[Run]) -> tuple[list[int], list[float]]:
 def _bytes_axis(axes: Axes, which: str) -> None:
     """Label an axis of bytes in kB, MB, GB."""
     axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xlabel if which == "x" else axes.set_ylabel)("bytes that keep it")
+    if axis.get_scale() != "log":
+        return
     low, high = sorted(axis.get_view_interval())
     first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
     every = max(1, math.ceil((last - first) / 4))
     places = [10.0**power for power in range(first, last + 1, every)]
     axis.set_ticks(places, [byte_size(place) for place in places])
     axis.set_ticks([], minor=True)
-    (axes.set_xlabel if which == "x" else axes.set_ylabel)("bytes that keep it")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,65 +14,30 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.report import evidence
 from shellbench.report.bibliography import Source, read_bibliography
+from shellbench.report.contents import Tables, tables_of
 from shellbench.report.derivation import DERIVATION
 from shellbench.report.derivation import TITLE as NEWTON_TITLE
-from shellbench.report.effort import effort_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, data_uri
 from shellbench.report.exhibits import PICTURE, exhibits
-from shellbench.report.fields import field_table
 from shellbench.report.motion_exhibits import CLOTH
-from shellbench.report.motion_tables import motion_tables
-from shellbench.report.newton import newton_table
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.palette import style
 from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
-from shellbench.report.resolution import mesh_table, resolution_table
+from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known
-from shellbench.report.strains import strain_table
 from shellbench.report.strains import words as strain_words
 from shellbench.report.suites import compared, rows_at_home
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
-from shellbench.report.tables import displacement_tables, quantity_tables, render, tables_as_csv
+from shellbench.report.tables import render, tables_as_csv
 from shellbench.report.view import View, views
 from shellbench.report.view_data import palettes_json, view_json
 from shellbench.report.view_page import scripts
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
-
-
-@dataclass(frozen=True)
-class Tables:
-    """All tables of a report."""
-
-    displacements: list[Table]
-    resolution: list[Table]
-    paths: list[Table]
-    strains: list[Table]
-    quantities: list[Table]
-    motions: list[Table]
-    newton: list[Table]
-    evidence: list[Table]
-
-    @property
-    def printed(self) -> list[Table]:
-        """Those that fit a printed page."""
-        return [*self.displacements, *self.apart]
-
-    @property
-    def apart(self) -> list[Table]:
-        """Those with columns of their own, each a file of its own."""
-        return [*self.paths, *self.strains, *self.newton, *self.motions, *self.resolution, *self.evidence]
-
-    @property
-    def all(self) -> list[Table]:
-        """All of them, in the order of the page."""
-        return [*self.printed, *self.quantities]
 
 
 def write_report(
@@ -112,9 +76,9 @@ def write_report(
     named = {row.run_id for row in rows}
     by_id = {record.run_id: record for record in store.read().records if record.run_id in named}
     shown = compared(rows)
-    with style():
-        sections = evidence.sections(Evidence(by_id, rows, store.folder, known))
-    tables = _tables(by_id, shown, store, known, sections)
+    found = Evidence(by_id, rows, store.folder, known)
+    sections = evidence_sections(found)
+    tables = tables_of(found, sections)
     turned = views(by_id, shown, store.folder)
     try:
         figures = out / "figures"
@@ -124,7 +88,7 @@ def write_report(
         proven = [exhibit for section in sections for exhibit in section.exhibits]
         uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
-        facts = _facts(by_id, rows, tables, read_bibliography(bibliography))
+        facts = _facts(by_id, rows, tables, sections, read_bibliography(bibliography))
         facts |= _figures(facts["makings"], [*drawn, *proven], turned)
         facts |= _cloth(shown, {exhibit.name for exhibit in drawn}, tables)
         facts |= {
@@ -141,7 +105,7 @@ def write_report(
         _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
         _write(out / "table.tex", "\n".join(table.write("latex") for table in tables.printed))
         _write(out / "table.json", render(rows, "json"))
-        for table in tables.apart:
+        for table in (*tables.apart, *(table for section in sections for table in section.details)):
             _write(out / f"{table.name}.csv", table.write("csv"))
         if bibliography.is_file():
             shutil.copyfile(bibliography, out / BIBLIOGRAPHY)
@@ -150,24 +114,12 @@ def write_report(
     return out / "index.html"
 
 
-def _tables(
-    records: dict[str, Record], rows: Sequence[Row], store: Store, known: Known, sections: Sequence[Section]
-) -> Tables:
-    seen = (resolution_table(records, rows), mesh_table(records, rows), field_table(records, rows, store.folder))
-    return Tables(
-        displacements=displacement_tables(rows, known),
-        resolution=[table for table in seen if table is not None],
-        paths=[table for table in (effort_table(records, rows),) if table is not None],
-        strains=[table for table in (strain_table(rows),) if table is not None],
-        quantities=quantity_tables(rows, known),
-        motions=motion_tables(records, rows, store.folder),
-        newton=[table for table in (newton_table(records, rows),) if table is not None],
-        evidence=[table for section in sections for table in section.tables],
-    )
-
-
 def _facts(
-    records: dict[str, Record], rows: Sequence[Row], tables: Tables, sources: dict[str, Source]
+    records: dict[str, Record],
+    rows: Sequence[Row],
+    tables: Tables,
+    sections: Sequence[Section],
+    sources: dict[str, Source],
 ) -> dict[str, Any]:
     made, environments = makings(records, rows)
     cited = dict.fromkeys(source for table in tables.all for source in table.cited)
@@ -187,6 +139,7 @@ def _facts(
         "sources": [(key, sources.get(key)) for key in cited],
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
         + [f"{table.name}.csv" for table in tables.apart]
+        + [f"{table.name}.csv" for section in sections for table in section.details]
         + ([BIBLIOGRAPHY] if sources else []),
     }
 

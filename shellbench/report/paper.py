@@ -19,28 +19,22 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.report import evidence
 from shellbench.report.bibliography import read_bibliography
+from shellbench.report.contents import tables_of
 from shellbench.report.derivation import TITLE as NEWTON_TITLE
-from shellbench.report.effort import effort_table
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import PRINT_DPI, Exhibit
 from shellbench.report.exhibits import exhibits
-from shellbench.report.fields import field_table
 from shellbench.report.latex_letters import with_letters_of_latex
 from shellbench.report.latex_table import PACKAGES
-from shellbench.report.motion_tables import motion_tables
-from shellbench.report.newton import newton_table
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.palette import style
 from shellbench.report.provenance import environment_words, makings
-from shellbench.report.resolution import mesh_table, resolution_table
+from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known, theory_words
-from shellbench.report.strains import strain_table
 from shellbench.report.suites import compared, rows_at_home
 from shellbench.report.summary import overall
 from shellbench.report.table import Table, present
-from shellbench.report.tables import displacement_tables, quantity_tables
 
 DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
 OWN = "shellbench"  # source of known values that were computed here, by independent programs
@@ -112,21 +106,18 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
 
 def _chapters(found: Evidence) -> list[Chapter]:
     """Return the sections of the document that have something to show, their tables with theory and sources."""
-    records, rows, folder, known = found.records, compared(found.rows), found.folder, found.known
-    by_id = dict(records)
-    with style():
-        sections = evidence.sections(found)
-    seen = (resolution_table(by_id, rows), mesh_table(by_id, rows), field_table(by_id, rows, folder))
+    rows, sections = compared(found.rows), evidence_sections(found)
+    tables = tables_of(found, sections)
     chapters = [
-        Chapter("Displacements", tables=tuple(displacement_tables(rows, known))),
-        Chapter("Other quantities", tables=tuple(quantity_tables(rows, known))),
-        Chapter("Paths", tables=_there(effort_table(by_id, rows))),
-        Chapter("Strain measures", tables=_there(strain_table(rows))),
-        Chapter(NEWTON_TITLE, tables=_there(newton_table(by_id, rows))),
-        Chapter("Cloth in motion", tables=tuple(motion_tables(by_id, rows, folder))),
-        Chapter("Resolution", tables=_there(*seen)),
+        Chapter("Displacements", tables=tuple(tables.displacements)),
+        Chapter("Fields", tables=tuple(tables.fields)),
+        Chapter("Other quantities", tables=tuple(tables.quantities)),
+        Chapter("Paths", tables=tuple(tables.paths)),
+        Chapter("Strain measures", tables=tuple(tables.strains)),
+        Chapter(NEWTON_TITLE, tables=tuple(tables.newton)),
+        Chapter("Cloth in motion", tables=tuple(tables.motions)),
         *(Chapter(s.title, s.words, s.tables, s.exhibits) for s in sections),
-        Chapter("Figures", exhibits=tuple(exhibits(by_id, rows, folder, known))),
+        Chapter("Figures", exhibits=tuple(exhibits(found.records, rows, found.folder, found.known))),
     ]
     stated = [replace(c, tables=tuple(_stated(table, found) for table in c.tables)) for c in chapters]
     return [chapter for chapter in stated if chapter.tables or chapter.exhibits]
@@ -136,10 +127,6 @@ def _draw(exhibit: Exhibit, folder: Path) -> None:
     with style():
         path = folder / f"{exhibit.name}.pdf"
         exhibit.figure.savefig(path, format="pdf", dpi=PRINT_DPI, metadata={"CreationDate": None})
-
-
-def _there(*tables: Table | None) -> tuple[Table, ...]:
-    return tuple(table for table in tables if table is not None)
 
 
 def _stated(table: Table, found: Evidence) -> Table:

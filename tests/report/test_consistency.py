@@ -51,7 +51,7 @@ def line(table, solver):
 
 
 def pairs(shown, kind, solver):
-    data = details(shown)[0].data
+    data = details(case_runs(shown))[0].data
     found = data[(data["pair"] == kind) & (data["solver"] == solver)]
     return {(one["run"], one["other"]): one for one in found.to_dict("records")}
 
@@ -111,7 +111,7 @@ def test_the_slope_is_that_of_the_formula(plate):
 def test_drift_is_the_change_of_the_quantity(plate):
     table = consistency_table(case_runs(plate))
     assert line(table, "shells")["drift"] == pytest.approx(64**-2 - 1e-7, rel=1e-6)
-    drifts = details(plate)[1].data
+    drifts = details(case_runs(plate))[1].data
     coarse = drifts[(drifts["run"] == "cells 4×4")].to_dict("records")
     assert [one["drift"] for one in coarse] == pytest.approx([(1 + 1 / 16) / (1 + 1e-7) - 1])
 
@@ -243,7 +243,7 @@ def test_without_probes_only_the_queries_are_shown(tmp_path):
     assert [table.name for table in made.tables] == ["resolution"]
     assert not made.exhibits
     assert case_runs(shown)[0].yardstick is None
-    assert [table.name for table in details(shown)] == ["consistency_drift"]
+    assert [table.name for table in details(case_runs(shown))] == ["consistency_drift"]
 
 
 def test_one_resolution_alone_is_compared_with_other_solvers(tmp_path):
@@ -309,5 +309,5 @@ def test_the_figure_shows_what_the_table_says(request, which):
 
 @pytest.mark.parametrize("format", ["text", "markdown", "latex", "html", "csv"])
 def test_all_tables_are_written_in_all_formats(plate, format):
-    for table in (*section(plate).tables, *details(plate)):
+    for table in (*section(plate).tables, *details(case_runs(plate))):
         assert table.write(format)

@@ -22,7 +22,7 @@ from shellbench import catalog
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
-from shellbench.report import evidence, exhibit, shells
+from shellbench.report import exhibit, sections, shells
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
@@ -236,7 +236,7 @@ def evident(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(exhibit, "SCREEN_DPI", 40)
         patched.setattr(shells, "CELLS", 8)
-        patched.setattr(evidence, "MAKERS", (section_of, lambda evidence: None))
+        patched.setattr(sections, "MAKERS", (section_of, lambda evidence: None))
         out = tmp_path_factory.mktemp("evident")
         return write_report(Records(store.folder), studied(store), out, store.known_values, for_print=False)
 
