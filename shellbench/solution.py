@@ -190,8 +190,9 @@ class Solution(Protocol):
     def rounded(self, format: NumberFormat) -> tuple[Solution, int]:
         """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
 
-        What is asked of the rounded solution is computed in double precision; numbers that do not fit the format
-        become infinite. Solutions of plug-ins may lack this method; no precision is studied then.
+        What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
+        two as its scale (see `shellbench.rounding`). Plug-ins may lack this method; no precision is studied
+        then.
         """
         ...
 

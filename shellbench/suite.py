@@ -80,18 +80,26 @@ def swept(run: Any, where: str) -> list[Any]:
     if not isinstance(run, dict) or "sweep" not in run:
         return [run]
     rest = {key: value for key, value in run.items() if key != "sweep"}
-    match run["sweep"]:
-        case dict(sweep) if len(sweep) == 1:
-            (key, values), settings, label = next(iter(sweep.items())), run.get("settings", {}), run.get("label", "")
-            if isinstance(values, list) and values and isinstance(settings, dict):
+    match run["sweep"], run.get("settings", {}), run.get("label", ""):
+        case dict(sweep), dict(settings), str(label) if len(sweep) == 1 and settings.keys().isdisjoint(sweep):
+            key, values = next(iter(sweep.items()))
+            if isinstance(values, list) and values and all(values.count(value) == 1 for value in values):
                 prefix = f"{label}, " if label else ""
                 return [
                     {**rest, "settings": {**settings, key: value}, "label": f"{prefix}{key} {value_words(value)}"}
                     for value in values
                 ]
-    raise ValueError(f"{where}.sweep: found {run['sweep']!r}, but it must be one setting with a list of values")
+    raise ValueError(
+        f"{where}.sweep: found {run['sweep']!r}, but it must be one setting, not among the line's settings, with a list"
+        " of different values"
+    )
 
 
 def value_words(value: Any) -> str:
     """Say a value of a setting as tables do: pairs as 8×8."""
-    return "×".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    match value:
+        case list() | tuple():
+            return "×".join(map(value_words, value))
+        case float():
+            return f"{value:.4g}"
+    return str(value)

@@ -31,11 +31,15 @@ def test_a_label_stands_before_the_value(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "sweep", ["{}", "{ a = [1], b = [2] }", "{ a = 1 }", "{ a = [] }", "[1, 2]", '"cells"'], ids=str
+    "sweep",
+    ["{}", "{ a = [1], b = [2] }", "{ a = 1 }", "{ a = [] }", "{ a = [1, 1] }", "{ set = [1] }", "[1, 2]", '"cells"'],
+    ids=str,
 )
 def test_what_is_no_sweep_is_one_sentence(tmp_path, sweep):
-    path = write(tmp_path, f'[[runs]]\nsolver = "a"\nsweep = {sweep}\n')
-    with pytest.raises(InputError, match=r"runs\.0\.sweep: found .* one setting with a list of values") as caught:
+    path = write(tmp_path, f'[[runs]]\nsolver = "a"\nsettings = {{ set = 2 }}\nsweep = {sweep}\n')
+    with pytest.raises(
+        InputError, match=r"runs\.0\.sweep: found .* one setting, .* with a list of different values"
+    ) as caught:
         read_suite(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)

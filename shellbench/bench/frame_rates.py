@@ -33,9 +33,12 @@ def frame_rate_study(solution: Solution, case: Case) -> tuple[FrameRateStep, ...
     fixed = end * (GOLDEN * np.arange(1, FIXED + 1) % 1.0)
     alone = [state_at(solution, points, float(t)) for t in np.sort(fixed)[::-1]][::-1]
     counts = sorted({max(2, round(round(rate * end, SAME)) + 1) for rate in RATES})
+    counts = [count for count in counts if count <= MOST]
+    if not counts:
+        return ()
     samples: dict[int, Array] = {}
     asked: dict[int, float] = {}
-    for count in (n for n in counts if n <= MOST):
+    for count in (*counts, 2 * max(counts) - 1):  # the last of them is what the others are held against
         times = np.linspace(0.0, end, count)
         every = np.concatenate([times, fixed])
         order = np.argsort(every, kind="stable")
@@ -46,19 +49,18 @@ def frame_rate_study(solution: Solution, case: Case) -> tuple[FrameRateStep, ...
         is_fixed = order >= count
         samples[count] = field[~is_fixed]
         asked[count] = float(np.max(_lengths(field[is_fixed] - np.array(alone))))
-    return tuple(_step(count, end, samples, asked[count]) for count in samples)
+    return tuple(_step(count, end, samples[count], samples[2 * max(counts) - 1], asked[count]) for count in counts)
 
 
-def _step(count: int, end: float, samples: dict[int, Array], asked: float) -> FrameRateStep:
-    finest = max(samples)
-    gaps = _lengths(joined(samples[count], np.linspace(0.0, count - 1.0, finest)) - samples[finest])
+def _step(count: int, end: float, frames: Array, motion: Array, asked: float) -> FrameRateStep:
+    gaps = _lengths(joined(frames, np.linspace(0.0, count - 1.0, len(motion))) - motion)
     return FrameRateStep(
         frames=count,
         frames_per_second=(count - 1) / end,
         probe_difference=asked,
         interpolation_difference=float(np.max(gaps)),
         interpolation_rms=float(np.sqrt(np.mean(gaps**2))),
-        largest_displacement=float(np.max(_lengths(samples[count]))),
+        largest_displacement=float(np.max(_lengths(frames))),
     )
 
 

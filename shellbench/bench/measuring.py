@@ -44,13 +44,19 @@ def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, An
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     why = without_values(lost) if lost else None
-    parts: tuple[Part, ...] = (cost, course, states, along, samples, frame_rates, partial(precision, values=values))
-    for part in parts:
+    for part in (cost, course, states, along, samples):
         try:
             result |= part(solution, case, folder)
         except Exception as error:
             pass_on_full_disk(error)
             why = why or f"the solution can't be measured: {said(error)}"
+            traceback.print_exc()
+    studies: tuple[Part, ...] = (frame_rates, partial(precision, values=values))
+    for study in studies:  # they stand beside the answer: one that fails is left out, and the answer counts
+        try:
+            result |= study(solution, case, folder)
+        except Exception as error:
+            pass_on_full_disk(error)
             traceback.print_exc()
     return result, why
 

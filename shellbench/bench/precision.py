@@ -38,7 +38,7 @@ def precision_study(solution: Solution, case: Case, values: Mapping[str, float])
     `values` are the quantities of the solution as solved, by name: a format in which it stays the very same is not
     measured again.
     """
-    rounded: Callable[[NumberFormat], tuple[Solution, int]] | None = getattr(solution, "rounded", None)
+    rounded: Callable[[NumberFormat], tuple[Solution, int] | None] | None = getattr(solution, "rounded", None)
     points = probes_of(case.surface.domain)
     exact = {
         mark: field for mark in marks_of(solution, case) if (field := state_at(solution, points, mark)) is not None
@@ -47,7 +47,10 @@ def precision_study(solution: Solution, case: Case, values: Mapping[str, float])
         return ()
     steps: list[PrecisionStep] = []
     for number_format in FORMATS:
-        short, storage_bytes = rounded(number_format)
+        answer = rounded(number_format)
+        if answer is None:  # of a plug-in that has nothing but the protocol's own stub
+            return ()
+        short, storage_bytes = answer
         found = [state_at(short, points, mark) for mark in exact]
         step = PrecisionStep(format=number_format, storage_bytes=int(storage_bytes))
         if all(field is not None for field in found):

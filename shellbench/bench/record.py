@@ -119,15 +119,15 @@ class ResolutionStep(Model):
 
 
 class FrameRateStep(Model):
-    """The same motion seen through `frames` even instants, both ends counted, at the record's probes.
+    """The same motion seen through `frames` even instants, both ends counted, at the first of the record's probes.
 
     Attributes
     ----------
     probe_difference
         Largest difference at fixed instants between a query among these frames and one by itself, m.
     interpolation_difference, interpolation_rms
-        Largest and root mean square difference over the instants of the finest rate between the motion and frames
-        joined by straight lines, m: what a sequence of meshes at this rate would add.
+        Largest and root mean square difference, over even instants at twice the finest rate, between the motion and
+        frames joined by straight lines, m: what a sequence of meshes at this rate would add.
     largest_displacement
         Largest magnitude at the probes, m.
     """

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.cst.problem import Problem, minimise
-from shellbench.errors import SolveFailure
+from shellbench.errors import InputError, SolveFailure
 
 Array = NDArray[np.float64]
 
+MOST_INSTANTS = 100_000  # steps in time: their frames are kept
 MOST_STEPS = 60  # Newton steps in one step in time
 
 
@@ -44,8 +45,11 @@ class Frame:
 
 
 def step_count(until: float, time_step: float) -> int:
-    """Return the number of equal steps, none of them longer than `time_step`."""
-    return max(1, math.ceil(until / time_step * (1 - 1e-12)))
+    """Return the number of equal steps, none of them longer than `time_step`; InputError if they are too many."""
+    steps = until / time_step * (1 - 1e-12)
+    if not steps <= MOST_INSTANTS:
+        raise InputError(f"field 'time_step': {time_step:g} s makes more than {MOST_INSTANTS} steps in {until:g} s")
+    return max(1, math.ceil(steps))
 
 
 def march(problem: Problem, until: float, steps: int, tolerance: float, tell: Callable[[Frame], None]) -> None:
@@ -72,7 +76,7 @@ def march(problem: Problem, until: float, steps: int, tolerance: float, tell: Ca
     dt, mass = until / steps, problem.loading.mass
     size = float(np.ptp(problem.elastic.rest, axis=0).max())
     u = np.zeros_like(problem.elastic.rest)
-    v, held = np.zeros_like(u), problem.supports.owner >= 0
+    v, held = np.zeros_like(u), problem.supports.held
     work, inertia = 0.0, mass / dt**2
     steady = problem.loading.forces(0.0) if problem.case.steady else None
     for number in range(1, steps + 1):

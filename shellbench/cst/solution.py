@@ -164,8 +164,7 @@ class CstSolution:
         names = [s.name for s in self.case.supports]
         if support not in names:
             raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
-        held = self.problem.supports.owner == names.index(support)
-        forces = np.where(held, self._between(at, self._unbalanced), 0.0)
+        forces = self.problem.supports.share(names.index(support)) * self._between(at, self._unbalanced)
         arms = self.problem.elastic.rest - np.asarray(centre, dtype=float)
         if not self.case.linear:
             arms = arms + self.vertices(at)
@@ -181,6 +180,8 @@ class CstSolution:
     def rounded(self, format: NumberFormat) -> tuple[CstSolution, int]:
         """Return the solution with displacements rounded to a format, and the bytes that they take."""
         short = shortened(self.frames, format)
+        if short.numbers is self.frames:
+            return self, self.storage_bytes
         return replace(self, frames=short.expanded()), short.nbytes
 
     def save(self, path: Path) -> Path:

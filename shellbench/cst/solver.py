@@ -25,6 +25,7 @@ from shellbench.quantities import DisplacementQuantity
 from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 
 LONGER_SIDE = 32  # cells, unless settings say otherwise
+MOST_CELLS = 5000  # along a coordinate: 150 million unknowns, more than any direct solve takes
 TIME_STEP = 1 / 240  # s: four steps a frame of 60 Hz
 TOLERANCE = 1e-9  # of Newton's last step, relative to the shell's size
 
@@ -150,15 +151,15 @@ class CstSolver:
         if refusal:
             raise InputError(f"{self.name} can't take {case.name}: {refusal}")
         with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
-            course = _Course(
-                Problem.of(case, mesh_of(case, chosen)), chosen, progress or (lambda _: None), time.perf_counter()
-            )
+            course: _Course | None = None
             try:
+                course = _Course(Problem.of(case, mesh_of(case, chosen)), chosen, progress or (lambda _: None))
                 return _solve(course)
             except SolveFailure as failure:
-                raise SolveFailure(str(failure), partial=course.partial()) from None
+                raise SolveFailure(str(failure), partial=course.partial() if course else None) from None
             except MemoryError:
-                raise SolveFailure("the mesh does not fit into memory", partial=course.partial()) from None
+                partial = course.partial() if course else None
+                raise SolveFailure("the mesh does not fit into memory", partial=partial) from None
 
     def load(self, path: Path) -> CstSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
@@ -168,8 +169,8 @@ class CstSolver:
 def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
     """Return the mesh that settings ask for; InputError if it can't be."""
     cells = settings.cells or usual_cells(case)
-    if min(cells) < 1:
-        raise InputError(f"field 'cells': {list(cells)} must both be at least 1")
+    if min(cells) < 1 or max(cells) > MOST_CELLS:
+        raise InputError(f"field 'cells': found {list(cells)}, both must be from 1 to {MOST_CELLS}")
     try:
         return TriangleMesh(case.surface.domain, cells, settings.diagonal)
     except ValueError as error:

@@ -108,7 +108,9 @@ def follow_path(problem: Problem, states: tuple[float, ...], tolerance: float, t
 def _state(problem: Problem, t: float, u: Array, force: Array, iterations: int) -> State:
     internal = problem.internal(u)
     gap = (internal - force).ravel()
-    scale = max(float(np.abs(force).sum()), float(np.abs(gap).max(initial=0.0)), np.finfo(float).tiny)
+    acting = float(np.abs(force).sum())
+    moved = problem.loading.case.material.membrane_stiffness * float(np.abs(u).max(initial=0.0))
+    scale = max(acting if acting else moved, np.finfo(float).tiny)
     if np.abs(gap[problem.loose.pins]).max(initial=0.0) > BALANCE * scale:
         raise SolveFailure("the loads are not in balance, and nothing holds the shell")
     if len(problem.loose.pins):

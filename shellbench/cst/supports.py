@@ -28,13 +28,13 @@ class Supports:
 
     Attributes
     ----------
-    owner
-        (v, 3) number of the support that prescribes each displacement; -1 where it is free.
+    holds
+        (supports, v, 3) whether a support prescribes a displacement.
     """
 
     case: Case
     mesh: TriangleMesh
-    owner: Integers
+    holds: NDArray[np.bool_]
 
     @classmethod
     def of(cls, case: Case, mesh: TriangleMesh) -> Supports:
@@ -45,17 +45,26 @@ class Supports:
         InputError
             If a point that is held lies on no vertex.
         """
-        owner = np.full((mesh.vertex_count, 3), -1)
+        holds = np.zeros((len(case.supports), mesh.vertex_count, 3), dtype=bool)
         for support, place in case.supported_places():
             vertices = vertices_of(place, mesh)
             for component in support.held:
-                owner[vertices, "xyz".index(component)] = case.supports.index(support)
-        return cls(case, mesh, owner)
+                holds[case.supports.index(support), vertices, "xyz".index(component)] = True
+        return cls(case, mesh, holds)
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """(v, 3) whether anything prescribes a displacement."""
+        return np.asarray(self.holds.any(axis=0))
+
+    def share(self, number: int) -> Array:
+        """Return the share (v, 3) of a support in the forces: those that hold a vertex together bear it alike."""
+        return np.asarray(self.holds[number] / np.maximum(self.holds.sum(axis=0), 1))
 
     @cached_property
     def free(self) -> Integers:
         """Unknowns 3 v + component that nothing prescribes."""
-        return np.flatnonzero(self.owner.ravel() < 0)
+        return np.flatnonzero(~self.held.ravel())
 
     @cached_property
     def moving(self) -> bool:
@@ -70,8 +79,8 @@ class Supports:
         InputError
             If two supports move a vertex that they share to different places.
         """
-        result = np.where(self.owner < 0, displacement, 0.0)
-        set_by = np.where(self.owner < 0, 0, np.nan)
+        result = np.where(self.held, 0.0, displacement)
+        set_by = np.where(self.held, np.nan, 0.0)
         size = np.ptp(self.case.surface.position(self.mesh.domain.grid(3, 3)).reshape(-1, 3), axis=0).max()
         for support, place in self.case.supported_places():
             vertices = vertices_of(place, self.mesh)

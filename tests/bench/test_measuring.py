@@ -289,12 +289,28 @@ def test_a_study_that_goes_wrong_costs_no_other(tmp_path: Path, capsys: pytest.C
 
     solution.rounded = rounded
     found, why = measured(solution, case, tmp_path)
-    assert why == "the solution can't be measured: ZeroDivisionError: a bug"
+    assert why is None  # the answer counts, whatever becomes of a study beside it
     assert "precision" not in found
     assert set(found["values"]) == {"half", "full", "bending", "energy"}
     assert len(found["resolution"]) == len(RESOLUTIONS)
     assert found["fields_file"] == FIELDS
     assert "Traceback" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("answer", [None, NotImplementedError], ids=["stub", "not implemented"])
+def test_a_plug_in_that_only_inherits_rounding_has_a_whole_record(tmp_path: Path, answer: Any) -> None:
+    case = spring.loaded_case()
+    solution: Any = SpringSolution(case)
+
+    def rounded(format: str) -> None:
+        if answer is not None:
+            raise answer
+
+    solution.rounded = rounded
+    found, why = measured(solution, case, tmp_path)
+    assert why is None
+    assert not found.get("precision")
+    assert len(found["resolution"]) == len(RESOLUTIONS)
 
 
 def test_a_plug_in_without_rounding_has_a_whole_record(tmp_path: Path) -> None:

@@ -68,5 +68,6 @@ def test_mass_is_that_of_the_flat_triangles():
 def test_held_and_free_displacements_are_all_there_are():
     found = problem(plate())
     assert len(found.pattern.free) == 3 * (5 - 1) * (4 - 1)
-    assert found.supports.owner.shape == (6 * 5, 3)
+    assert found.supports.held.shape == (6 * 5, 3)
+    assert found.supports.held.sum() == 3 * (6 * 5 - 4 * 3)
     assert RIM["name"] == found.case.supports[0].name

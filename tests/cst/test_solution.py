@@ -125,7 +125,7 @@ def test_the_hinge_of_a_swinging_sheet_carries_weight_and_what_accelerates_it(sh
 def test_settings_and_supports_are_refused_where_they_do_not_fit():
     with pytest.raises(InputError, match="at least 4 cells"):
         CstSolver().solve(cylinder(), {"cells": (3, 3)})
-    with pytest.raises(InputError, match="at least 1"):
+    with pytest.raises(InputError, match="from 1 to 5000"):
         CstSolver().solve(plate(), {"cells": (0, 3)})
     nail = {"name": "nail", "on": ["centre"]}
     case = cloth(supports=[nail], points={"centre": [0.5, 0.5]})
@@ -176,3 +176,14 @@ def test_what_it_can_not_do_is_declined_in_one_clause(changes, reason):
 @pytest.mark.parametrize("case", [plate(), cylinder(), cloth(loads=[GRAVITY]), plate(supports=[RIM], **LARGE)])
 def test_what_it_can_do_is_not_declined(case):
     assert CstSolver().declines(case) is None
+
+
+def test_supports_that_meet_share_what_their_common_vertices_bear():
+    """A square plate that two pairs of edges hold, by two supports: a mirror takes one pair into the other."""
+    pairs = [{"name": name, "on": [f"{axis}_min", f"{axis}_max"]} for name, axis in (("a", "xi1"), ("b", "xi2"))]
+    case = plate(supports=pairs, loads=[{"kind": "area", "vector": [0, 0, -1]}])
+    solution = CstSolver().solve(case, {"cells": (8, 8)})
+    first, second = (solution.reaction(name)[0][2] for name in "ab")
+    area = np.prod(case.surface.domain.size)
+    assert first + second == pytest.approx(area, rel=1e-9)
+    assert first == pytest.approx(second, rel=1e-9)
