@@ -171,6 +171,9 @@ def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
     cells = settings.cells or usual_cells(case)
     if min(cells) < 1 or max(cells) > MOST_CELLS:
         raise InputError(f"field 'cells': found {list(cells)}, both must be from 1 to {MOST_CELLS}")
+    closed = [n for n, turns in zip(cells, case.surface.domain.periodic, strict=True) if turns]
+    if settings.diagonal == "alternating" and any(n % 2 for n in closed):
+        raise InputError(f"field 'cells': found {list(cells)}, but around a closed shell an even number alternates")
     try:
         return TriangleMesh(case.surface.domain, cells, settings.diagonal)
     except ValueError as error:

@@ -77,7 +77,9 @@ class RitzSettings(SeededSettings):
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     supports: Supports = PydanticField("hard", description="held by boundary factors, or about by springs, linear only")
-    penalty: Positive | None = PydanticField(None, description="of soft supports: stiffness in D / sqrt(area); 1e4")
+    penalty: float | None = PydanticField(
+        None, ge=1e-6, le=1e12, description="of soft supports: stiffness in D / sqrt(area); 1e4 if not given"
+    )
     panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
     order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")

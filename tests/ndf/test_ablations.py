@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from pydantic import ValidationError
 
 from shellbench.catalog import find_suite, known_values, named_case
 from shellbench.errors import InputError, SolveFailure
@@ -297,3 +298,9 @@ def test_the_suite_runs_each_ablation_under_the_paper_s_label():
     for label, settings in labels.items():
         chosen = RitzSettings(**settings)
         assert (chosen == defaults) == (label == "full")
+
+
+@pytest.mark.parametrize("penalty", [0.0, 1e-300, 1e300])
+def test_a_penalty_that_no_double_can_weigh_is_refused(penalty):
+    with pytest.raises(ValidationError, match="penalty"):
+        RitzSettings(supports="soft", penalty=penalty)
