@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Collection, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -135,13 +136,18 @@ def _facts(
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
-        "newest": max((record.created for record in records.values()), default=None),
+        "newest": max((_minute(record.created) for record in records.values()), default=None),
         "sources": [(key, sources.get(key)) for key in cited],
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
         + [f"{table.name}.csv" for table in tables.apart]
         + [f"{table.name}.csv" for section in sections for table in section.details]
         + ([BIBLIOGRAPHY] if sources else []),
     }
+
+
+def _minute(created: str) -> str:
+    """Say a moment to the minute."""
+    return datetime.fromisoformat(created).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _figures(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, Any]:

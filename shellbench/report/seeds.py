@@ -134,13 +134,16 @@ def section(evidence: Evidence) -> Section | None:
             "A field starts from random numbers. These are the answers of runs that differ in nothing else: if they"
             " lie apart, no single one is the solver's answer, and the worst seed is what a user may get.",
         ),
-        tables=tuple(
-            seed_table(kind, studied)
-            for studied in (False, True)
-            if (kind := [spread for spread in found if spread.studied is studied])
-        ),
+        tables=_tables(found, studied=False),
         exhibits=exhibits,
+        details=_tables(found, studied=True),
     )
+
+
+def _tables(found: Sequence[SeedSpread], studied: bool) -> tuple[Table, ...]:
+    """Return the table of the spreads in studies, or of the others, if there are any."""
+    kind = [spread for spread in found if spread.studied is studied]
+    return (seed_table(kind, studied),) if kind else ()
 
 
 def seed_spreads(records: Mapping[str, Record], rows: Sequence[Row]) -> list[SeedSpread]:

@@ -24,12 +24,19 @@ from shellbench.report.solutions import (
 
 @dataclass(frozen=True)
 class Verdict:
-    """How the gated rows came out."""
+    """How the gated rows came out.
+
+    Attributes
+    ----------
+    bad_runs, beside
+        Runs that failed or are missing: of all that any gate judges, and of those that none does, such as ablations.
+    """
 
     gated: int
     held: int
     expected: int
     bad_runs: int
+    beside: int = 0
 
     @property
     def good(self) -> bool:
@@ -49,6 +56,8 @@ class Verdict:
             text += f"; {self.expected} expected failure{'s' if self.expected != 1 else ''} (open findings)"
         if self.bad_runs:
             text += f"; {self.bad_runs} run{'s' if self.bad_runs != 1 else ''} failed or missing"
+        if self.beside:
+            text += f"; {self.beside} run{'s' if self.beside != 1 else ''} beside them, which no gate judges, failed"
         return text + "."
 
 
@@ -105,12 +114,19 @@ def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
 def overall(rows: Sequence[Row]) -> Verdict:
     """Return how the gated rows came out."""
     gated = [row for row in rows if row.passed is not None]
-    bad = {(row.case, same_but_for_seed(row), row.seed) for row in rows if row.status not in ("ok", "declined")}
+    judged = {row.run_id for row in rows if row.passed is not None or row.open_finding}
+    bad: set[tuple[object, ...]] = set()
+    beside: set[tuple[object, ...]] = set()
+    for row in rows:
+        if row.status not in ("ok", "declined"):
+            of = bad if row.run_id is None or row.run_id in judged else beside
+            of.add((row.case, same_but_for_seed(row), row.seed))
     return Verdict(
         gated=len(gated),
         held=sum(bool(row.passed) for row in gated),
         expected=sum(row.passed is None and row.open_finding is not None for row in rows),
         bad_runs=len(bad),
+        beside=len(beside - bad),
     )
 
 

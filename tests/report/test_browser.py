@@ -16,8 +16,6 @@ from shellbench.report.projection import AXES_TO_UP
 from shellbench.report.scene import pictured
 from tests.report.motion import BROKEN, OFFSET
 
-pytestmark = pytest.mark.long
-
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"),
@@ -392,7 +390,7 @@ def test_tables_sort_by_key_and_by_number(course):
 
 
 def test_columns_without_a_key_sort_by_the_numbers_that_they_show(course):
-    table = course.page.locator("#resolution, table#fields").last
+    table = course.page.locator("table#fields")
     assert table.get_attribute("id") == "fields"
     headings = [text.strip() for text in table.locator("thead th").all_inner_texts()]
     column = headings.index("Largest")

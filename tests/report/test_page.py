@@ -399,6 +399,16 @@ def test_the_overall_verdict_counts_rows_and_runs(store):
     assert not overall([]).good
 
 
+def test_a_failed_run_that_no_gate_judges_is_counted_apart(store):
+    """Ablations fail on purpose; they stay visible and turn no verdict red."""
+    good = [row for row in store.rows if row.passed]
+    ablation = good[0].model_copy(update={"run_id": "ablation", "passed": None, "status": "failed", "label": "ReLU", "overrides": {"activation": "relu"}})  # fmt: skip
+    verdict = overall([*good, ablation])
+    assert verdict.good
+    assert (verdict.bad_runs, verdict.beside) == (0, 1)
+    assert "1 run beside them, which no gate judges, failed" in verdict.words
+
+
 def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_path):
     """What the committed example is: half the size."""
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
