@@ -47,11 +47,14 @@ class Suite(Model):
         Names of cases in the order of tables and figures; the others follow by name.
     study
         What it studies; its runs are shown in the section of that study, not in the tables of displacements.
+    remarks
+        What a reader must know of its solvers or cases, sentences for the sections that show them.
     """
 
     name: Name
     title: str
     study: Study | None = None
+    remarks: tuple[str, ...] = ()
     order: tuple[Name, ...] = ()
     runs: Annotated[tuple[SuiteRun, ...], Field(min_length=1)]
 

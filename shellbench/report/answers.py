@@ -31,7 +31,8 @@ class Answer:
         Bound of the difference from the run that all are held against at the same material points, relative to the
         largest displacement: the run's own, and what rounding or interpolation add; None if it is not known.
     error
-        Of the headline quantity against its known value, relative (see `headline_size`); None if it is not known.
+        Bound of the error of the headline quantity against its known value, relative (see `headline_size`): the run's
+        own, the known value's uncertainty, and what rounding adds; None if it is not known.
     """
 
     run: Run
@@ -52,14 +53,30 @@ def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
     return found
 
 
-def fewest(candidates: Sequence[Answer], level: float) -> Answer | None:
-    """Return the answer of fewest bytes whose displacement is within a level everywhere it was asked; None if none."""
-    return _smallest([answer for answer in candidates if answer.difference is not None and answer.difference <= level])
+def fewest(candidates: Sequence[Answer], level: float, among: Sequence[Answer] = ()) -> Answer | None:
+    """Return the answer of fewest bytes whose displacement is within a level everywhere it was asked; None if none.
+
+    All runs of the solver that are as fine or finer must be so as solved, other seeds and marginally different meshes
+    among them: a lucky run is no answer. `among` are all answers of the solver; the candidates themselves if empty.
+    """
+    return _smallest([one for one in candidates if _lasts(one, level, "difference", among or candidates)])
 
 
-def fewest_for_headline(candidates: Sequence[Answer], level: float) -> Answer | None:
-    """Return the answer of fewest bytes whose headline quantity is within a level of its known value; None if none."""
-    return _smallest([answer for answer in candidates if answer.error is not None and answer.error <= level])
+def fewest_for_headline(candidates: Sequence[Answer], level: float, among: Sequence[Answer] = ()) -> Answer | None:
+    """Return the answer of fewest bytes whose headline quantity is within a level of its known value; see `fewest`."""
+    return _smallest([one for one in candidates if _lasts(one, level, "error", among or candidates)])
+
+
+def _lasts(answer: Answer, level: float, measure: Literal["difference", "error"], among: Sequence[Answer]) -> bool:
+    finer = [
+        other
+        for other in among
+        if other.kept == "solved"
+        and other.run.unknowns >= answer.run.unknowns
+        and other.run.time_steps >= answer.run.time_steps
+    ]
+    sizes = [getattr(one, measure) for one in (answer, *finer)]
+    return all(size is not None and size <= level for size in sizes)
 
 
 def field_is_known(case: CaseRuns, level: float) -> bool:
@@ -122,7 +139,7 @@ def _headline_error(case: CaseRuns, run: Run, change: float | None) -> float | N
     size, value, reference = headline_size(case, run), run.row.value, run.row.reference
     if size is None or value is None or reference is None or change is None:
         return None
-    return abs(value * (1 + change) - reference) / size
+    return (abs(value - reference) + (run.row.reference_uncertainty or 0.0) + abs(value * change)) / size
 
 
 def _meshes(case: CaseRuns, run: Run, own: float) -> Iterator[Answer]:

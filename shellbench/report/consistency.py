@@ -24,6 +24,7 @@ from shellbench.report.palette import inks, style
 from shellbench.report.probes import Difference
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, relative, resolution_table
+from shellbench.report.studies import remarks_on
 from shellbench.report.table import Column, Line, Note, Table, present
 
 CONSISTENCY = "consistency_"  # how names of figures begin
@@ -58,7 +59,7 @@ def section(evidence: Evidence) -> Section | None:
     return Section(
         name="consistency",
         title="Resolution consistency",
-        words=WORDS,
+        words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=found,
         exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
         details=details(cases),
@@ -220,7 +221,7 @@ def yardstick_words(case: CaseRuns) -> str:
     if run is None:
         return "No run kept its answer at the probes."
     why = (
-        "of all finest runs the one with the smallest error of the headline quantity"
+        "of all finest runs the one with the smallest doubt (headline's error or last change of the field)"
         if case.judged
         else "no value is known, and of the finest runs without a seed it changed least from the resolution before it"
         if run.row.seed is None

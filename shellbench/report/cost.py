@@ -15,6 +15,7 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MINUS, TEXT, Notation
 from shellbench.report.palette import inks, style
 from shellbench.report.provenance import makings
+from shellbench.report.studies import remarks_on
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)
@@ -70,6 +71,7 @@ def section(evidence: Evidence) -> Section | None:
             "Seconds are wall time of the solve alone, on a machine that may have had other work: compare them within"
             " one environment only, and as factors rather than digits. Memory is the largest resident memory of the"
             " process less what it held before the solve; below about 10 MB it tells of the libraries alone.",
+            *remarks_on(evidence.rows, "resolution"),
         ),
         tables=tuple(cost_table(found, measure, environments(evidence)) for measure in MEASURES),
         exhibits=exhibits,

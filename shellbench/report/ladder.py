@@ -134,22 +134,27 @@ class CaseRuns:
 
     @cached_property
     def yardstick(self) -> Run | None:
-        """The run that solvers are held against: of their finest, the one with the smallest error of the headline.
+        """The run that solvers are held against: of their finest, the one with the smallest doubt.
 
-        An error below the known value's uncertainty counts as the latter; of equals, a run without a seed comes first,
-        then one with more unknowns. Without a known value it is the run without a seed that changed least from the
-        resolution before it.
+        Doubt is the larger of the headline's error, at least what is known of it, and of the whole field's change from
+        the resolution before, both relative: a headline can be right by luck. Of equals, a run without a seed comes
+        first, then one with more unknowns. Without a known value it is the run without a seed that changed least.
         """
         finest = {id(ladder.finest): ladder for ladder in self.ladders if ladder.finest.probes is not None}
         runs = [ladder.finest for ladder in finest.values()]
-        judged = [(error, run) for run in runs if (error := _error(run.row)) is not None]
-        if judged:
-            return min(judged, key=lambda one: (one[0], one[1].row.seed is not None, -one[1].unknowns))[1]
 
         def changed(run: Run) -> float:
             change = finest[id(run)].change()
             return math.inf if change is None else change.largest
 
+        def doubtful(run: Run, error: float) -> float:
+            size = run.largest or 1.0
+            own = changed(run) / size if math.isfinite(changed(run)) else 0.0
+            return max(error if run.row.relative_error is not None else error / size, own)
+
+        judged = [(doubtful(run, error), run) for run in runs if (error := _error(run.row)) is not None]
+        if judged:
+            return min(judged, key=lambda one: (one[0], one[1].row.seed is not None, -one[1].unknowns))[1]
         certain = [run for run in runs if run.row.seed is None] or runs
         return min(certain, key=lambda run: (changed(run), -run.unknowns), default=None)
 

@@ -158,7 +158,7 @@ def _asked(
     for place, (solver, found) in enumerate(kept.items()):
         own = [answer for answer in found if answer.kept != "mesh"]
         known = [level for level in LEVELS if field_is_known(case, level)]
-        reached = [(level, best) for level in known if (best := fewest(own, level)) is not None]
+        reached = [(level, best) for level in known if (best := fewest(own, level, found)) is not None]
         if not reached:
             continue
         level, best = reached[-1]

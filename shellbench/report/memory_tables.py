@@ -46,9 +46,9 @@ def level_table(cases: Sequence[CaseRuns]) -> Table | None:
         caption="The fewest bytes in which a solver's answer, of any resolution it was computed at, can be kept so that"
         " the displacement at all probes is within 1 %, 0.1 % or 0.01 % of the largest displacement of the best answer"
         " available, and so that the headline quantity is as near to its known value (a position: relative to the"
-        " largest displacement). Its own numbers: coefficients or"
-        " weights, as solved or rounded, where rounding's largest difference is added; a mesh: vertices of a regular"
-        " grid (of a motion, times frames), where the interpolation's is added. Not known: the best answer, or the"
+        " largest displacement); all finer runs of the solver, other seeds among them, must be so too. Its own numbers:"
+        " coefficients or weights, as solved or rounded, where rounding's largest difference is added; a mesh: vertices of"
+        " a regular grid (of a motion, times frames), where the interpolation's is added. Not known: the best answer, or the"
         " known value, is less certain than the level.",
         data=data.astype(dict.fromkeys(sizes, "Int64")),
         columns=(
@@ -70,9 +70,9 @@ def _level_lines(case: CaseRuns, ladder: Ladder) -> Iterator[dict[str, Any]]:
         line: dict[str, Any] = {"block": case.title, "case": case.case, "solver": ladder.solver, "kept_as": kept_as}
         for level in LEVELS:
             known = field_is_known(case, level)
-            line |= _entry(FIELD, level, known, fewest(candidates, level) if known else None)
+            line |= _entry(FIELD, level, known, fewest(candidates, level, found) if known else None)
             known = headline_is_known(case, ladder, level) and kept_as == OWN
-            line |= _entry(HEADLINE, level, known, fewest_for_headline(candidates, level) if known else None)
+            line |= _entry(HEADLINE, level, known, fewest_for_headline(candidates, level, found) if known else None)
         yield line
 
 

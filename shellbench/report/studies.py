@@ -28,3 +28,11 @@ def study_of(suite: str) -> Study | None:
 def rows_of_study(rows: Sequence[Row], study: Study) -> list[Row]:
     """Return the rows of runs that a suite of this study declares."""
     return [row for row in rows if study in studies_of(row)]
+
+
+def remarks_on(rows: Sequence[Row], study: Study) -> tuple[str, ...]:
+    """Return what the suites of a study that the rows belong to say of their solvers and cases."""
+    suites = dict.fromkeys(
+        suite for row in rows_of_study(rows, study) for suite in row.suites if study_of(suite) == study
+    )
+    return tuple(words for suite in suites for words in catalog.find_suite(suite).remarks)

@@ -30,6 +30,8 @@ class Verdict:
     ----------
     bad_runs, beside
         Runs that failed or are missing: of all that any gate judges, and of those that none does, such as ablations.
+    without_answer
+        Gated figures that fell short because their run failed or is missing.
     """
 
     gated: int
@@ -37,6 +39,7 @@ class Verdict:
     expected: int
     bad_runs: int
     beside: int = 0
+    without_answer: int = 0
 
     @property
     def good(self) -> bool:
@@ -56,6 +59,8 @@ class Verdict:
             text += f"; {self.expected} expected failure{'s' if self.expected != 1 else ''} (open findings)"
         if self.bad_runs:
             text += f"; {self.bad_runs} run{'s' if self.bad_runs != 1 else ''} failed or missing"
+            if self.without_answer:
+                text += f", to which {self.without_answer} of the shortfalls belong"
         if self.beside:
             text += f"; {self.beside} run{'s' if self.beside != 1 else ''} beside them, which no gate judges, failed"
         return text + "."
@@ -127,6 +132,7 @@ def overall(rows: Sequence[Row]) -> Verdict:
         expected=sum(row.passed is None and row.open_finding is not None for row in rows),
         bad_runs=len(bad),
         beside=len(beside - bad),
+        without_answer=sum(not row.passed and row.status != "ok" for row in gated),
     )
 
 

@@ -25,11 +25,13 @@ from shellbench.report.notation import MARKDOWN, Notation, anchor
 from shellbench.report.palette import inks
 from shellbench.report.paths import case_of
 from shellbench.report.solutions import Known, grouped, solution_name
+from shellbench.report.studies import remarks_on
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.thinness_figure import thinness_figure
+from shellbench.suite import Study
 from shellbench.surface import Surface
 
-STUDY = "thinness"
+STUDY: Study = "thinness"
 SAMPLES = 33  # points a side of the grid that measures a surface's extent
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
 INTEGERS = ("runs", "good", "unknowns")
@@ -70,6 +72,7 @@ def section(evidence: Evidence) -> Section | None:
             )
         )
         words += [f"{title}. {sentence}" if not i else sentence for i, sentence in enumerate(findings(table.data))]
+    words += remarks_on(evidence.rows, STUDY)
     return Section(STUDY, "Thin and thinner shells", tuple(words), tuple(tables), tuple(exhibits))
 
 

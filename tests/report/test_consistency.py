@@ -27,9 +27,9 @@ from tests.report.resolutions import (
 @pytest.fixture(autouse=True)
 def studies(monkeypatch):
     suites = {
-        "resolution": SimpleNamespace(study="resolution", order=(), title="", runs=()),
-        "training": SimpleNamespace(study="training", order=(), title="", runs=()),
-        "obstacle_course": SimpleNamespace(study=None, order=(), title="", runs=()),
+        "resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=()),
+        "training": SimpleNamespace(study="training", order=(), title="", runs=(), remarks=()),
+        "obstacle_course": SimpleNamespace(study=None, order=(), title="", runs=(), remarks=()),
     }
     monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
     monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
@@ -124,7 +124,7 @@ def test_the_common_run_is_the_one_of_smallest_error(plate):
     assert found["yardstick_largest"] == pytest.approx(LENGTH * (2e-3 - 1e-7))
     assert found["yardstick_rms"] == pytest.approx(LENGTH * (2e-3 - 1e-7) * PROBE_RMS)
     assert case.doubt == pytest.approx(LENGTH * (64**-2 - 1e-7))
-    assert "smallest error" in yardstick_words(case)
+    assert "smallest doubt" in yardstick_words(case)
 
 
 def test_an_error_within_the_known_values_uncertainty_wins_nothing(tmp_path):
@@ -164,7 +164,7 @@ def test_positions_are_judged_by_their_absolute_error(tmp_path):
     ]
     (case,) = case_runs(evidence(tmp_path, positions))
     assert case.yardstick.row.solver == "field"
-    assert "smallest error" in yardstick_words(case)
+    assert "smallest doubt" in yardstick_words(case)
 
 
 def test_failed_runs_are_left_out_and_counted(plate):

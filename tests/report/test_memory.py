@@ -1,5 +1,6 @@
 """Memory at stated error from records by formulas, whose bytes and errors are known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -27,7 +28,7 @@ from tests.report.resolutions import (
 
 @pytest.fixture(autouse=True)
 def studies(monkeypatch):
-    suites = {"resolution": SimpleNamespace(study="resolution", order=(), title="", runs=())}
+    suites = {"resolution": SimpleNamespace(study="resolution", order=(), title="", runs=(), remarks=())}
     monkeypatch.setattr(catalog, "suite_names", lambda: list(suites))
     monkeypatch.setattr(catalog, "find_suite", suites.__getitem__)
 
@@ -110,7 +111,7 @@ def test_the_best_answer_is_not_called_exact(sharp):
     (case,) = case_runs(sharp)
     own = [a for a in answers(case, ladder(case, "shells")) if a.run is case.yardstick and a.kept == "solved"]
     assert own[0].difference == pytest.approx((16**-4.0 - 32**-4.0) / (1 + 32**-4.0), rel=1e-6)
-    assert own[0].error == pytest.approx(32**-4.0)
+    assert own[0].error == pytest.approx(32**-4.0 + UNCERTAINTY)
     assert own[0].error > UNCERTAINTY
 
 
@@ -159,7 +160,9 @@ def test_a_position_is_judged_relative_to_the_largest_displacement(tmp_path):
     assert case.judged
     solved = [a for a in answers(case, case.ladders[0]) if a.kept == "solved"]
     largest = LENGTH * (1 + 1e-3 / 8)
-    assert [a.error for a in solved] == pytest.approx([HEADLINE * 1e-3 / n / largest for n in (4, 8)], rel=1e-6)
+    assert [a.error for a in solved] == pytest.approx(
+        [HEADLINE * (1e-3 / n + UNCERTAINTY) / largest for n in (4, 8)], rel=1e-6
+    )
 
 
 def test_no_level_is_drawn_that_is_not_known(plate):
@@ -240,6 +243,9 @@ def test_smallest_of_the_candidates(sharp):
             assert getattr(best, measure) <= level
             smaller = [a for a in found if a.storage_bytes < best.storage_bytes]
             assert all(getattr(a, measure) is None or getattr(a, measure) > level for a in smaller)
+            finest = max(a.run.unknowns for a in found if a.kept == "solved")
+            spoilt = [replace(a, **{measure: 2 * level}) if a.kept == "solved" and a.run.unknowns == finest else a for a in found]  # fmt: skip
+            assert choose(spoilt, level) is None  # a coarser run alone was lucky
     assert fewest(found, 1e-12) is None
     assert fewest([], 1.0) is None
 
