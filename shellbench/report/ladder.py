@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
-from shellbench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
 from shellbench.report.probes import Difference, Probes, difference, read_probes
 from shellbench.report.solutions import grouped, variant_name
+from shellbench.report.studies import studies_of
 from shellbench.report.suites import compared, leading_rows
 
 ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
@@ -196,7 +196,7 @@ def case_runs(evidence: Evidence) -> list[CaseRuns]:
     """Return the runs of each case with default settings, and those of studies of the resolution."""
     rows = [row for row in evidence.rows if row.primary]
     plain = leading_rows(compared(rows))
-    chosen = {id(row) for row in plain} | {id(row) for row in rows if STUDY in map(_study, row.suites)}
+    chosen = {id(row) for row in plain} | {id(row) for row in rows if STUDY in studies_of(row)}
     found = []
     by_case = grouped((row for row in rows if id(row) in chosen), lambda row: (row.case, row.own_case))
     for (case, _), of_case in by_case.items():
@@ -212,10 +212,6 @@ def case_runs(evidence: Evidence) -> list[CaseRuns]:
             moves = any(run.time_steps for ladder in ladders for run in ladder.runs)
             found.append(CaseRuns(case, of_case[0].case_title or case, moves, tuple(ladders), failed))
     return found
-
-
-def _study(suite: str) -> str | None:
-    return catalog.find_suite(suite).study if suite in catalog.suite_names() else None
 
 
 def _once(rows: Sequence[Row]) -> list[Row]:

@@ -47,9 +47,9 @@ def level_table(cases: Sequence[CaseRuns]) -> Table | None:
         " the displacement at all probes is within 1 %, 0.1 % or 0.01 % of the largest displacement of the best answer"
         " available, and so that the headline quantity is as near to its known value (a position: relative to the"
         " largest displacement); all finer runs of the solver, other seeds among them, must be so too. Its own numbers:"
-        " coefficients or weights, as solved or rounded, where rounding's largest difference is added; a mesh: vertices of"
-        " a regular grid (of a motion, times frames), where the interpolation's is added. Not known: the best answer, or the"
-        " known value, is less certain than the level.",
+        " coefficients or weights, as solved or rounded, where rounding's largest difference is added; a mesh: vertices"
+        " of a regular grid (of a motion, times frames), where the interpolation's is added. Not known: the best"
+        " answer, or the known value, is less certain than the level.",
         data=data.astype(dict.fromkeys(sizes, "Int64")),
         columns=(
             Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),

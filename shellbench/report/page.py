@@ -24,12 +24,13 @@ from shellbench.report.exhibit import Exhibit, data_uri
 from shellbench.report.exhibits import PICTURE, exhibits
 from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
+from shellbench.report.own_files import list_own, remove_older
 from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known
 from shellbench.report.strains import words as strain_words
-from shellbench.report.suites import compared, rows_at_home
+from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import render, tables_as_csv
@@ -73,7 +74,7 @@ def write_report(
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
+    rows = [row for of_suite in rows_at_home(told_apart(rows)).values() for row in of_suite]
     named = {row.run_id for row in rows}
     by_id = {record.run_id: record for record in store.read().records if record.run_id in named}
     shown = compared(rows)
@@ -83,8 +84,8 @@ def write_report(
     turned = views(by_id, shown, store.folder)
     try:
         figures = out / "figures"
-        shutil.rmtree(figures, ignore_errors=True)
-        figures.mkdir(parents=True)
+        remove_older(out)
+        figures.mkdir(parents=True, exist_ok=True)
         drawn = exhibits(by_id, shown, store.folder, known)
         proven = [exhibit for section in sections for exhibit in section.exhibits]
         uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
@@ -110,6 +111,9 @@ def write_report(
             _write(out / f"{table.name}.csv", table.write("csv"))
         if bibliography.is_file():
             shutil.copyfile(bibliography, out / BIBLIOGRAPHY)
+        names = [exhibit.name for exhibit in (*drawn, *proven)]
+        files = [figures / f"{name}.{suffix}" for name in names for suffix in ("pdf", "png", "svg")]
+        list_own(out, [*(out / name for name in ("index.html", *facts["downloads"])), *files])
     except OSError as error:
         raise InputError(f"{out}: the report can't be written ({error.strerror})") from None
     return out / "index.html"

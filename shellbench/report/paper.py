@@ -6,7 +6,6 @@ into another document as it is.
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,11 +27,12 @@ from shellbench.report.exhibits import exhibits
 from shellbench.report.latex_letters import with_letters_of_latex
 from shellbench.report.latex_table import PACKAGES
 from shellbench.report.notation import LATEX_NOTATION
+from shellbench.report.own_files import list_own, remove_older
 from shellbench.report.palette import style
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known, theory_words
-from shellbench.report.suites import compared, rows_at_home
+from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import overall
 from shellbench.report.table import Table, present
 
@@ -81,14 +81,14 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
+    rows = [row for of_suite in rows_at_home(told_apart(rows)).values() for row in of_suite]
     named = {row.run_id for row in rows}
     records = {record.run_id: record for record in store.read().records if record.run_id in named}
     chapters = _chapters(Evidence(records, rows, store.folder, known))
     try:
+        remove_older(out)
         for name in ("tables", "figures"):
-            shutil.rmtree(out / name, ignore_errors=True)
-            (out / name).mkdir(parents=True)
+            (out / name).mkdir(parents=True, exist_ok=True)
         for chapter in chapters:
             for table in chapter.tables:
                 _write(out / "tables" / f"{table.name}.tex", table.write("latex"))
@@ -99,6 +99,9 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
         own = "" if OWN in read_bibliography(bibliography) else OWN_ENTRY
         _write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
         _write(out / DOCUMENT, _document(chapters, records, rows))
+        tables = [out / "tables" / f"{table.name}.tex" for chapter in chapters for table in chapter.tables]
+        drawn = [out / "figures" / f"{exhibit.name}.pdf" for chapter in chapters for exhibit in chapter.exhibits]
+        list_own(out, [*tables, *drawn, out / BIBLIOGRAPHY, out / DOCUMENT])
     except OSError as error:
         raise InputError(f"{out}: the paper can't be written ({error.strerror})") from None
     return out / DOCUMENT

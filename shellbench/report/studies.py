@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
 from shellbench import catalog
 from shellbench.bench.row import Row
@@ -19,7 +18,6 @@ def studies_of(row: Row) -> set[Study]:
     return {study for study in found if study is not None}
 
 
-@cache
 def study_of(suite: str) -> Study | None:
     """Return what a suite studies; None if it compares solvers, or is none of the catalog."""
     return catalog.find_suite(suite).study if suite in catalog.suite_names() else None

@@ -6,18 +6,30 @@ from collections.abc import Sequence
 
 from shellbench import catalog
 from shellbench.bench.row import Row
+from shellbench.report.studies import study_of
 
 NO_SUITE = "other"  # for runs that no suite declares
 
 
 def is_study(suite: str) -> bool:
     """Tell whether a suite studies something else than how right solvers are."""
-    return suite in catalog.suite_names() and catalog.find_suite(suite).study is not None
+    return study_of(suite) is not None
 
 
 def compared(rows: Sequence[Row]) -> list[Row]:
     """Return the rows that hold solvers against known values; those of studies alone are evidence of other things."""
     return [row for row in rows if not row.suites or not all(map(is_study, row.suites))]
+
+
+def told_apart(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, a user's own case that has the name of one of the suite's under another name."""
+    names = set(catalog.case_names())
+    return [
+        row.model_copy(update={"case": f"own_{row.case}", "case_title": f"{row.case_title or row.case} (own case)"})
+        if row.own_case and row.case in names
+        else row
+        for row in rows
+    ]
 
 
 def shown_under(row: Row) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from shellbench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.case import Case
@@ -25,7 +24,7 @@ from shellbench.report.notation import MARKDOWN, Notation, anchor
 from shellbench.report.palette import inks
 from shellbench.report.paths import case_of
 from shellbench.report.solutions import Known, grouped, solution_name
-from shellbench.report.studies import remarks_on
+from shellbench.report.studies import remarks_on, studies_of
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.thinness_figure import thinness_figure
 from shellbench.suite import Study
@@ -84,7 +83,7 @@ def thinning(records: Mapping[str, Record], rows: Iterable[Row]) -> list[list[Me
     found: dict[str, list[Member]] = {}
     for row in rows:
         record = records.get(row.run_id or "")
-        if record is None or not row.primary or not any(map(is_of_study, row.suites)):
+        if record is None or not row.primary or STUDY not in studies_of(row):
             continue
         case = case_of(record)
         if case is not None:
@@ -92,11 +91,6 @@ def thinning(records: Mapping[str, Record], rows: Iterable[Row]) -> list[list[Me
             found.setdefault(_all_but_thickness(case), []).append(Member(row, record, case, ratio))
     families = [sorted(members, key=lambda member: -member.ratio) for members in found.values()]
     return [members for members in families if members[0].ratio > members[-1].ratio]
-
-
-def is_of_study(suite: str) -> bool:
-    """Tell whether a suite studies thinness."""
-    return suite in catalog.suite_names() and catalog.find_suite(suite).study == STUDY
 
 
 def extent(surface: Surface) -> float:

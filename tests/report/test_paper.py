@@ -106,16 +106,6 @@ def test_every_key_of_the_catalog_is_in_the_bibliography(paper: Path) -> None:
     assert {source for source in used if source} <= entries
 
 
-def test_an_old_paper_leaves_nothing_behind(store: Store, tmp_path: Path) -> None:
-    old = [tmp_path / "tables" / "old.tex", tmp_path / "figures" / "old.pdf"]
-    for path in old:
-        path.parent.mkdir()
-        path.write_text("old", encoding="utf-8")
-    plate = [row for row in store.rows if row.case == "square_plate" and row.solver == "fem"]
-    write_paper(bench.Store(store.folder), plate, tmp_path, store.known_values)
-    assert not any(path.exists() for path in old)
-
-
 def test_a_file_in_the_way_is_one_sentence(store: Store, tmp_path: Path) -> None:
     (tmp_path / "paper").write_text("", encoding="utf-8")
     with pytest.raises(InputError, match="the paper can't be written"):

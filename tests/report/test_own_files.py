@@ -1,0 +1,50 @@
+from shellbench.bench.store import Store as Records
+from shellbench.report import exhibit, shells
+from shellbench.report.own_files import MANIFEST, list_own, remove_older
+from shellbench.report.page import write_report
+from shellbench.report.paper import write_paper
+from shellbench.report.suites import told_apart
+from tests.report.conftest import COURSE
+
+
+def test_an_older_report_goes_and_nobody_elses_files(tmp_path):
+    out = tmp_path / "out"
+    (out / "figures").mkdir(parents=True)
+    mine, theirs, outside = out / "figures" / "old.png", out / "figures" / "photo.png", tmp_path / "outside.txt"
+    for path in (mine, theirs, outside):
+        path.write_text("x")
+    list_own(out, [mine, out / "never_written.png"])
+    (out / MANIFEST).write_text(
+        (out / MANIFEST).read_text() + "../outside.txt\n"
+    )  # a damaged list can reach no further
+    remove_older(out)
+    assert not mine.exists()
+    assert theirs.exists()
+    assert outside.exists()
+    remove_older(out)  # there is none any more
+
+
+def test_a_report_into_a_folder_in_use_leaves_what_is_there(store, tmp_path, monkeypatch):
+    monkeypatch.setattr(exhibit, "SCREEN_DPI", 40)
+    monkeypatch.setattr(shells, "CELLS", 8)
+    rows = [row for row in store.rows if row.case == COURSE[0]]
+    for write in (write_report, write_paper):
+        out = tmp_path / write.__name__
+        for name in ("figures/mine.png", "tables/mine.tex"):
+            (out / name).parent.mkdir(parents=True, exist_ok=True)
+            (out / name).write_text("mine")
+        write(Records(store.folder), rows, out, store.known_values)
+        first = {path for path in out.rglob("*") if path.is_file()}
+        write(Records(store.folder), rows[:1], out, store.known_values)
+        second = {path for path in out.rglob("*") if path.is_file()}
+        assert second <= first
+        assert (out / "figures" / "mine.png").read_text() == "mine"
+        assert (out / "tables" / "mine.tex").read_text() == "mine"
+
+
+def test_an_own_case_with_a_known_name_is_another_case(store):
+    row = next(row for row in store.rows if row.case == COURSE[0])
+    own, same = told_apart([row.model_copy(update={"own_case": True}), row])
+    assert own.case != same.case == COURSE[0]
+    assert "own case" in own.case_title
+    assert own.run_id == row.run_id
