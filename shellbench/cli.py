@@ -304,6 +304,8 @@ def report(
     _warn(notes)
     rows += missing_rows(Store(store), rows)
     if paper is not None:
+        if out != DEFAULT_REPORT:
+            raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
         typer.echo(f"written to {write_paper(Store(store), rows, paper)}")

@@ -84,8 +84,11 @@ class Family:
     def rate(self, measure: Measure, floor: float) -> Rate | None:
         """Fit a power law to the finest runs that ended well and still improved on all coarser ones.
 
-        Sizes less than `APART` apart count once. None also where the cost grew by less than `SPAN`.
+        Sizes less than `APART` apart count once. None also where the cost grew by less than `SPAN`, and in time and
+        memory where the unknowns are not those of meshes: small fields take the time of their libraries.
         """
+        if measure != "unknowns" and not self.is_mesh:
+            return None
         kept: list[Point] = []
         for point in reversed([point for point in self.points if point.sound and point.cost(measure) is not None]):
             if not kept or APART * point.unknowns <= kept[-1].unknowns:

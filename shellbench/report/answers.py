@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shellbench.bench.record import PrecisionStep
-from shellbench.report.ladder import CaseRuns, Ladder, Run
+from shellbench.report.ladder import ALIKE, CaseRuns, Ladder, Run
 
 BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 LEVELS = (1e-2, 1e-3, 1e-4)  # errors at which memory is stated, relative to the largest displacement
@@ -56,8 +56,9 @@ def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
 def fewest(candidates: Sequence[Answer], level: float, among: Sequence[Answer] = ()) -> Answer | None:
     """Return the answer of fewest bytes whose displacement is within a level everywhere it was asked; None if none.
 
-    All runs of the solver that are as fine or finer must be so as solved, other seeds and marginally different meshes
-    among them: a lucky run is no answer. `among` are all answers of the solver; the candidates themselves if empty.
+    All runs of the solver that are as fine or finer must be so, as solved and in the same format, other seeds and
+    marginally different meshes among them: a lucky run is no answer. `among` are all answers of the solver; the
+    candidates themselves if empty.
     """
     return _smallest([one for one in candidates if _lasts(one, level, "difference", among or candidates)])
 
@@ -71,9 +72,9 @@ def _lasts(answer: Answer, level: float, measure: Literal["difference", "error"]
     finer = [
         other
         for other in among
-        if other.kept == "solved"
+        if (other.kept == "solved" or (other.kept == answer.kept == "rounded" and other.format == answer.format))
         and other.run.unknowns >= answer.run.unknowns
-        and other.run.time_steps >= answer.run.time_steps
+        and ALIKE * other.run.time_steps >= answer.run.time_steps
     ]
     sizes = [getattr(one, measure) for one in (answer, *finer)]
     return all(size is not None and size <= level for size in sizes)

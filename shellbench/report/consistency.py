@@ -85,7 +85,8 @@ def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
         " for the two finest time steps of one mesh); slope: fitted power of the number of"
         " unknowns with which the difference from the finest run falls (of a mesh, −1 is second order in its width);"
         " alike: the largest difference within the"
-        " finest group of marginally different runs; drift: headline quantity of the run a resolution coarser, less"
+        " finest group of marginally different runs (other mesh of the same size, other seed), and how many they are of"
+        " how many unknowns; drift: headline quantity of the run a resolution coarser, less"
         " the finest, relative. The finest run of each solver is held against one common run. Differences are relative"
         " to the largest displacement; largest, and root mean square.",
         data=data,
@@ -97,13 +98,18 @@ def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
             *([Column("Last time step", relative("step_in_time_largest"))] if stepped else []),
             Column("Slope", _slope),
             Column("Alike", relative("alike_largest")),
-            Column("Runs alike", lambda line, notation: _whole(line["alike_runs"], notation)),
+            Column("Runs alike", _alike),
             Column("Drift", show_drift),
             Column("From the common run", relative("yardstick_largest")),
             Column("rms", relative("yardstick_rms")),
         ),
         notes=tuple(_notes(cases)),
     )
+
+
+def _alike(line: Line, notation: Notation) -> str:
+    runs = _whole(line["alike_runs"], notation)
+    return notation.escape(f"{runs} of {int(line['alike_unknowns'])}") if present(line["alike_unknowns"]) else runs
 
 
 def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
@@ -200,8 +206,8 @@ def _exhibits(cases: Sequence[CaseRuns], solvers: Sequence[str]) -> Iterator[Exh
             title=f"{case.title}: the same material points at many resolutions",
             caption="Left: difference of the displacement from the same solver's finest run, largest (full) and root"
             " mean square (dashed) over the same material points; open marks: largest difference between marginally"
-            f" different runs; stars: each solver's finest run from the common one; grey: fitted slopes,"
-            f" powers of the number N of unknowns. {second}: drift of {quantity}"
+            f" different runs; stars: each solver's finest run from the common one; dotted, where differences fall by a"
+            f" power law: its exponent of the number N of unknowns. {second}: drift of {quantity}"
             f" from that of the same solver's finest run{drift_floor(case)}.{over_time}"
             f" {yardstick_words(case)}",
             description="; ".join(

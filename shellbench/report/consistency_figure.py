@@ -125,7 +125,7 @@ def _differences(
             )
         rate = rates.get(ladder.solver)
         if rate is not None:
-            _slope(axes, rate)
+            _slope(axes, rate, ink.colour)
 
 
 def _from_common(axes: Axes, case: CaseRuns, inks: Mapping[str, Ink], scale: float) -> None:
@@ -147,20 +147,19 @@ def _from_finest(runs: Sequence[Run], finest: Run, scale: float) -> list[tuple[i
     ]
 
 
-def _slope(axes: Axes, rate: Rate) -> None:
-    """Draw a fitted slope below its curve, with its power of the number N of unknowns."""
+def _slope(axes: Axes, rate: Rate, colour: str) -> None:
+    """Draw a fitted slope below its curve, with its power of the number N of unknowns at its end."""
     shift = 2.2
     ends = (rate.first, rate.last)
-    axes.plot(ends, [100 * rate(x) / shift for x in ends], color="#666666", linewidth=0.8, linestyle=DASHES[2])
-    middle = math.sqrt(rate.first * rate.last)
+    axes.plot(ends, [100 * rate(x) / shift for x in ends], color=colour, linewidth=0.9, linestyle=DASHES[2])
     axes.annotate(
         rf"$N^{{\,{rate.slope:.1f}}}$".replace("-", "\N{MINUS SIGN}"),
-        (middle, 100 * rate(middle) / shift),
-        xytext=(-2, -2),
+        (rate.last, 100 * rate(rate.last) / shift),
+        xytext=(2, -1),
         textcoords="offset points",
-        ha="right",
+        ha="left",
         va="top",
-        color="#444444",
+        color=colour,
         fontsize=7.0,
     )
 

@@ -15,6 +15,7 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MINUS, TEXT, Notation
 from shellbench.report.palette import inks, style
 from shellbench.report.provenance import makings
+from shellbench.report.rates import FEWEST
 from shellbench.report.studies import remarks_on
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 
@@ -153,9 +154,12 @@ def _figure(name: str) -> Show:
 def _caption(one: CaseAccuracy) -> str:
     rates = (
         "Numbers at the right: slopes fitted to the finest sizes of each solver's longest sweep at which errors still"
-        " fall, drawn dashed below."
+        " fall, drawn dashed below (a field's errors follow no power law for long)."
     )
-    level = any(len({point.unknowns for point in family.points}) == 1 and family.swept for family in one.families)
+    level = any(
+        len(family.points) >= FEWEST and len({point.unknowns for point in family.points}) == 1
+        for family in one.families
+    )
     steps = " Dotted: a sweep that leaves the unknowns as they are, as over the time step." if level else ""
     return (
         f"Error of the {one.quantity} against unknowns, wall time and peak memory of the solve (above what the process"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
@@ -22,6 +22,7 @@ from shellbench.report.suites import compared, leading_rows
 
 ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
 STUDY = "resolution"
+TIME_STEP = "time_step"  # the setting of a solver that is told its steps
 Finer = Literal["unknowns", "time steps"]
 
 
@@ -32,7 +33,8 @@ class Run:
     Attributes
     ----------
     time_steps
-        Of a motion, its steps; 0 where nothing moves.
+        Of a motion, its steps; 0 where nothing moves. Of a solver that chooses them itself in every run, the most of
+        all runs: then they are no resolution that was asked for.
     probes
         None if it kept none.
     """
@@ -137,8 +139,9 @@ class CaseRuns:
         """The run that solvers are held against: of their finest, the one with the smallest doubt.
 
         Doubt is the larger of the headline's error, at least what is known of it, and of the whole field's change from
-        the resolution before, both relative: a headline can be right by luck. Of equals, a run without a seed comes
-        first, then one with more unknowns. Without a known value it is the run without a seed that changed least.
+        the resolution before, both relative: a headline can be right by luck. A run that has no resolution before comes
+        last; of equals, a run without a seed comes first, then one with more unknowns. Without a known value it is the
+        run without a seed that changed least.
         """
         finest = {id(ladder.finest): ladder for ladder in self.ladders if ladder.finest.probes is not None}
         runs = [ladder.finest for ladder in finest.values()]
@@ -147,10 +150,10 @@ class CaseRuns:
             change = finest[id(run)].change()
             return math.inf if change is None else change.largest
 
-        def doubtful(run: Run, error: float) -> float:
-            size = run.largest or 1.0
-            own = changed(run) / size if math.isfinite(changed(run)) else 0.0
-            return max(error if run.row.relative_error is not None else error / size, own)
+        def doubtful(run: Run, error: float) -> tuple[bool, float]:
+            size, change = run.largest or 1.0, changed(run)
+            relative = error if run.row.relative_error is not None else error / size
+            return math.isinf(change), relative if math.isinf(change) else max(relative, change / size)
 
         judged = [(doubtful(run, error), run) for run in runs if (error := _error(run.row)) is not None]
         if judged:
@@ -204,6 +207,8 @@ def case_runs(evidence: Evidence) -> list[CaseRuns]:
         failed: dict[str, int] = {}
         for solver, of_solver in grouped(of_case, lambda row: row.solver).items():
             runs = [run for row in _once(of_solver) if (run := _run(row, evidence)) is not None]
+            if not any(TIME_STEP in row.overrides for row in of_solver):
+                runs = [replace(run, time_steps=max(other.time_steps for other in runs)) for run in runs]
             lost = sum(row.status in {"failed", "timeout"} for row in of_solver)
             failed |= {solver: lost} if lost else {}
             if runs:

@@ -12,6 +12,7 @@ from shellbench.report.ladder import CaseRuns, case_runs
 from shellbench.report.memory_figure import memory_figure
 from shellbench.report.memory_tables import level_table, percents, rounding_table, solve_table
 from shellbench.report.palette import inks, style
+from shellbench.report.studies import remarks_on
 from shellbench.report.table import Table
 
 MEMORY = "memory_"  # how names of figures begin
@@ -25,8 +26,8 @@ WORDS = (
     " stated together.",
     "The error of a field is the largest difference at the same material points, and at all kept instants or loads,"
     " from the best answer available, which each case names, relative to its largest displacement. What rounding to"
-    " fewer digits or interpolation in a mesh add is measured by itself, and added; this bounds the error at the"
-    " probes from above. A run is credited with no smaller error than that answer itself is known to, and a level"
+    " fewer digits or interpolation in a mesh add is measured by itself, and added; this bounds the difference"
+    " at the probes from above. A run is credited with no smaller one than that answer itself is known to, and a level"
     " below this is called not known. The error of the headline quantity is against its known value; that of a"
     " position is relative to the largest displacement.",
     "The probes are few points: an error between them is not seen. A mesh is a regular grid with bilinear cells; one"
@@ -46,7 +47,7 @@ def section(evidence: Evidence) -> Section | None:
     return Section(
         name="memory",
         title="Memory",
-        words=WORDS,
+        words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
         details=details(cases),

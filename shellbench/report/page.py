@@ -74,9 +74,10 @@ def write_report(
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    rows = [row for of_suite in rows_at_home(told_apart(rows)).values() for row in of_suite]
     named = {row.run_id for row in rows}
-    by_id = {record.run_id: record for record in store.read().records if record.run_id in named}
+    stored = {record.run_id: record for record in store.read().records if record.run_id in named}
+    rows, by_id = told_apart(rows, stored)
+    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     shown = compared(rows)
     found = Evidence(by_id, rows, store.folder, known)
     sections = evidence_sections(found)
@@ -90,7 +91,7 @@ def write_report(
         proven = [exhibit for section in sections for exhibit in section.exhibits]
         uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
-        facts = _facts(by_id, rows, tables, sections, read_bibliography(bibliography))
+        facts = _facts(stored, rows, tables, sections, read_bibliography(bibliography))
         facts |= _figures(facts["makings"], [*drawn, *proven], turned)
         facts |= _cloth(shown, {exhibit.name for exhibit in drawn}, tables)
         facts |= {

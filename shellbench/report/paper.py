@@ -81,10 +81,11 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    rows = [row for of_suite in rows_at_home(told_apart(rows)).values() for row in of_suite]
     named = {row.run_id for row in rows}
     records = {record.run_id: record for record in store.read().records if record.run_id in named}
-    chapters = _chapters(Evidence(records, rows, store.folder, known))
+    rows, apart = told_apart(rows, records)
+    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
+    chapters = _chapters(Evidence(apart, rows, store.folder, known))
     try:
         remove_older(out)
         for name in ("tables", "figures"):

@@ -121,17 +121,13 @@ def point_forces(case: Case, xi: Array, position: Array) -> tuple[tuple[Array, A
 
 
 def pictured(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
-    """Return, for each case, a record with fields for each solver: its best run with default settings.
-
-    The best is the one with the smallest error, or the first where there is no known value.
-    """
-    chosen: dict[str, dict[str, tuple[float, Record]]] = {}
+    """Return, for each case, a record with fields of each solver: its run with default settings and the lowest seed."""
+    chosen: dict[str, dict[str, tuple[int, Record]]] = {}
     for row in rows:
         record = records.get(row.run_id or "")
         if record is None or record.fields_file is None or not row.primary or row.overrides:
             continue
-        error = abs(row.relative_error) if row.relative_error is not None else 0.0
-        best = chosen.setdefault(row.case, {})
-        if row.solver not in best or error < best[row.solver][0]:
-            best[row.solver] = (error, record)
-    return {case: [record for _, record in best.values()] for case, best in chosen.items()}
+        of_case, seed = chosen.setdefault(row.case, {}), row.seed or 0
+        if row.solver not in of_case or seed < of_case[row.solver][0]:
+            of_case[row.solver] = (seed, record)
+    return {case: [record for _, record in of_case.values()] for case, of_case in chosen.items()}

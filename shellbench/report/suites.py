@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from shellbench import catalog
+from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.studies import study_of
 
+OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's
 NO_SUITE = "other"  # for runs that no suite declares
 
 
@@ -21,15 +23,22 @@ def compared(rows: Sequence[Row]) -> list[Row]:
     return [row for row in rows if not row.suites or not all(map(is_study, row.suites))]
 
 
-def told_apart(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows, a user's own case that has the name of one of the suite's under another name."""
+def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None) -> tuple[list[Row], dict[str, Record]]:
+    """Return rows and records, a user's own case that has the name of one of the suite's under another name."""
     names = set(catalog.case_names())
-    return [
-        row.model_copy(update={"case": f"own_{row.case}", "case_title": f"{row.case_title or row.case} (own case)"})
+    apart = [
+        row.model_copy(update={"case": OWN + row.case, "case_title": f"{row.case_title or row.case} (own case)"})
         if row.own_case and row.case in names
         else row
         for row in rows
     ]
+    renamed = {
+        run_id: record.model_copy(update={"case_name": OWN + record.case_name})
+        if record.own_case and record.case_name in names
+        else record
+        for run_id, record in (records or {}).items()
+    }
+    return apart, renamed
 
 
 def shown_under(row: Row) -> tuple[str, ...]:

@@ -54,13 +54,16 @@ class Verdict:
         elif self.good:
             text = f"All {self.gated} gated figures hold"
         else:
-            text = f"{self.gated - self.held} of {self.gated} gated figures fell short"
+            text = f"{self.held} of {self.gated} gated figures hold"
+            short = self.gated - self.held - self.without_answer
+            if short:
+                text += f"; {short} fell short"
+            if self.without_answer:
+                text += f"; {self.without_answer} ha{'ve' if self.without_answer != 1 else 's'} no answer"
         if self.expected:
             text += f"; {self.expected} expected failure{'s' if self.expected != 1 else ''} (open findings)"
         if self.bad_runs:
             text += f"; {self.bad_runs} run{'s' if self.bad_runs != 1 else ''} failed or missing"
-            if self.without_answer:
-                text += f", to which {self.without_answer} of the shortfalls belong"
         if self.beside:
             text += f"; {self.beside} run{'s' if self.beside != 1 else ''} beside them, which no gate judges, failed"
         return text + "."

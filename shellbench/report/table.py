@@ -170,7 +170,7 @@ def write_html(table: Table) -> str:
         for column, side in zip(table.columns, sides, strict=True)
     )
     lines = [
-        f'<table id="{table.name}">',
+        f'<table id="table-{table.name}">',
         f"<caption><strong>{HTML.escape(table.title)}.</strong> {HTML.escape(table.caption)}</caption>",
         f"<thead><tr>{head}</tr></thead>",
     ]

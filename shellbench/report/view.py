@@ -99,17 +99,16 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
 
 
 def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
-    """Return, for each case, a record for each solver: of its own runs that kept a field, the one that errs least."""
-    best: dict[str, dict[str, tuple[float, Record]]] = {}
+    """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
+    chosen: dict[str, dict[str, tuple[int, Record]]] = {}
     for row in leading_rows([row for row in rows if row.primary]):
         record = records.get(row.run_id or "")
         if record is None or record.fields_file is None:
             continue
-        error = abs(row.relative_error) if row.relative_error is not None else float("inf")
-        of_case = best.setdefault(row.case, {})
-        if row.solver not in of_case or error < of_case[row.solver][0]:
-            of_case[row.solver] = (error, record)
-    return {case: [record for _, record in of_case.values()] for case, of_case in best.items()}
+        of_case, seed = chosen.setdefault(row.case, {}), row.seed or 0
+        if row.solver not in of_case or seed < of_case[row.solver][0]:
+            of_case[row.solver] = (seed, record)
+    return {case: [record for _, record in of_case.values()] for case, of_case in chosen.items()}
 
 
 def view(records: Sequence[Record], folder: Path) -> View | None:

@@ -189,7 +189,17 @@ def napkin_runs(folder: Path) -> list[tuple[Record, Row]]:
         run(folder, NAPKIN, "shells", n, 0.2 / n**2, label=f"cells {n}×{n}", steps=40, **made) for n in (4, 8, 16, 32)
     ]
     runs += [
-        run(folder, NAPKIN, "shells", 8, 0.2 / 64 + 1e-2 / s, label=f"time_step {1 / s:g}", steps=s, **made)
+        run(
+            folder,
+            NAPKIN,
+            "shells",
+            8,
+            0.2 / 64 + 1e-2 / s,
+            label=f"time_step {1 / s:g}",
+            steps=s,
+            overrides={"cells": [8, 8], "time_step": 1 / s},
+            **made,
+        )
         for s in (20, 80)
     ]
     runs += [

@@ -311,3 +311,15 @@ def test_the_figure_shows_what_the_table_says(request, which):
 def test_all_tables_are_written_in_all_formats(plate, format):
     for table in (*section(plate).tables, *details(case_runs(plate))):
         assert table.write(format)
+
+
+def test_a_run_that_no_suite_declares_is_no_part_of_the_study(plate, tmp_path):
+    """A run of one's own settings carries all suites of its case, and must not become a solver's finest."""
+    record, row = run(tmp_path, PLATE, "shells", 512, 0.5, label="")
+    stray = row.model_copy(update={"declared": False, "default_settings": False, "overrides": {"cells": [512, 512]}})
+    before = case_runs(plate)
+    both = type(plate)({**plate.records, record.run_id: record}, [*plate.rows, stray], plate.folder)
+    after = case_runs(both)
+    assert [[r.record.run_id for r in one.runs] for c in after for one in c.ladders] == [
+        [r.record.run_id for r in one.runs] for c in before for one in c.ladders
+    ]

@@ -150,10 +150,10 @@ def test_the_course_has_reference_and_deformed_shells(store, by_id, course_rows)
     assert len([axes for axes in shown if axes.get_title(loc="left")]) == len(drawn) == 4
 
 
-def test_the_best_default_run_is_pictured(store, by_id, course_rows):
+def test_the_first_default_run_is_pictured_not_the_luckiest(store, by_id, course_rows):
     chosen = pictured(by_id, list(store.rows))["square_plate"]
     ritz = next(record for record in chosen if record.identity.solver == "ndf-ritz")
-    assert ritz.identity.seed == 1  # the smallest of the synthetic errors
+    assert ritz.identity.seed == 0  # seed 1 has the smallest of the synthetic errors
     assert all(record.identity.settings != {"activation": "gelu"} for record in chosen)
 
 

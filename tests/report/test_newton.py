@@ -160,8 +160,8 @@ def test_the_page_has_the_finding_and_the_cloth(report):
     page = Page(report.read_text(encoding="utf-8"))
     assert not page.open
     targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
-    assert {"newton", "cloth", "motions", "times_napkin_plane"} <= targets
-    assert {"paths", "effort"} <= targets  # of the sleeve, whose path took iterations
+    assert {"newton", "cloth", "table-motions", "table-times_napkin_plane"} <= targets
+    assert {"paths", "table-effort"} <= targets  # of the sleeve, whose path took iterations
     assert {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")} <= targets
     assert all(len(a["alt"]) > 20 for t, a in page.tags if t == "img")
     linked = {a["href"] for t, a in page.tags if t == "a"}

@@ -45,7 +45,7 @@ def test_the_page_has_the_paths_and_the_strains(report):
     page = Page(report.read_text(encoding="utf-8"))
     assert not page.open
     targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
-    assert {"paths", "strains", "effort"} <= targets
+    assert {"paths", "strains", "table-effort"} <= targets
     assert {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")} <= targets
     pictures = [a for t, a in page.tags if t == "img"]
     assert all(len(picture["alt"]) > 20 for picture in pictures)

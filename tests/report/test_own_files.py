@@ -44,7 +44,12 @@ def test_a_report_into_a_folder_in_use_leaves_what_is_there(store, tmp_path, mon
 
 def test_an_own_case_with_a_known_name_is_another_case(store):
     row = next(row for row in store.rows if row.case == COURSE[0])
-    own, same = told_apart([row.model_copy(update={"own_case": True}), row])
-    assert own.case != same.case == COURSE[0]
-    assert "own case" in own.case_title
-    assert own.run_id == row.run_id
+    record = next(record for record in store.records if record.run_id == row.run_id)
+    rows, records = told_apart(
+        [row.model_copy(update={"own_case": True}), row],
+        {"own": record.model_copy(update={"own_case": True}), "same": record},
+    )
+    assert rows[0].case == records["own"].case_name != COURSE[0]
+    assert rows[1].case == records["same"].case_name == COURSE[0]
+    assert "own case" in rows[0].case_title
+    assert rows[0].run_id == row.run_id

@@ -60,10 +60,10 @@ def test_every_case_has_a_view_of_every_solver(course):
         assert kept["marks"] == [""]
 
 
-def test_of_several_runs_of_a_solver_the_best_is_shown(store):
+def test_of_several_runs_of_a_solver_the_first_is_shown_not_the_luckiest(store):
     by_id = {record.run_id: record for record in store.records}
     chosen = {record.identity.solver: record for record in answered(by_id, store.rows)["square_plate"]}
-    assert chosen["ndf-ritz"].identity.seed == 1  # errors of -7.2e-5, 3.1e-6 and -2.0e-5
+    assert chosen["ndf-ritz"].identity.seed == 0  # errors of -7.2e-5, 3.1e-6 and -2.0e-5
     assert all(not record.identity.settings.get("activation") for record in chosen.values())
 
 
@@ -81,7 +81,7 @@ def test_a_view_gives_back_the_fields_of_its_records(store, course):
 
 
 def test_differences_are_rounded_relative_to_themselves(store, course):
-    """The two differ by some millionths, less than one step of the displacement's own rounding."""
+    """The two differ by some 1e-5, about a step of the displacement's own rounding, and are kept far more sharply."""
     records = {record.run_id: record for record in store.records}
     _, answers = unpacked(course["square_plate"])
     by_solver = {answer["label"]: answer for answer in answers}
@@ -89,7 +89,7 @@ def test_differences_are_rounded_relative_to_themselves(store, course):
     assert answers[0] is first
     ours, theirs = (read_fields(records[one["run"]], store.folder).displacement for one in (second, first))
     exact = np.abs(ours - theirs).max()
-    assert 0 < exact < np.abs(theirs).max() / LARGEST
+    assert 0 < exact < 5 * np.abs(theirs).max() / LARGEST
     assert np.abs(second["states"][0] - first["states"][0]).max() == pytest.approx(exact, rel=2 / LARGEST)
 
 
