@@ -161,6 +161,7 @@ def _slope(axes: Axes, rate: Rate, colour: str) -> None:
         va="top",
         color=colour,
         fontsize=7.0,
+        bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 0.6},
     )
 
 
