@@ -9,7 +9,7 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import percent, rounded
+from shellbench.report.digits import percent, quoted, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import Notation
 from shellbench.report.solutions import STATUS_WORDS, solution_name
@@ -43,7 +43,9 @@ def support_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table |
     found = [
         (row, record.diagnostics, _largest(record))
         for row in rows
-        if row.primary and (record := records.get(row.run_id or "")) and _number(record.diagnostics.get(SUPPORT_ERROR))
+        if row.primary
+        and (record := records.get(row.run_id or "")) is not None
+        and _number(record.diagnostics.get(SUPPORT_ERROR)) is not None
     ]
     soft = {row.case for row, diagnostics, _ in found if _number(diagnostics.get(PENALTY))}
     kept = [one for one in found if one[0].case in soft]
@@ -104,7 +106,7 @@ def _solution(line: Line, notation: Notation) -> str:
 
 
 def _weight(line: Line, notation: Notation) -> str:
-    return notation.number(rounded(line["penalty"], line["penalty"] / 10)) if present(line["penalty"]) else "none"
+    return notation.number(quoted(line["penalty"])) if present(line["penalty"]) else "none"
 
 
 def _metres(line: Line, notation: Notation) -> str:

@@ -40,6 +40,16 @@ def test_the_share_is_of_the_largest_displacement(tmp_path, runs):
     assert sorted(data["largest_displacement"]) == sorted(largest)
 
 
+def test_a_support_that_holds_exactly_stands_last(tmp_path, runs):
+    """A leak of nought is a figure, not the lack of one."""
+    hard = run(tmp_path, {}, 1e-6, 0.0, None)
+    hard = (hard[0], hard[1].model_copy(update={"default_settings": True, "overrides": {}, "label": ""}))
+    found = evidence(tmp_path, [hard, *runs])
+    data = support_table(found.records, found.rows).data
+    assert data["penalty"].isna().tolist() == [False, False, False, True]
+    assert data["support_error"].tolist()[-1] == 0.0
+
+
 def test_without_a_penalty_there_is_no_section(tmp_path):
     assert section(evidence(tmp_path, [run(tmp_path, {}, 1e-3, 0.0, None)])) is None
     assert section(evidence(tmp_path, [])) is None
