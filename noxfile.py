@@ -135,7 +135,7 @@ def tests(session: nox.Session) -> None:
     install(session, "test")
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
-    session.run("pytest", "-n", "auto", "-m", "not long", *session.posargs)
+    session.run("pytest", "-n", "auto", "--dist", "loadgroup", "-m", "not long", *session.posargs)
 
 
 @nox.session

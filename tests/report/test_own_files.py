@@ -27,7 +27,7 @@ def test_an_older_report_goes_and_nobody_elses_files(tmp_path):
 def test_a_report_into_a_folder_in_use_leaves_what_is_there(store, tmp_path, monkeypatch):
     monkeypatch.setattr(exhibit, "SCREEN_DPI", 40)
     monkeypatch.setattr(shells, "CELLS", 8)
-    rows = [row for row in store.rows if row.case == COURSE[0]]
+    rows = [row for row in store.rows if row.case == COURSE[0] and row.solver == "fem"]
     for write in (write_report, write_paper):
         out = tmp_path / write.__name__
         for name in ("figures/mine.png", "tables/mine.tex"):

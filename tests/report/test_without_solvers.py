@@ -71,7 +71,9 @@ def shellbench(mode: str, *arguments: object) -> subprocess.CompletedProcess[str
     return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=quiet)
 
 
-@pytest.mark.parametrize("format_", ["text", "markdown", "latex", "csv", "json"])
+@pytest.mark.parametrize(
+    "format_", ["latex", "json", *(pytest.param(name, marks=pytest.mark.long) for name in ("text", "markdown", "csv"))]
+)
 def test_tables_are_the_same_without_solvers(runs: Path, format_: str) -> None:
     written = [shellbench(mode, "table", "--store", runs, "--format", format_) for mode in ("with", "without")]
     assert [w.returncode for w in written] == [0, 0], written[1].stderr
