@@ -11,17 +11,21 @@ import shellbench
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 CORE = {"solution", "measure", "case", "suite", "catalog", "reference", "surface", "material", "conditions", "quantities",
-        "places", "path", "course", "dynamics", "load_curve", "rigid", "rounding", "expression", "model", "errors", ""}  # fmt: skip
+        "places", "path", "course", "dynamics", "load_curve", "rigid", "rounding", "expression", "model", "errors", "engine", ""}  # fmt: skip
 MAY_IMPORT = {
     "fem": CORE | {"fem"},
     "ndf": CORE | {"ndf"},
     "cst": CORE | {"cst"},
+    "kratos": CORE | {"kratos"},
+    "mujoco": CORE | {"mujoco"},
     "bench": CORE | {"bench"},
     "report": CORE | {"bench", "report"},
-    "cli": CORE | {"bench", "report", "cli"},
+    "conformance": CORE | {"bench", "conformance"},
+    "pytest_plugin": CORE | {"bench", "pytest_plugin"},
+    "cli": CORE | {"bench", "conformance", "report", "cli"},
     "__main__": {"cli"},
 }
-HEAVY = {"torch", "skfem", "scipy"}
+HEAVY = {"torch", "skfem", "scipy", "KratosMultiphysics", "mujoco"}
 
 
 def imports(path: Path) -> set[str]:
@@ -76,12 +80,12 @@ def test_the_bench_knows_no_solver_by_name():
         if layer(path) in {"bench", "report"}:
             for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                    assert node.value not in {"fem", "ndf", "ndf-ritz", "ndf-published", "cst-hinge"}, (
+                    assert node.value not in {"fem", "ndf", "ndf-ritz", "ndf-published", "cst-hinge", "kratos-iga", "kratos-thin", "mujoco-flex"}, (
                         f"{path.name}: {node.value}"
                     )
 
 
-@pytest.mark.parametrize(("one", "other"), list(combinations(("fem", "ndf", "cst"), 2)))
+@pytest.mark.parametrize(("one", "other"), list(combinations(("fem", "ndf", "cst", "kratos", "mujoco"), 2)))
 def test_the_solvers_share_no_mechanics(one, other):
     """No function body of some length stands on both sides."""
 

@@ -1,0 +1,1 @@
+"""Whether a solver keeps the protocol: what `shellbench check-solver` asks of it."""
