@@ -1,6 +1,7 @@
 """Sessions: the main job, the tests and what keeps the code in order. `python -m nox -l` lists them."""
 
 import shutil
+import sys
 
 import nox
 
@@ -11,6 +12,8 @@ CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
 STUDIES = ("resolution", "thinness", "sampling", "training")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+ENGINES = ("kratos", "mujoco", "dask")
+ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
 REPORT = "reports/latest"
 PAPER = "reports/paper"
 
@@ -18,6 +21,11 @@ PAPER = "reports/paper"
 def install(session: nox.Session, *extras: str) -> None:
     target = f".[{','.join(extras)}]" if extras else "."
     session.install("-q", "-e", target, *CONSTRAINTS)
+
+
+def engines_here() -> tuple[str, ...]:
+    """Return the extras that can be installed: Kratos may have no wheel outside Linux, and its tests then say so."""
+    return ENGINES if sys.platform == "linux" else tuple(name for name in ENGINES if name != "kratos")
 
 
 @nox.session
@@ -93,6 +101,25 @@ def evidence(session: nox.Session) -> None:
 
 
 @nox.session
+def engines(session: nox.Session) -> None:
+    """Install the extras, test what stands on them, and set our solvers, Kratos and MuJoCo beside known values.
+
+    All runs have one core each and are made one at a time, so that the table can relate seconds; what is behind `--`
+    goes to `shellbench run`. Runs are kept in reports/engines. Seconds are related only if one command took them all:
+    `-- --force` takes them all again.
+    """
+    install(session, *ENGINES, "test")
+    session.run("pytest", "tests/kratos", "tests/mujoco", "tests/bench/cluster")
+    one_core = ("--jobs", "1", "--threads", "1", "--store", ENGINES_STORE, *session.posargs)
+    for suite in ("engines", "motion_engines"):
+        session.run("shellbench", "run", "--suite", suite, *one_core, success_codes=[0, 1])
+    shown = ("--store", ENGINES_STORE, "--suite", "engines", "--suite", "motion_engines")
+    session.run("shellbench", "table", *shown)
+    session.run("shellbench", "report", *shown, "--out", REPORT)
+    session.run("shellbench", "gate", "--store", ENGINES_STORE, "--suite", "engines")
+
+
+@nox.session
 def example(session: nox.Session) -> None:
     """Make the committed example of the report anew; the published training, which takes long, by its kept records."""
     install(session)
@@ -132,7 +159,7 @@ def paper(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
-    install(session, "test")
+    install(session, "test", *engines_here())
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
     session.run("pytest", "-n", "auto", "--dist", "loadgroup", "-m", "not long", *session.posargs)
@@ -141,8 +168,8 @@ def tests(session: nox.Session) -> None:
 @nox.session
 def long(session: nox.Session) -> None:
     """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
-    install(session, "test")
-    session.run("pytest", "-n", "2", "-m", "long", *session.posargs)
+    install(session, "test", *engines_here())
+    session.run("pytest", "-n", "2", "--dist", "loadgroup", "-m", "long", *session.posargs)
 
 
 @nox.session

@@ -1,4 +1,4 @@
-"""The command line: ``shellbench list | run | table | gate | baseline | report | export``.
+"""The command line: ``shellbench list | run | table | gate | baseline | report | export | check-solver``.
 
 Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
 Every error is one sentence on standard error. Solvers are imported where they are needed only: by `run`,
@@ -18,10 +18,13 @@ from rich.console import Console
 from shellbench import __version__
 from shellbench.bench import baseline as baselines
 from shellbench.bench import compare, environment, listing, verdicts
+from shellbench.bench.cluster import DaskCluster
 from shellbench.bench.display import display, run_name
 from shellbench.bench.execute import Outcome, execute
+from shellbench.bench.executor import Executor
 from shellbench.bench.gate import Scope, gate, missing_rows, move_baseline
 from shellbench.bench.identity import parse_setting
+from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Plan, Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.errors import ShellbenchError
@@ -124,7 +127,19 @@ def run(
             metavar="N",
             min=1,
             max=1024,
-            help="Runs at a time; each has two threads. Default: as many as fit on the cores.",
+            help="Runs at a time. Default: as many as fit on the cores; with --scheduler, on those of all workers.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", metavar="N", min=1, max=1024, help="Threads of each run. Default: two."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Run on this Dask cluster: address (tcp://host:8786) or scheduler file. Default: on this machine.",
         ),
     ] = None,
     device: Annotated[Device, typer.Option("--device", help="Where to run solvers that offer it.")] = Device.cpu,
@@ -164,6 +179,7 @@ def run(
         settings=given,
         seeds=tuple(dict.fromkeys(seed or ())),
         device=device.value,
+        threads=threads,
     )
     where = Store(store)
     contents = where.read()
@@ -172,22 +188,22 @@ def run(
     _warn(plan.notes)
     for declined in plan.declined:
         _say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
-    threads = environment.threads()
+    executor = _executor(scheduler, jobs, threads, timeout)
     outcomes: list[Outcome] = []
     try:
         with display(Console(), len(plan.tasks)) as observer:
-            outcomes = execute(
-                plan.tasks,
-                where,
-                observer,
-                jobs=jobs or max(1, environment.cores() // threads),
-                threads=threads,
-                timeout=timeout,
-            )
+            outcomes = execute(plan.tasks, where, observer, executor)
     except KeyboardInterrupt:
         _say("interrupted: what had ended is kept, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
     raise typer.Exit(_summary(plan, outcomes))
+
+
+def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
+    if scheduler is not None:
+        return DaskCluster(scheduler, jobs, threads, timeout, _say)
+    each = threads or environment.threads()
+    return LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
 
 
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
@@ -229,7 +245,7 @@ def table(
 
     if not rows:
         _say(f"store {store} has no records that count: make some by `shellbench run`")
-    typer.echo(tables.render(rows, cast(Any, format.value)), nl=False)
+    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store)), nl=False)
 
 
 @app.command("gate")
@@ -350,6 +366,45 @@ def export(
     sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution, at)
     exports.export(sampled, out, scale)
     typer.echo(f"written to {out}")
+
+
+@app.command("check-solver")
+def check_solver_command(
+    solver: Annotated[str, typer.Argument(metavar="NAME", help="Solver to check; see `shellbench list`.")],
+    cases: Annotated[
+        list[str] | None,
+        typer.Option("--case", metavar="CASE|PATH.toml", help="Case to solve; may be repeated. Default: a cheap one."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="SOLVER.KEY=VALUE", help="A setting of the solver; may be repeated."),
+    ] = None,
+    refine: Annotated[
+        str | None,
+        typer.Option(
+            "--refine", metavar="KEY=V;V;V", help="Values of a setting from coarse to fine, to measure a rate by."
+        ),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    timeout: Annotated[
+        float, typer.Option("--timeout", metavar="S", min=1, help="Seconds that the solver has for one answer.")
+    ] = 600.0,
+) -> None:
+    """Check that a solver keeps the protocol: one line a check, exit 1 if one fails.
+
+    Asked are, among others, continuous answers, determinism, units, rigid motions, a rate of convergence, energies,
+    and honest counts of parameters and bytes. A solver that crashes or hangs fails the check in which it does.
+
+    Examples
+    --------
+        shellbench check-solver fem
+
+        shellbench check-solver mine --case scordelis_lo --refine "cells=[8, 8];[16, 16];[32, 32]"
+    """
+    from shellbench.conformance.command import check_solver
+
+    code = check_solver(solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json)
+    raise typer.Exit(code)
 
 
 def _say(sentence: str) -> None:

@@ -14,7 +14,7 @@ from shellbench.conditions import Name
 from shellbench.errors import InputError
 from shellbench.model import Model, one_sentence, read_toml
 
-Study = Literal["resolution", "sampling", "training", "thinness"]
+Study = Literal["resolution", "sampling", "training", "thinness", "engines"]
 """What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
 
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)]

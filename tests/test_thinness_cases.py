@@ -95,7 +95,12 @@ def test_the_shells_are_those_of_the_obstacle_course_but_for_their_thickness():
         assert not any(quantity.tolerance for quantity in case.quantities)
 
 
-@pytest.mark.parametrize("name", ORIGINALS)
+QUICK = ("roof_thinness_1e_2", "roof_thinness_1e_4", "cylinder_thinness_5e_3")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in ORIGINALS]
+)
 def test_judges_are_what_the_series_gives(name):
     known = catalog.known_values(name)
     estimates = computed(name) if name in RATIOS else by_double_series(name)

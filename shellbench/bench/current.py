@@ -1,7 +1,8 @@
 """Which records count: those that today's case, solver and settings would make again.
 
 Of a solver that is not installed nobody can tell whether it has changed. Its records are shown as they are, so that
-tables and figures can be made anew on any machine; no gate takes them.
+tables and figures can be made anew on any machine; no gate takes them. The same holds for a solver on an engine
+(`shellbench.engine`) that is not installed.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from shellbench import catalog
+from shellbench.bench.environment import engine_distribution
 from shellbench.bench.identity import current_source, difference, with_overrides
 from shellbench.bench.plan import declared_runs
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
 from shellbench.bench.store import Contents, newest
 from shellbench.case import Case
+from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
 from shellbench.suite import SuiteRun
 
@@ -39,7 +42,7 @@ class CurrentRun:
     declared_by
         Each suite that declares this very run, with what it calls it.
     installed
-        Whether the solver is installed, and so known to be the one that made the record.
+        Whether the solver and its engine are installed, and so known to be those that made the record.
     """
 
     record: Record
@@ -47,6 +50,15 @@ class CurrentRun:
     overrides: Mapping[str, Any]
     declared_by: Mapping[str, str] = field(default_factory=dict)
     installed: bool = True
+
+    @property
+    def absent(self) -> str:
+        """What is not installed, if something is: the solver, or its engine."""
+        identity = self.record.identity
+        engine = engine_distribution(identity.settings)
+        if engine is not None and engine_version(engine) is None:
+            return f"{engine}, the engine of solver '{identity.solver}',"
+        return f"solver '{identity.solver}'"
 
 
 @dataclass(frozen=True)
@@ -72,9 +84,9 @@ class CurrentRuns:
         """One sentence for each damaged file, each reason why records do not count, and each absent solver."""
         reasons = Counter(reason for _, reason in self.stale.values())
         counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
-        absent = Counter(run.record.identity.solver for run in self.runs if not run.installed)
+        absent = Counter(run.absent for run in self.runs if not run.installed)
         taken = (
-            f"solver '{name}' is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
+            f"{name} is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
             for name, count in sorted(absent.items())
         )
         return (*self.damaged, *counted, *taken)
@@ -128,11 +140,13 @@ def current_runs(contents: Contents) -> CurrentRuns:
             stale[record.run_id] = (record, "the case has changed since")
         elif sources.get(identity.solver, identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
+        elif (changed := _changed_engine(identity.settings)) is not None:
+            stale[record.run_id] = (record, changed)
         else:
             overrides = difference(record.defaults, identity.settings)
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
             if key not in runs or identity.device == "cpu":
-                installed = identity.solver in sources
+                installed = identity.solver in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
 
@@ -157,6 +171,20 @@ def _current_sources(solvers: Iterable[str]) -> dict[str, str]:
         except (KeyError, InputError):  # not registered here, or its module is gone
             continue
     return sources
+
+
+def _lacks_engine(settings: Mapping[str, Any]) -> bool:
+    engine = engine_distribution(settings)
+    return engine is not None and engine_version(engine) is None
+
+
+def _changed_engine(settings: Mapping[str, Any]) -> str | None:
+    """Return how the engine of a record differs from the one that is installed, if one is."""
+    engine = engine_distribution(settings)
+    installed = engine_version(engine) if engine is not None else None
+    if engine is None or installed is None or installed == settings[ENGINE]:
+        return None
+    return f"its engine has changed since: {settings[ENGINE]}, now {installed.removeprefix(f'{engine} ')}"
 
 
 def _declared_by(record: Record, case: Case) -> dict[str, str]:

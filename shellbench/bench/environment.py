@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import subprocess
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 from shellbench import __file__ as package_file
 from shellbench.bench.record import Environment
+from shellbench.engine import ENGINE
 
 PACKAGES = ("shellbench", "numpy", "scipy", "scikit-fem", "torch", "pypardiso")
 THREADS = 2  # a run: what the suite's figures in seconds are stated for
+NAME_AND_VERSION = re.compile(r"(\S+) \d\S*")  # of a distribution, as `shellbench.engine.engine_version` writes them
 PATIENCE = 10.0  # seconds for git or the GPU's driver to answer
 
 
@@ -25,29 +30,47 @@ def cores() -> int:
 
 
 def threads() -> int:
-    """Return the number of threads that each run gets."""
+    """Return the number of threads that each run gets unless told otherwise."""
     return min(THREADS, cores())
 
 
-def environment(device: str = "cpu", distribution: str = "") -> Environment:
-    """Describe this machine and tree; `distribution` is the package of the solver."""
+def environment(
+    device: str = "cpu", distribution: str = "", *, threads_each: int | None = None, engine: str | None = None
+) -> Environment:
+    """Describe this machine and tree.
+
+    Parameters
+    ----------
+    distribution
+        The package of the solver.
+    threads_each
+        Threads of each run; `threads` if not given.
+    engine
+        Distribution of the engine that the solver stands on, if it does (see `engine_distribution`).
+    """
     sha, dirty = _commit()
     return Environment(
         python=platform.python_version(),
-        versions=_versions(distribution),
+        versions=_versions(distribution, engine or ""),
         platform=f"{platform.system()} {platform.release()} {platform.machine()}",
         processor=_processor(),
         cores=cores(),
-        threads=threads(),
+        threads=threads_each or threads(),
         gpu=_gpu() if device == "cuda" else None,
         git_sha=sha,
         git_dirty=dirty,
     )
 
 
-def _versions(distribution: str) -> dict[str, str]:
+def engine_distribution(settings: Mapping[str, Any]) -> str | None:
+    """Return which distribution is the engine of a run with these settings; None if it has none."""
+    found = NAME_AND_VERSION.fullmatch(str(settings.get(ENGINE)))
+    return found[1] if found else None
+
+
+def _versions(*more: str) -> dict[str, str]:
     found: dict[str, str] = {}
-    for package in dict.fromkeys((*PACKAGES, distribution)):
+    for package in dict.fromkeys((*PACKAGES, *more)):
         try:
             found[package] = version(package)
         except (PackageNotFoundError, ValueError):
@@ -72,7 +95,6 @@ def _gpu() -> str | None:
     return answer.splitlines()[0].strip() if answer else None
 
 
-@cache
 def _commit() -> tuple[str | None, bool | None]:
     """Return the commit of the tree that the package lies in, and whether tracked files differ from it."""
     package = Path(package_file).resolve().parent

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from shellbench import catalog
 from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
+from shellbench.engine import ENGINE
 from shellbench.errors import InputError
 from shellbench.solution import SeededSettings, Settings
 
@@ -71,6 +72,7 @@ def _solver(entry: SolverEntry) -> dict[str, Any]:
         "available": True,
         "reason": None,
         "label": solver.capabilities.label,
+        "engine": _engine(solver.settings_type),
         "theories": list(solver.capabilities.theories),
         "devices": list(solver.capabilities.devices),
         "seeded": issubclass(solver.settings_type, SeededSettings),
@@ -78,10 +80,21 @@ def _solver(entry: SolverEntry) -> dict[str, Any]:
     }
 
 
+def _engine(settings: type[Settings]) -> str | None:
+    """Return name and version of the engine that a solver stands on, the default of its setting; None if on none."""
+    field = settings.model_fields.get(ENGINE)
+    found = field.get_default(call_default_factory=True, validated_data={}) if field else None
+    return found if isinstance(found, str) else None
+
+
 def _settings(settings: type[Settings]) -> list[dict[str, Any]]:
     properties: dict[str, Any] = settings.model_json_schema().get("properties", {})
     return [
-        {"name": name, "default": schema.get("default"), "description": schema.get("description", "")}
+        {
+            "name": name,
+            "default": _engine(settings) if name == ENGINE else schema.get("default"),
+            "description": schema.get("description", ""),
+        }
         for name, schema in properties.items()
         if name not in {"seed", "device"}
     ]
@@ -104,13 +117,14 @@ def as_text() -> str:
     for suite in found["suites"]:
         runs = ", ".join(_run(run) for run in suite["runs"])
         suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(suite["cases"]), runs)))
-    solvers = _table("Solvers", "name", "what it is", "devices", "theories", "seeds")
+    solvers = _table("Solvers", "name", "what it is", "engine", "devices", "theories", "seeds")
     for solver in found["solvers"]:
         if solver["available"]:
             seeds = "yes" if solver["seeded"] else "no"
-            shown = [solver["label"], ", ".join(solver["devices"]), ", ".join(solver["theories"]), seeds]
+            engine, devices = solver["engine"] or "-", ", ".join(solver["devices"])
+            shown = [solver["label"], engine, devices, ", ".join(solver["theories"]), seeds]
         else:
-            shown = [solver["reason"]]
+            shown = [solver["reason"].removeprefix(f"solver '{solver['name']}' can't be used: ")]
         solvers.add_row(solver["name"], *map(escape, shown))
     for table in (cases, suites, solvers):
         console.print(table)

@@ -11,13 +11,15 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from shellbench import catalog
-from shellbench.bench.environment import environment
+from shellbench.bench.environment import engine_distribution, environment
 from shellbench.bench.identity import dump_settings, make_identity, make_settings, run_key
+from shellbench.bench.record import Environment
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.store import Contents, newest
 from shellbench.bench.task import Task, case_data, new_run_id
@@ -32,7 +34,10 @@ FIRST_SEED = 0
 
 @dataclass(frozen=True)
 class Request:
-    """What was asked for: names as they were typed; empty for what was left open."""
+    """What was asked for: names as they were typed; empty for what was left open.
+
+    `threads` are those of each run; None for as many as usual (`shellbench.bench.environment.threads`).
+    """
 
     cases: tuple[str, ...] = ()
     suites: tuple[str, ...] = ()
@@ -40,6 +45,7 @@ class Request:
     settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     seeds: tuple[int, ...] = ()
     device: str = "cpu"
+    threads: int | None = None
 
 
 @dataclass(frozen=True)
@@ -156,6 +162,7 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
         if not force
         else {}
     )
+    place = cache(environment)  # looked at once a plan: git is asked each time
     tasks: dict[str, Task] = {}
     kept: dict[str, str] = {}
     declined: dict[tuple[str, str], Declined] = {}
@@ -166,7 +173,7 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
             declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
             continue
         for seed in request.seeds or run.seeds:
-            task = _task(case, entries[run.solver], solver, run, request, seed)
+            task = _task(case, entries[run.solver], solver, run, request, seed, place)
             key = run_key(task.case_name, task.own_case, task.identity)
             if key in answered:
                 kept[key] = answered[key]
@@ -190,7 +197,15 @@ def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str,
     return tuple(f"solver '{name}' runs on the cpu" for name in without)
 
 
-def _task(case: Case, entry: SolverEntry, solver: Solver, run: SuiteRun, request: Request, seed: int) -> Task:
+def _task(
+    case: Case,
+    entry: SolverEntry,
+    solver: Solver,
+    run: SuiteRun,
+    request: Request,
+    seed: int,
+    place: Callable[..., Environment],
+) -> Task:
     device = request.device if request.device in solver.capabilities.devices else "cpu"
     overrides = {**run.settings, **request.settings.get(run.solver, {})}
     settings = make_settings(solver, overrides, seed, device)
@@ -211,7 +226,12 @@ def _task(case: Case, entry: SolverEntry, solver: Solver, run: SuiteRun, request
         settings={**overrides, **apart},
         defaults=defaults,
         solver_label=solver.capabilities.label,
-        environment=environment(device, entry.distribution),
+        environment=place(
+            device,
+            entry.distribution,
+            threads_each=request.threads,
+            engine=engine_distribution(identity.settings),
+        ),
     )
 
 

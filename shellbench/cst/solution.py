@@ -148,7 +148,7 @@ class CstSolution:
                 values = membrane.energy(strain) / membrane.areas
             case _:
                 values = hinges.energy_by_triangle(change, membrane) / membrane.areas
-        return np.asarray(values[triangle].reshape(*xi.shape[:-1], *values.shape[1:]))
+        return np.asarray(values[triangle].reshape((*xi.shape[:-1], *values.shape[1:])))
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""

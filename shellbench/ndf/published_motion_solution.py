@@ -177,4 +177,4 @@ class TrainedMotion:
         with torch.no_grad():
             parts = [function(flat[k : k + QUERY]).cpu().numpy() for k in range(0, max(len(flat), 1), QUERY)]
         values = np.concatenate(parts).astype(float)
-        return np.asarray(values.reshape(*xi.shape[:-1], *values.shape[1:]))
+        return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))

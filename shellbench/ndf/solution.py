@@ -197,7 +197,7 @@ class NdfSolution:
         with torch.no_grad():
             parts = [function(flat[k : k + at_once]).cpu().numpy() for k in range(0, max(len(flat), 1), at_once)]
         values = np.concatenate(parts).astype(float)
-        return np.asarray(values.reshape(*xi.shape[:-1], *values.shape[1:]))
+        return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))
 
 
 def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Features:

@@ -174,7 +174,7 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
     first = rows[0]
     families: dict[tuple[str, str], list[Point]] = {}
     for alike in grouped(rows, same_but_for_seed).values():
-        point = _point(alike, yardstick)
+        point = point_of(alike, yardstick)
         if point is not None:
             families.setdefault((alike[0].solver, swept_setting(alike[0])), []).append(point)
     if not families:
@@ -188,7 +188,7 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
             Family(solver, swept, tuple(sorted(points, key=lambda point: (point.unknowns, point.seconds))))
             for (solver, swept), points in sorted(families.items())
         ),
-        failed=_failed(rows),
+        failed=failed_runs(rows),
         refinements=tuple(
             course
             for course in courses(records, [row for row in rows if row.default_settings])
@@ -206,7 +206,8 @@ def swept_setting(row: Row) -> str:
     return named if named in row.overrides else " ".join(sorted(row.overrides))
 
 
-def _point(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
+def point_of(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
+    """Return what runs that differ in their seed alone come to; None if none answered."""
     answered = [
         row
         for row in alike
@@ -230,7 +231,8 @@ def _point(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
     )
 
 
-def _failed(rows: Sequence[Row]) -> dict[str, list[str]]:
+def failed_runs(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """Return, by solver and in a clause each, the runs that did not end well."""
     found: dict[str, list[str]] = {}
     for row in rows:
         if row.status != "ok":

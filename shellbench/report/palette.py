@@ -12,10 +12,16 @@ from typing import Any, cast
 import matplotlib as mpl
 
 from shellbench import catalog
+from shellbench.suite import Study
 
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
-MARKERS = ("P", "v", "X", "D", "^", "s", "o")
+FURTHER = ("#882255", "#332288")
+"""Two more for when these are taken, from the muted scheme of Tol (2021): in CIELAB, of normal and of colour-blind eyes
+(Machado et al. 2009), farther from all others than the nearest two of Okabe & Ito are from each other."""
+COLOURS = (*OKABE_ITO, *FURTHER)
+MARKERS = ("P", "v", "X", "D", "^", "s", "o", "*", "<")
+LAST: Study = "engines"  # its solvers came after the others, whose colours stay what they were
 Dashes = str | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dashes, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
 
@@ -78,11 +84,13 @@ def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
             continue
         place = int(hashlib.sha256(solver.encode()).hexdigest(), 16) % len(OKABE_ITO)
         taken = Counter(places.values())
-        places[solver] = min(((place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO))), key=taken.__getitem__)
-    return {solver: Ink(OKABE_ITO[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
+        ring = ((place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO)))
+        places[solver] = min((*ring, *range(len(OKABE_ITO), len(COLOURS))), key=taken.__getitem__)
+    return {solver: Ink(COLOURS[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
 
 
 def declared_solvers() -> tuple[str, ...]:
-    """Return the solvers of the suites, those of comparisons before those of studies."""
-    suites = sorted(map(catalog.find_suite, catalog.suite_names()), key=lambda suite: suite.study is not None)
+    """Return the solvers of the suites, those of comparisons before those of studies, those of engines last."""
+    found = map(catalog.find_suite, catalog.suite_names())
+    suites = sorted(found, key=lambda suite: (suite.study is not None, suite.study == LAST))
     return tuple(dict.fromkeys(run.solver for suite in suites for run in suite.runs))

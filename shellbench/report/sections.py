@@ -5,6 +5,7 @@ from __future__ import annotations
 from shellbench.report import (
     consistency,
     cost,
+    engines,
     held_supports,
     memory,
     sampling_study,
@@ -16,6 +17,7 @@ from shellbench.report.evidence import Evidence, Maker, Section
 from shellbench.report.palette import style
 
 MAKERS: tuple[Maker, ...] = (
+    engines.section,
     cost.section,
     consistency.section,
     memory.section,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import isfinite
 from typing import Any, Literal
 
@@ -99,8 +100,16 @@ class Table:
 
     def lines(self) -> Iterator[tuple[str, list[Line]]]:
         """Yield the heading of each block (plain words) with its rows of the data."""
-        for heading, rows in self.data.groupby("block", sort=False) if len(self.data) else ():
-            yield str(heading), [{str(name): value for name, value in line.items()} for line in rows.to_dict("records")]
+        yield from self._lines
+
+    @cached_property
+    def _lines(self) -> tuple[tuple[str, list[Line]], ...]:
+        """The blocks as plain data: each of the formats asks for them, and pandas takes its time."""
+        blocks = self.data.groupby("block", sort=False) if len(self.data) else ()
+        return tuple(
+            (str(heading), [{str(name): value for name, value in line.items()} for line in rows.to_dict("records")])
+            for heading, rows in blocks
+        )
 
     def blocks(self, notation: Notation) -> Iterator[tuple[str, list[Cells]]]:
         """Yield the heading of each block (plain words) with its rows of cells in a notation."""

@@ -11,14 +11,23 @@ from typing import Literal
 
 from shellbench import catalog
 from shellbench.bench.row import Row
+from shellbench.bench.store import Store
 from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
+from shellbench.report.engines_cases import STUDY, checked_cases
+from shellbench.report.engines_table import cross_check_table
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
+from shellbench.report.studies import rows_of_study, studies_of
 from shellbench.report.suites import compared, rows_at_home, rows_of, suite_title, suites_of
 from shellbench.report.table import Column, Format, Line, Note, Show, Table, present
 
 
-def render(rows: Sequence[Row], format: Format | Literal["json"], known: Known = catalog.known_values) -> str:
+def render(
+    rows: Sequence[Row],
+    format: Format | Literal["json"],
+    known: Known = catalog.known_values,
+    store: Store | None = None,
+) -> str:
     """Write the rows in a format.
 
     Parameters
@@ -26,17 +35,30 @@ def render(rows: Sequence[Row], format: Format | Literal["json"], known: Known =
     rows
         From `shellbench.bench.compare`.
     format
-        "json" is the list of the rows themselves; all others are tables, one for each suite. Those of studies are
-        left out unless there are no others.
+        "json" is the list of the rows themselves; all others are tables, one for each suite, and the cross-check of
+        engines. Those of other studies are left out unless there are no others. In CSV, whose tables have the same
+        columns, the cross-check stands alone or not at all.
     known
         Known values by name of case.
+    store
+        Holds the records that the rows refer to; without it there is no cross-check.
     """
     if format == "json":
         return json.dumps([json.loads(row.model_dump_json()) for row in rows], indent=1) + "\n"
-    tables = displacement_tables(compared(rows) or rows, known)
+    checked = [] if store is None else cross_checks(rows, store, known)
+    rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
+    tables = displacement_tables(compared(rows) or rest, known)
     if format == "csv":
-        return tables_as_csv(tables)
-    return "\n".join(table.write(format) for table in tables)
+        return tables_as_csv(tables or checked)
+    return "\n".join(table.write(format) for table in (*tables, *checked))
+
+
+def cross_checks(rows: Sequence[Row], store: Store, known: Known = catalog.known_values) -> list[Table]:
+    """Return the cross-check of engines, if a suite of the rows makes one."""
+    if not rows_of_study(rows, STUDY):
+        return []
+    cases = checked_cases({record.run_id: record for record in store.read().records}, rows)
+    return [cross_check_table(cases, known)] if cases else []
 
 
 def tables_as_csv(tables: Sequence[Table]) -> str:

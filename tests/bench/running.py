@@ -6,6 +6,7 @@ from typing import Any
 
 from shellbench.bench.display import Silent
 from shellbench.bench.execute import Outcome, execute
+from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store
@@ -25,7 +26,7 @@ def run(
     """Plan and run."""
     request = Request(tuple(map(str, cases)), suites, solvers, settings or {}, seeds)
     plan = make_plan(request, store.read(), force)
-    return execute(plan.tasks, store, Silent(), jobs=jobs, threads=1, timeout=timeout)
+    return execute(plan.tasks, store, Silent(), LocalProcesses(jobs, 1, timeout))
 
 
 def behave(store: Store, behaviour: str, **more: Any) -> Record:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -98,3 +99,49 @@ def test_what_asks_for_installed_solvers_finds_no_other(recorded: Store, plugin:
     found = current_runs(recorded.read())
     assert found.find("strip", "toy", {}, 0) is None
     assert found.find("strip", "toy", {}, 0, installed=False) is not None
+
+
+def made_by(store: Store, engine: str) -> None:
+    """Have the only record of a store say that an engine has made it."""
+    (record,) = store.read().records
+    settings = {**record.identity.settings, "engine": engine}
+    made = record.model_copy(
+        update={
+            "identity": record.identity.model_copy(update={"settings": settings}),
+            "defaults": {**record.defaults, "engine": engine},
+        }
+    )
+    (store.folder / f"{record.run_id}.json").write_text(made.model_dump_json(), encoding="utf-8")
+
+
+def test_a_record_of_another_version_of_its_engine_is_left_out(recorded: Store) -> None:
+    made_by(recorded, "psutil 0.1")
+    found, notes = rows_and_notes(recorded)
+    assert found == []
+    changed = f"its engine has changed since: psutil 0.1, now {version('psutil')}"
+    assert notes == (f"1 stored run is left out: {changed}",)
+    findings = [f for f in gate(recorded, None, Scope(suites=("toys",))).accuracy if f.row.solver == "toy"]
+    assert {(f.colour, f.row.status) for f in findings} == {("red", "missing")}
+    assert any(changed in f.sentence for f in findings)
+
+
+def test_a_record_of_todays_engine_counts(recorded: Store) -> None:
+    before = [row.value for row in rows(recorded)]
+    made_by(recorded, f"psutil {version('psutil')}")
+    found, notes = rows_and_notes(recorded)
+    assert [row.value for row in found] == before
+    assert notes == ()
+    assert current_runs(recorded.read()).find("strip", "toy", {}, 0) is not None
+
+
+def test_a_record_of_an_absent_engine_is_shown_and_no_gate_takes_it(recorded: Store) -> None:
+    before = [row.value for row in rows(recorded)]
+    made_by(recorded, "no-such-engine 1.0")
+    found, notes = rows_and_notes(recorded)
+    assert [row.value for row in found] == before
+    assert notes == (
+        "no-such-engine, the engine of solver 'toy', is not installed: 1 stored run is shown as recorded, and no gate "
+        "takes them",
+    )
+    findings = [f for f in gate(recorded, None, Scope(suites=("toys",))).accuracy if f.row.solver == "toy"]
+    assert {(f.colour, f.row.status) for f in findings} == {("red", "missing")}

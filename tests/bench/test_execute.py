@@ -8,9 +8,9 @@ import numpy as np
 import psutil
 import pytest
 
-from shellbench.bench import execute as execution
 from shellbench.bench.display import Silent
 from shellbench.bench.execute import execute
+from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store, StoreError
 from tests.bench import strip
@@ -122,7 +122,7 @@ def test_timeout_stops_that_run_only(store: Store) -> None:
         for behaviour in ("hang", "exact")
     ]
     tasks = [task for plan in plans for task in plan.tasks]
-    outcomes = execute(tasks, store, Silent(), jobs=2, threads=1, timeout=2.0)
+    outcomes = execute(tasks, store, Silent(), LocalProcesses(2, 1, timeout=2.0))
     found = {o.task.settings["behaviour"]: o.record for o in outcomes}
     assert found["exact"] is not None
     assert found["exact"].status == "ok"
@@ -177,7 +177,7 @@ def test_killed_server_costs_its_run_only(store: Store) -> None:
         for behaviour in ("hang", "exact")
         for task in make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()).tasks
     ]
-    records = [o.record for o in execute(tasks, store, Killer(), jobs=1, threads=1, timeout=30)]
+    records = [o.record for o in execute(tasks, store, Killer(), LocalProcesses(1, 1, timeout=30))]
     assert [r.status for r in records if r] == ["failed", "ok"]
     assert records[0] is not None
     assert "killed" in (records[0].reason or "")
@@ -194,7 +194,7 @@ def test_interrupt_stops_all_and_keeps_what_had_ended(store: Store) -> None:
         for task in make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()).tasks
     ]
     with pytest.raises(KeyboardInterrupt):
-        execute(tasks, store, Interrupter(), jobs=2, threads=1)
+        execute(tasks, store, Interrupter(), LocalProcesses(2, 1))
     assert [record.status for record in store.read().records] == ["ok"]
     assert list(store.folder.glob(".*.partial")) == []
     assert psutil.Process().children(recursive=True) == []
@@ -209,7 +209,7 @@ def test_threads_of_a_run_are_limited(store: Store, plugin: Path) -> None:
 
 
 def test_execution_has_no_tasks_without_a_store(store: Store) -> None:
-    assert execution.execute([], store, Silent(), jobs=1, threads=1) == []
+    assert execute([], store, Silent(), LocalProcesses(1, 1)) == []
     assert not store.folder.exists() or list(store.folder.iterdir()) == [store.folder / ".lock"]
 
 

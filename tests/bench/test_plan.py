@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shellbench import catalog
+from shellbench.bench import environment
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.plan import Plan, Request, is_own, make_plan
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
@@ -213,3 +215,32 @@ def test_tasks_are_data(toys: Path, tmp_path: Path) -> None:
     task.write(tmp_path)
     assert Task.read(tmp_path) == task
     assert read_toml(toys / "cases" / "strip.toml")["title"] == task.case["title"]
+
+
+def test_threads_that_are_asked_for_are_in_the_environment_of_each_task(toys: Path) -> None:
+    assert {task.environment.threads for task in plan("strip", threads=3).tasks} == {3}
+    assert {task.environment.threads for task in plan("strip").tasks} == {environment.threads()}
+
+
+def test_a_solver_whose_extra_is_missing_names_the_extra(toys: Path, plugin: Path) -> None:
+    source = plugin / "toy_shells" / "solver.py"
+    need = 'from shellbench.engine import need\n\nneed("kratos", ["no-such-engine"])\n'
+    text = source.read_text(encoding="utf-8")
+    source.write_text(text.replace("from toy_shells import strip\n", f"{need}from toy_shells import strip\n"))
+    with pytest.raises(InputError) as caught:
+        plan("strip", solvers=("toy",))
+    assert str(caught.value) == (
+        "solver 'toy' can't be used: no-such-engine is not installed: python -m pip install 'shellbench[kratos]'"
+    )
+
+
+def test_the_version_of_an_engine_is_in_identity_and_environment(toys: Path, plugin: Path) -> None:
+    source = plugin / "toy_shells" / "solver.py"
+    setting = '    engine: str = Field(default_factory=lambda: engine_version("psutil"))\n'
+    text = source.read_text(encoding="utf-8").replace(
+        "    seconds: float = 0.0\n", f"    seconds: float = 0.0\n{setting}"
+    )
+    source.write_text(text.replace("from toy_shells", "from shellbench.engine import engine_version\nfrom toy_shells"))
+    (task,) = plan("strip", solvers=("toy",), settings={"toy": {"factor": 2.0}}).tasks
+    assert task.identity.settings["engine"] == f"psutil {version('psutil')}"
+    assert task.environment.versions["psutil"] == version("psutil")

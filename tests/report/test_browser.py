@@ -268,6 +268,7 @@ def test_at_most_four_are_alive_and_the_others_are_pictures_again(course):
     assert course.complaints == []
 
 
+@pytest.mark.long
 def test_a_fifth_view_closes_the_oldest(cloth):
     cases = cloth.page.locator("figure[data-case]").evaluate_all("(all) => all.map((one) => one.dataset.case)")
     assert len(cases) == 4

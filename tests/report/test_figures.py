@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 
 from shellbench import catalog
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
-from shellbench.report.palette import OKABE_ITO, inks, style
+from shellbench.report.palette import COLOURS, inks, style
 from shellbench.report.projection import Camera
 from shellbench.report.scene import courses, pictured, shell
 from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
@@ -50,7 +50,7 @@ def test_a_solver_has_the_same_colour_in_every_company():
 def test_more_solvers_than_colours_still_have_one_each():
     many = inks([f"solver-{i}" for i in range(12)])
     assert len(many) == 12
-    assert {ink.colour for ink in many.values()} == set(OKABE_ITO)
+    assert {ink.colour for ink in many.values()} == set(COLOURS)
 
 
 def test_every_panel_says_what_it_shows_and_in_which_unit(all_courses, colours):

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import psutil
 from pydantic import Field
 
 from shellbench.case import Case
@@ -21,7 +22,7 @@ from toy_shells import strip
 
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",
-    "disk_full", "allocate", "resumed", "edit_source",
+    "disk_full", "allocate", "resumed", "edit_source", "kill_worker",
 ]  # fmt: skip
 
 
@@ -116,6 +117,8 @@ def misbehave(behaviour: Behaviour, case: Case) -> None:
             file.write_text(file.read_text(encoding="utf-8") + "\nEDITED = True\n", encoding="utf-8")
         case "allocate":
             np.ones(25_000_000)
+        case "kill_worker":  # of a cluster: the parent of the server that has forked this process
+            os.kill(psutil.Process(os.getppid()).ppid(), signal.SIGKILL)
         case "disk_full":
             raise OSError(28, "No space left on device")
 

@@ -1,0 +1,229 @@
+"""Runs on this machine: so many at a time, each in a process of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import selectors
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from shellbench.bench.executor import Ended, Event, Progressed, Started
+from shellbench.bench.process import ServerProcess
+from shellbench.bench.record import Record
+from shellbench.bench.store import Store, StoreError
+from shellbench.bench.task import Task
+from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
+from shellbench.solution import Progress
+
+LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
+
+
+class AbandonedError(Exception):
+    """Whoever wanted the runs wants them no more."""
+
+
+@dataclass(frozen=True)
+class LocalProcesses:
+    """Makes runs in processes of this machine, forked from one server for each solver (`shellbench.bench.server`).
+
+    Attributes
+    ----------
+    jobs, threads
+        Runs at a time, and threads of each.
+    timeout
+        Seconds after which a run is stopped, that run only; None for none.
+    wanted
+        Asked every second or so; the runs are stopped, by `AbandonedError`, when it says no.
+    idle
+        Servers that stand by from earlier runs, of these very solvers and as many threads.
+    keep
+        Whether servers that are idle at the end are left in `idle`, to be ended by whoever has asked for it.
+    """
+
+    jobs: int
+    threads: int
+    timeout: float | None = None
+    wanted: Callable[[], bool] = lambda: True
+    idle: list[ServerProcess] = field(default_factory=list)
+    keep: bool = False
+
+    def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
+        """Make runs; see `shellbench.bench.executor.Executor`.
+
+        Raises
+        ------
+        StoreError
+            If the store can't be written.
+        AbandonedError
+            If they are not wanted any more.
+        """
+        runs = _Runs(self, store)
+        try:
+            yield from runs.make(tasks)
+        finally:
+            runs.stop()
+
+
+@dataclass
+class _Running:
+    task: Task
+    folder: Path
+    server: ServerProcess
+    began: float
+    timed_out: bool = False
+
+
+@dataclass
+class _Runs:
+    """Runs that go on."""
+
+    how: LocalProcesses
+    store: Store
+    running: list[_Running] = field(default_factory=list)
+
+    @property
+    def idle(self) -> list[ServerProcess]:
+        return self.how.idle
+
+    def make(self, tasks: Sequence[Task]) -> Iterator[Event]:
+        waiting = deque(tasks)
+        self._warm_up(tasks)
+        while waiting or self.running:
+            while waiting and len(self.running) < self.how.jobs:
+                yield from self._start(waiting.popleft())
+            yield from self._wait()
+
+    def stop(self) -> None:
+        """End all processes that are not to be kept, and leave nothing of the runs that went on."""
+        for server in [*([] if self.how.keep else self.idle), *(r.server for r in self.running)]:
+            server.end()
+        for run in self.running:
+            self.store.discard(run.folder)
+
+    def _warm_up(self, tasks: Sequence[Task]) -> None:
+        """Start one server for each solver and wait for all: imports must not disturb runs that are timed."""
+        known = {server.solver for server in self.idle}
+        new = [
+            self._server(t) for t in {t.identity.solver: t for t in tasks}.values() if t.identity.solver not in known
+        ]
+        self.idle.extend(new)
+        for server in new:
+            self._until_ready(server)
+
+    def _server(self, task: Task) -> ServerProcess:
+        return ServerProcess.start(task.identity.solver, task.target, self.how.threads)
+
+    def _until_ready(self, server: ServerProcess) -> None:
+        """Wait until a server has imported its solver (or died, which its first run will say)."""
+        with selectors.DefaultSelector() as selector:
+            selector.register(server.fileno(), selectors.EVENT_READ)
+            while not any(event["event"] in {"ready", "died"} for event in server.hear()):
+                self._stop_if_unwanted()
+                selector.select(LONGEST_WAIT)
+
+    def _stop_if_unwanted(self) -> None:
+        if not self.how.wanted():
+            raise AbandonedError
+
+    def _start(self, task: Task) -> Iterator[Event]:
+        server = next((s for s in self.idle if s.solver == task.identity.solver), None)
+        if server is None:
+            server = self._server(task)
+            self.idle.append(server)  # so that it is ended whatever happens
+            self._until_ready(server)
+        folder = self.store.begin(task.run_id)
+        self.idle.remove(server)
+        run = _Running(task, folder, server, time.monotonic())
+        self.running.append(run)
+        try:
+            task.write(folder)
+        except OSError as error:
+            raise StoreError(f"store {self.store.folder}: can't be written ({error.strerror})") from None
+        yield Started(task)
+        if not server.give(folder):
+            yield from self._end(run, None)
+
+    def _wait(self) -> Iterator[Event]:
+        """Hear what the servers say, for a while, and stop what has run for too long."""
+        self._stop_if_unwanted()
+        now = time.monotonic()
+        wait = LONGEST_WAIT
+        if self.how.timeout is not None:
+            for run in self.running:
+                left = run.began + self.how.timeout - now
+                if left <= 0:  # again until it has ended: at first its process may not be known yet
+                    run.timed_out = True
+                    run.server.kill_run()
+                wait = min(wait, max(left, 0.01))
+        with selectors.DefaultSelector() as selector:
+            for run in self.running:
+                selector.register(run.server.fileno(), selectors.EVENT_READ, run)
+            heard: list[_Running] = [key.data for key, _ in selector.select(wait)]
+        for run in heard:
+            for event in run.server.hear():
+                yield from self._react(run, event)
+        for run in [run for run in self.running if run.server.process.poll() is not None]:
+            yield from self._end(run, None)
+
+    def _react(self, run: _Running, event: dict[str, Any]) -> Iterator[Event]:
+        match event["event"]:
+            case "started":
+                run.began = time.monotonic()
+            case "progress":
+                yield Progressed(run.task, Progress(event["step"], event["total"], event["message"]))
+            case "ended":
+                yield from self._end(run, event["status"])
+            case "died":
+                yield from self._end(run, None)
+
+    def _end(self, run: _Running, status: int | None) -> Iterator[Event]:
+        """Tell what a run left; `status` is that of its process, None if its server has died."""
+        if run not in self.running:
+            return
+        if (run.folder / DISK_FULL).exists():
+            raise StoreError(f"store {self.store.folder}: the disk is full, so what was being written is lost")
+        self.running.remove(run)
+        if status is None:
+            run.server.end()
+        else:
+            self.idle.append(run.server)
+        yield self._left(run, status)
+
+    def _left(self, run: _Running, status: int | None) -> Ended:
+        with contextlib.suppress(OSError):
+            return Ended(run.task, run.folder, refused=(run.folder / REFUSED).read_text(encoding="utf-8"))
+        record = _left_record(run.folder)
+        if record is None:
+            seconds = time.monotonic() - run.began
+            kind = "timeout" if run.timed_out else "failed"
+            reason = f"stopped after {self.how.timeout:g} s" if run.timed_out else _cause_of_death(run, status)
+            record = run.task.record(status=kind, reason=reason, seconds=seconds)
+        return Ended(run.task, run.folder, record)
+
+
+def _left_record(folder: Path) -> Record | None:
+    try:
+        return Record.model_validate_json((folder / RECORD).read_bytes())
+    except (OSError, ValidationError):
+        return None
+
+
+def _cause_of_death(run: _Running, status: int | None) -> str:
+    if status is None:
+        said = run.server.last_words()
+        return f"the solver's process could not be started or was killed{f' ({said})' if said else ''}"
+    if status >= 0:
+        return f"the solving process ended with exit status {status} and left no record"
+    try:
+        name = signal.Signals(-status).name
+    except ValueError:
+        name = f"signal {-status}"
+    hint = ": out of memory, perhaps" if name == "SIGKILL" else ""
+    return f"the solving process was ended by {name}{hint}"

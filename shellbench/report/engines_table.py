@@ -1,0 +1,233 @@
+"""The cross-check table: on each case the known value, then every solver's own, how they differ, and the seconds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from shellbench import catalog
+from shellbench.reference import KnownValue
+from shellbench.report.digits import duration, rounded
+from shellbench.report.engines_cases import CheckedCase, Contender
+from shellbench.report.notation import TEXT, Notation
+from shellbench.report.solutions import Known, theory_words
+from shellbench.report.table import Column, Line, Note, Show, Table, present
+
+LEVELS = (1e-3, 1e-4, 1e-5)
+BEFORE_COSTS = (
+    "block",
+    "case",
+    "kind",
+    "name",
+    "solver",
+    "settings",
+    "value",
+    "uncertainty",
+    "source",
+    "deviation",
+    "error",
+    "reference_uncertainty",
+    "doubtful",
+    "extrapolated_error",
+    "from_base",
+    "unknowns",
+)
+AFTER_COSTS = ("alone", "engine", "run_ids")
+ALONE = "†"
+TIMES = "×"
+CAPTION = (
+    "A line is one choice of a solver's settings, over all sizes that it ran with. Value, error and unknowns are those"
+    " of its finest run that ended well. Seconds: least wall time of a solve within the given error of the known value,"
+    " there and in all finer runs of the line, the uncertainty of the known value counted against it."
+    f" {ALONE}: one size alone, which no finer one confirms. Digits in brackets are the uncertainty of the last digits;"
+    " an error marked * is smaller than the uncertainty of the known value."
+)
+
+
+def cross_check_table(cases: Sequence[CheckedCase], known: Known = catalog.known_values) -> Table:
+    """Return the table of all cases."""
+    lines = [line for one in cases for line in (_known(one), *(_solver(one, each) for each in one.contenders))]
+    bases = list(dict.fromkeys(one.base for one in cases if one.base))
+    return Table(
+        name="cross_check",
+        title="Solvers and engines, cross-checked",
+        caption=" ".join(filter(None, (CAPTION, _extrapolation(lines), _relation(bases)))),
+        data=pd.DataFrame(lines),
+        columns=(
+            Column("Solver", _name, right=False),
+            Column("Value", _value, key="value"),
+            Column("Error", _relative("error"), key="error"),
+            *_if_any(lines, "extrapolated_error", Column("Extrapolated", _relative("extrapolated_error"))),
+            *_if_any(lines, "from_base", Column(f"From {' or '.join(bases)}", _relative("from_base"))),
+            Column("Unknowns", _count, key="unknowns"),
+            *(Column(f"{100 * level:g} % (s)", _seconds(level), key=f"seconds_{level:g}") for level in LEVELS),
+            *_if_any(lines, "engine", Column("Engine", _words("engine"), right=False)),
+        ),
+        notes=(*_origins(cases, known), *_runs(cases)),
+        sources=tuple(dict.fromkeys(str(line["source"]) for line in lines if present(line["source"]))),
+    )
+
+
+def _if_any(lines: Sequence[Line], name: str, column: Column) -> tuple[Column, ...]:
+    return (column,) if any(present(line[name]) for line in lines) else ()
+
+
+def _relation(bases: Sequence[str]) -> str:
+    if not bases:
+        return ""
+    named = " or ".join(bases)
+    return (
+        f"From {named}: relative difference to the finest value of {named}. In brackets: the seconds over the least of"
+        f" {named} at that error, with any of its settings; above 1, {named} is the faster."
+    )
+
+
+def _extrapolation(lines: Sequence[Line]) -> str:
+    stated = any(present(line["extrapolated_error"]) for line in lines)
+    return "Extrapolated: error of the value that a solver itself extrapolates." if stated else ""
+
+
+def _empty(one: CheckedCase) -> dict[str, Any]:
+    costs = [f"{what}_{level:g}" for level in LEVELS for what in ("seconds", "ratio")]
+    columns = (*BEFORE_COSTS, *costs, *AFTER_COSTS)
+    return dict.fromkeys(columns) | {"block": one.heading, "case": one.case, "doubtful": False, "alone": False}
+
+
+def _known(one: CheckedCase) -> dict[str, Any]:
+    row = one.known
+    return _empty(one) | {
+        "kind": "known",
+        "name": "Known value" if row.reference is not None else "Best answer",
+        "value": one.yardstick.value,
+        "uncertainty": one.yardstick.floor * one.yardstick.scale,
+        "source": row.reference_source,
+    }
+
+
+def _solver(one: CheckedCase, each: Contender) -> dict[str, Any]:
+    line = _empty(one) | {
+        "kind": "solver",
+        "name": each.name,
+        "solver": each.solver,
+        "settings": each.variant,
+        "value": each.value,
+        "uncertainty": each.uncertainty,
+        "reference_uncertainty": one.yardstick.floor * one.yardstick.scale,
+        "alone": each.alone,
+        "engine": each.engine,
+    }
+    if each.value is None or each.finest is None:
+        return line
+    base = one.base_value
+    line |= {
+        "error": one.yardstick.error(each.value),
+        "doubtful": abs(one.yardstick.error(each.value)) < one.yardstick.floor,
+        "deviation": each.value - one.yardstick.value,
+        "unknowns": each.finest.unknowns,
+        "run_ids": " ".join(each.finest.run_ids),
+    }
+    if each.extrapolated is not None:
+        line["extrapolated_error"] = one.yardstick.error(each.extrapolated)
+    if base is not None and each.solver != one.base:
+        line["from_base"] = (each.value - base) / one.yardstick.scale
+    for level in LEVELS:
+        line |= {f"seconds_{level:g}": one.least(level, each), f"ratio_{level:g}": one.ratio(level, each)}
+    return line
+
+
+def _name(line: Line, notation: Notation) -> str:
+    if line["kind"] == "known":
+        cited = f" {notation.cite(line['source'])}" if present(line["source"]) else ""
+        return notation.strong(notation.escape(line["name"])) + cited
+    settings = f", {line['settings']}" if line["settings"] else ""
+    return notation.code(line["solver"]) + notation.escape(settings)
+
+
+def _value(line: Line, notation: Notation) -> str:
+    if not present(line["value"]):
+        return notation.missing
+    if line["kind"] == "known":
+        return notation.strong_number(rounded(line["value"], line["uncertainty"], show_uncertainty=True))
+    doubts = (line["uncertainty"], line["reference_uncertainty"], abs(line["deviation"]) / 10)
+    return notation.number(rounded(line["value"], max(filter(present, doubts))))
+
+
+def _relative(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        if not present(line[name]):
+            return "" if line["kind"] == "known" else notation.missing
+        mark = notation.escape("*") if name == "error" and line["doubtful"] else ""
+        return notation.error(line[name]) + mark
+
+    return show
+
+
+def _count(line: Line, notation: Notation) -> str:
+    if not present(line["unknowns"]):
+        return "" if line["kind"] == "known" else notation.missing
+    return str(int(line["unknowns"]))
+
+
+def _seconds(level: float) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        seconds, ratio = line[f"seconds_{level:g}"], line[f"ratio_{level:g}"]
+        if not present(seconds):
+            return "" if line["kind"] == "known" else notation.missing
+        mark = ALONE if line["alone"] else ""
+        return notation.escape(f"{duration(seconds)}{mark}" + (f" ({TIMES}{factor(ratio)})" if present(ratio) else ""))
+
+    return show
+
+
+def factor(ratio: float) -> str:
+    """Print a ratio of seconds with two significant digits, whole above ten."""
+    return duration(ratio)
+
+
+def _words(name: str) -> Show:
+    def show(line: Line, notation: Notation) -> str:
+        if not present(line[name]):
+            return "" if line["kind"] == "known" else notation.missing
+        return notation.escape(str(line[name]))
+
+    return show
+
+
+def _origins(cases: Sequence[CheckedCase], known: Known) -> list[Note]:
+    """Say of what theory and origin each known value is, and what second derivations confirm it."""
+    notes = []
+    for one in cases:
+        row, theory = one.known, one.known.reference_theory or ""
+        judge = known(one.case).judge(row.quantity, theory) if row.reference is not None else None
+        if judge is None:
+            if row.reference is None:
+                notes.append(Note(f"{one.title}, no known value", f"errors are relative to {one.yardstick.words}."))
+            continue
+        others = "; ".join(map(_origin, known(one.case).of(row.quantity, "origin")))
+        confirmed = f" Other origins: {others}." if others else ""
+        words = f"{theory_words(theory)}; {judge.origin}.{confirmed}"
+        notes.append(Note(f"{one.title}, known value", words, row.reference_source or ""))
+    return notes
+
+
+def _origin(value: KnownValue) -> str:
+    digits = rounded(value.value, value.uncertainty, show_uncertainty=True)
+    return f"{value.origin}, {TEXT.number(digits)} [{value.source}]"
+
+
+def _runs(cases: Sequence[CheckedCase]) -> list[Note]:
+    """Say why ratios are withheld, and which runs did not end well."""
+    notes = []
+    reasons: dict[str, list[str]] = {}
+    for one in cases:
+        if one.incomparable:
+            reasons.setdefault(one.incomparable, []).append(one.title)
+    for reason, titles in reasons.items():
+        notes.append(Note("; ".join(titles), f"no ratios of seconds, for {reason}."))
+    for one in cases:
+        for solver, clauses in one.failed.items():
+            runs = f"{len(clauses)} runs failed; the first" if len(clauses) > 1 else "one run failed"
+            notes.append(Note(f"{one.title}, {solver}", f"{runs}, {clauses[0]}"))
+    return notes

@@ -1,0 +1,164 @@
+"""``shellbench run --scheduler`` as a user runs it: sentences, exit codes, interrupts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from shellbench.bench.scheduler import Scheduler, SchedulerLostError
+from shellbench.bench.store import Store
+from tests.bench.cluster.two_workers import Cluster, until
+from tests.bench.conftest import PLUGIN
+
+pytestmark = pytest.mark.xdist_group("dask")
+
+PLAIN = "from shellbench.cli import main; main()"
+IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {PLAIN}"
+WITHOUT_DASK = f"""
+import sys
+from importlib import metadata
+sys.modules["distributed"] = sys.modules["dask"] = None
+version = metadata.version
+def blocked(name):
+    if name in ("dask", "distributed"):
+        raise metadata.PackageNotFoundError(name)
+    return version(name)
+metadata.version = blocked
+{PLAIN}
+"""
+
+
+@dataclass
+class Program:
+    """A command that runs."""
+
+    process: subprocess.Popen[str]
+
+    @classmethod
+    def start(cls, code: str, *arguments: str | Path) -> Program:
+        root = Path(__file__).parents[3]
+        return cls(
+            subprocess.Popen(
+                [sys.executable, "-c", code, "run", *map(str, arguments)],
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                text=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(PLUGIN), str(root)])},
+            )
+        )
+
+    def end(self) -> tuple[int, str, str]:
+        """Exit code, standard output and standard error."""
+        out, err = self.process.communicate(timeout=100)
+        return self.process.returncode, out, err
+
+
+def test_without_the_extra_it_says_which_to_install(own_case: Path, store: Store) -> None:
+    program = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--scheduler", "tcp://127.0.0.1:1", "--store", store.folder)  # fmt: skip
+    said = "shellbench: --scheduler: distributed is not installed: python -m pip install 'shellbench[dask]'\n"
+    assert program.end() == (2, "", said)
+
+
+def test_without_the_extra_local_runs_need_nothing(own_case: Path, store: Store) -> None:
+    program = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--threads", "1", "--store", store.folder)
+    assert program.end() == (0, "1 solved\n", "")
+    assert store.read().records[0].environment.threads == 1
+
+
+def test_an_unreachable_scheduler_is_one_sentence(own_case: Path, store: Store) -> None:
+    pytest.importorskip("distributed", reason="needs the extra dask")
+    address = "tcp://127.0.0.1:9"
+    code, out, err = Program.start(IMPATIENT, own_case, "--solver", "toy", "--scheduler", address, "--store", store.folder).end()  # fmt: skip
+    assert (code, out) == (2, "")
+    assert err.startswith(f"shellbench: --scheduler {address}: no Dask scheduler answers there")
+    assert err.count("\n") == 1
+
+
+def test_ctrl_c_stops_the_runs_on_the_workers_and_keeps_what_had_ended(
+    cluster: Cluster, own_case: Path, store: Store
+) -> None:
+    program = Program.start(
+        PLAIN, own_case, "--solver", "toy", "--set", "toy.behaviour=hang", "--solver", "toy-noisy",
+        "--scheduler", cluster.file, "--store", store.folder, "--threads", "1",
+    )  # fmt: skip
+    until(lambda: store.read().records and cluster.runs())
+    program.process.send_signal(signal.SIGINT)
+    code, _, err = program.end()
+    assert code == 130
+    assert err == "shellbench: interrupted: what had ended is kept, and the same command goes on from there\n"
+    until(lambda: not cluster.runs())
+    assert [record.identity.solver for record in store.read().records] == ["toy-noisy"]
+    assert list(store.folder.glob(".*.partial")) == []
+
+
+@pytest.fixture
+def lone_scheduler(tmp_path: Path) -> Iterator[Cluster]:
+    """A scheduler without workers."""
+    pytest.importorskip("distributed", reason="needs the extra dask")
+    cluster = Cluster(tmp_path / "lone")
+    try:
+        yield cluster.start(workers=0)
+    finally:
+        cluster.stop()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM])
+def test_it_waits_for_workers_and_keeps_what_had_ended_when_the_scheduler_dies(
+    lone_scheduler: Cluster, own_case: Path, store: Store, end: signal.Signals
+) -> None:
+    address = lone_scheduler.address
+    program = Program.start(
+        PLAIN, own_case, "--solver", "toy-noisy", "--solver", "toy", "--set", "toy.behaviour=hang",
+        "--scheduler", address, "--store", store.folder,
+    )  # fmt: skip
+    assert program.process.stderr is not None
+    waits = program.process.stderr.readline()
+    assert waits == f"shellbench: no worker is connected to {address}: waiting for one\n"
+    lone_scheduler.ensure(1)
+    until(lambda: store.read().records and lone_scheduler.runs())
+    assert lone_scheduler.scheduler is not None
+    lone_scheduler.scheduler.send_signal(end)
+    code, out, err = program.end()
+    assert (code, out) == (1, "")
+    assert err == (
+        f"shellbench: the scheduler {address} is gone: what had ended is kept, and the same command goes on from there\n"
+    )
+    assert [record.identity.solver for record in store.read().records] == ["toy-noisy"]
+    assert list(store.folder.glob(".*.partial")) == []
+    until(lambda: not lone_scheduler.runs())
+
+
+def versions(**packages: str) -> dict[str, object]:
+    return {"packages": {"python": "3.11.8.final.0", "distributed": "2026.8.0", **packages}}
+
+
+def test_workers_of_other_versions_do_not_fit() -> None:
+    found = {
+        "client": versions(),
+        "workers": {
+            "tcp://same": versions(),
+            "tcp://patch": versions(python="3.11.2.final.0"),
+            "tcp://python": versions(python="3.12.1.final.0"),
+            "tcp://dask": versions(distributed="2024.1.0"),
+        },
+    }
+    client = SimpleNamespace(status="running", get_versions=lambda: found)
+    assert Scheduler("tcp://here", client).misfits() == {
+        "tcp://python": "has python 3.12 (here 3.11)",
+        "tcp://dask": "has distributed 2024.1.0 (here 2026.8.0)",
+    }
+
+
+def test_a_closed_connection_is_one_sentence() -> None:
+    scheduler = Scheduler("tcp://here", SimpleNamespace(status="connecting"))
+    with pytest.raises(SchedulerLostError, match="the scheduler tcp://here is gone"):
+        scheduler.workers()
