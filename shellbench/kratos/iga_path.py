@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 SHORTEST_STEP = 1.0 / 4096  # of the first one: Newton's method has failed for good then
 GROWTH = 2.0  # of the next step after one that converged
 BALANCED = 1e-6  # of the largest force on a control point: what may be left of it in equilibrium
-ROUNDED = 1e-9  # of the loads' work: the part that rounding may change before a linear answer is corrected
+SINGULAR = 1e-3  # of the loads' work: no answer is given where rounding still changes more
 MOST_SOLVES = 4  # corrections gain many digits each, or the matrix is singular to rounding
 
 
@@ -42,6 +42,8 @@ class State:
         Newton's; of a linear case, solves.
     kept
         Whether the case asks for it.
+    rounding
+        Relative error of the loads' work by rounding; None where it is not known.
     """
 
     mark: float
@@ -51,6 +53,7 @@ class State:
     residual: float
     iterations: int
     kept: bool
+    rounding: float | None = None
 
 
 def equilibrium(
@@ -78,8 +81,10 @@ def equilibrium(
     return State(mark, factor, displacements, energy, residual, iterations, kept)
 
 
-def states(model: IgaModel, part: Part, load_steps: int) -> Iterator[State]:
+def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Iterator[State]:
     """Yield the states of a case's path in order; of a linear case those that it asks for.
+
+    `rounding` is the relative change of the loads' work by rounding above which a linear answer is corrected.
 
     Raises
     ------
@@ -89,8 +94,9 @@ def states(model: IgaModel, part: Part, load_steps: int) -> Iterator[State]:
     case = part.case
     if case.linear:
         for mark in case.states:
-            displacements, solves = _linear(model, part, control_forces(part, model.midsurface.patch, mark))
-            yield equilibrium(model, part, mark, mark, displacements, True, solves)
+            forces = control_forces(part, model.midsurface.patch, mark)
+            displacements, solves, gap = _linear(model, part, forces, rounding)
+            yield replace(equilibrium(model, part, mark, mark, displacements, True, solves), rounding=gap)
     elif case.path.control == "displacement":
         yield from _by_displacement(model, part, load_steps)
     else:
@@ -100,24 +106,32 @@ def states(model: IgaModel, part: Part, load_steps: int) -> Iterator[State]:
             yield equilibrium(model, part, mark, mark, model.displacements(), kept, iterations)
 
 
-def _linear(model: IgaModel, part: Part, forces: Array) -> tuple[Array, int]:
-    """Solve a linear case, and again for what is out of balance while that changes the answer; count the solves.
+def _linear(model: IgaModel, part: Part, forces: Array, rounding: float) -> tuple[Array, int, float]:
+    """Solve a linear case, and again for what is out of balance while rounding changes the answer by too much.
 
     The work of the forces that are out of balance is the error, by rounding, of the work of the loads: f . e = u . K e.
+
+    Returns
+    -------
+    displacements, solves, gap
+        (n1, n2, 3); how many solves it took; that error, relative to the work of the loads.
     """
     surface = model.midsurface
-    total, left, largest = np.zeros_like(surface.control_points), forces, 0.0
-    for solves in range(1, MOST_SOLVES + 1):
+    total, left, gap, solves = np.zeros_like(surface.control_points), forces, np.inf, 0
+    while solves < MOST_SOLVES and not gap <= rounding:
         model.start_from(np.zeros_like(total))
         if not model.solve(left):
             raise SolveFailure("the system of equations has no finite solution")
+        solves += 1
         total = total + model.displacements()
         left = forces - integrals(part.case, surface.patch, surface.control_points, total).forces
-        largest = max(largest, abs(_work(forces, total)))
-        print("gap",solves,abs(_work(model.conditions.balanced(left), total))/largest)
-        if abs(_work(model.conditions.balanced(left), total)) <= ROUNDED * largest:
-            break
-    return total, solves
+        work = abs(_work(forces, total))
+        gap = abs(_work(model.conditions.balanced(left), total)) / work if work > 0 else 0.0
+    if not gap <= SINGULAR:
+        raise SolveFailure(
+            f"rounding changes the work of the loads by {gap:.1e}: the system of equations is singular to it"
+        )
+    return total, solves, gap
 
 
 def _work(forces: Array, displacements: Array) -> float:

@@ -40,6 +40,12 @@ class KratosIgaSettings(KratosSettings):
         1.0, ge=1, le=4, description="exponent of the knot lines' distances from a point load; 1: uniform"
     )
     symmetry: bool = Field(True, description="whether to solve only the part that planes of symmetry leave")
+    rounding: Finite = Field(
+        1e-6,
+        gt=0,
+        le=1e-3,
+        description="change of the loads' work by rounding above which a linear answer is corrected",
+    )
     load_steps: int = Field(20, ge=1, le=10000, strict=True, description="fewest steps of a non-linear path")
 
 
@@ -76,6 +82,8 @@ class _Course:
         if state.kept:
             self.kept.append(state)
         self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
+        if state.rounding is not None:
+            self.figures["rounding"] = max(self.figures.get("rounding", 0.0), state.rounding)
         seconds = time.perf_counter() - self.began
         step = Step(len(self.history), seconds, state.energy, self.unknowns, state.factor, iterations=state.iterations)
         if not case.linear:
@@ -195,7 +203,7 @@ def _solve(course: _Course) -> IgaSolution:
     if not case.linear:
         course.figures["stability_checked"] = False  # and a symmetric part hides what buckles out of symmetry
     model = IgaModel.of(surface, conditions, case.material, case.linear)
-    for state in iga_path.states(model, part, course.settings.load_steps):
+    for state in iga_path.states(model, part, course.settings.load_steps, course.settings.rounding):
         course.add(state)
     solution = course.solution(course.kept)
     last = solution.history[-1]

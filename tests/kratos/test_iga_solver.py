@@ -109,6 +109,27 @@ def test_kratos_is_in_balance_by_a_rule_of_our_own():
         assert SOLVER.solve(case, {"cells": (6, 5)}).diagnostics["residual"] < 1e-9
 
 
+def test_what_rounding_takes_is_known_and_given_back():
+    """Crowded knots make an ill-conditioned matrix: the loads' work is off by what the diagnostics say."""
+    case = known("pinched_cylinder_free")
+    rough, fine = (
+        SOLVER.solve(case, {"cells": (12, 12), "degree": 4, "grading": 3.0, "rounding": r}) for r in (1e-3, 1e-10)
+    )
+    one, other = (s.history[0].quantities["load_deflection"] for s in (rough, fine))
+    assert fine.diagnostics["rounding"] <= 1e-10 < rough.diagnostics["rounding"]
+    assert abs(one / other - 1) == pytest.approx(rough.diagnostics["rounding"], rel=0.05)
+
+
+def test_each_load_factor_of_a_linear_case_has_its_own_answer():
+    """A load t (1, 2): twice the answer at twice the factor, however many solves came before."""
+    case = plate(
+        loads=[{"kind": "area", "vector": [0, 0, "-t/1000"]}],
+        quantities=[LARGEST, {"name": "half", "kind": "largest_displacement", "at": 0.5}],
+    )
+    values = SOLVER.solve(case, {"cells": (3, 3)}).history[0].quantities
+    assert values["largest"] == pytest.approx(2 * values["half"], rel=1e-9)
+
+
 @pytest.mark.parametrize("grading", [1.0, 2.0])
 def test_the_pinched_cylinder_rises_toward_its_limit(grading):
     """Conforming displacements of a minimum of energy under one load: each refinement lets it give way more."""
