@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.fem.assembly import CHUNK, Quadrature, derivative_on_cells
+from shellbench.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
 from shellbench.fem.deformation import Deformation
-from shellbench.fem.hermite import Derivative, kind_scales, tabulate
+from shellbench.fem.hermite import FUNCTIONS, Derivative, kind_scales, tabulate
 from shellbench.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
 from shellbench.fem.mesh import TensorMesh
 from shellbench.rounding import shortened
@@ -108,8 +108,9 @@ class FemSolution:
         nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
         basis = tabulate(unit, order) * kind_scales(sizes)[:, None]
         basis /= (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None, None]
-        local = self.coefficients[..., self.state(at)][nodes]
-        return np.asarray(np.einsum("pak,pack->pc", basis, local).reshape(*xi.shape[:-1], 3))
+        field = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
+        local = field[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
+        return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return one of `shellbench.solution.FIELDS` at points (..., 2)."""

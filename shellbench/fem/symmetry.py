@@ -23,7 +23,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from shellbench.case import Case
 from shellbench.conditions import COMPONENTS, EdgeLoad, Formula, MomentLoad, PointLoad, Support, VectorFormula
@@ -35,11 +34,12 @@ from shellbench.fem.mesh import TensorMesh
 from shellbench.measure import load_density
 from shellbench.places import SIDES, Edge, Place, Point, Whole
 from shellbench.quantities import EnergyQuantity
-from shellbench.rigid import RIGID_MOTIONS
 from shellbench.surface import COORDINATES, Domain, SurfaceModel
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+_Index = slice | Integers
+_Places = tuple[_Index, _Index]  # of a grid of points
 
 SYMMETRIC = 1e-12  # relative difference to the mirror image that is rounding
 WHOLE, HALF, QUARTER = 1, 2, 4  # images of the part along a coordinate; quarters of a closed one only
@@ -121,7 +121,7 @@ class Fold:
                 break
             at = (number + 1) * self.cells - run if number % 2 else number * self.cells + run
             before = found[-1]
-            signs = before.signs * np.where(np.arange(len(COMPONENTS)) == mirror.normal, -1.0, 1.0)
+            signs = before.signs * _signs(mirror.normal)
             swapped = tuple(mirror.supports[s] for s in before.supports)
             found.append(Image((self.start + at) % nodes, signs, -before.parity, swapped))
         return tuple(found)
@@ -150,17 +150,16 @@ class Part:
     @classmethod
     def of(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> Part | None:
         """Find the symmetries of a case on a mesh; None if there is none."""
-        if not case.linear or case.springs or any(isinstance(load, MomentLoad) for load in case.loads):
+        everywhere = any(isinstance(place, Whole) for _, place in case.supported_places())
+        moments = any(isinstance(load, MomentLoad) for load in case.loads)
+        if not case.linear or case.springs or everywhere or moments:
             return None
         observed = _Observed(case, mesh, quadrature_order)
-        folds = (observed.fold(0), observed.fold(1))
+        folds = observed.folds()
         if folds[0].mirrors == folds[1].mirrors == (None, None):
             return None
         lines = [fold.lines(line, mesh.domain, a) for a, (fold, line) in enumerate(zip(folds, mesh.lines, strict=True))]
-        try:
-            part = _part_case(case, folds, (lines[0], lines[1]))
-        except ValidationError:  # such as a component that is held on the whole surface and in a plane of symmetry
-            return None
+        part = _part_case(case, folds, (lines[0], lines[1]))
         return cls(case, mesh, folds, part, TensorMesh(part.surface.domain, (lines[0], lines[1])))
 
     @cached_property
@@ -221,6 +220,7 @@ class _Observed:
         self.case, self.mesh, self.domain = case, mesh, mesh.domain
         self.gauss = quadrature_order // 2 + 1
         self.runs = [_gauss_points(line, self.gauss) for line in mesh.lines]
+        self.kept: list[_Index] = [slice(None), slice(None)]  # the others are images of these
 
     @cached_property
     def points(self) -> Array:
@@ -238,68 +238,86 @@ class _Observed:
         flat = self.points.reshape(-1, 2)
         return [load_density(self.case, flat, t).reshape(*self.points.shape[:2], -1) for t in self.case.states]
 
+    def folds(self) -> tuple[Fold, Fold]:
+        """Return how the mesh is mirrored along each coordinate."""
+        return self.fold(0), self.fold(1)
+
     def fold(self, axis: int) -> Fold:
         """Return how the mesh is mirrored along a coordinate; a fold without mirrors if it is not."""
-        cells = self.mesh.cells[axis]
-        if not self.domain.periodic[axis]:
-            mirror = None if cells % HALF else self.mirror(axis, cells // HALF)
-            return Fold(0, cells // HALF, (None, mirror)) if mirror else Fold(0, cells)
-        first = None if cells % HALF else self.mirror(axis, 0)
-        second = None if cells % QUARTER else self.mirror(axis, cells // QUARTER)
-        mirrors = [m for m in (first, second) if m is not None]
-        if not mirrors:
+        cells, periodic = self.mesh.cells[axis], self.domain.periodic[axis]
+        if cells % HALF:
             return Fold(0, cells)
-        size, start = cells // (HALF * len(mirrors)), 0 if first else cells // QUARTER
-        starts = [(start + k * size, (mirrors[k % len(mirrors)], mirrors[(k + 1) % len(mirrors)])) for k in range(QUARTER)]
-        for begin, ends in starts:  # the part must not reach beyond the domain
-            fold = Fold(begin % cells, size, ends)
-            lines = fold.lines(self.mesh.lines[axis], self.domain, axis)
-            slack = SYMMETRIC * self.domain.size[axis]
+        if not periodic:
+            mirror = self.mirror(axis, cells // HALF, cells // HALF)
+            found = [Fold(0, cells // HALF, (None, mirror))] if mirror else []
+        else:
+            found = list(self._closed_folds(axis))
+        for fold in found:
+            self.kept[axis] = slice(fold.start * self.gauss, (fold.start + fold.cells) * self.gauss)
+            # formulas of a closed surface may hold inside the domain only
+            lines, slack = fold.lines(self.mesh.lines[axis], self.domain, axis), SYMMETRIC * self.domain.size[axis]
             if lines[0] >= self.domain.lower[axis] - slack and lines[-1] <= self.domain.upper[axis] + slack:
                 return fold
         return Fold(0, cells)
 
-    def mirror(self, axis: int, line: int) -> Mirror | None:
-        """Return the reflection about a mesh line if it is a symmetry."""
+    def _closed_folds(self, axis: int) -> Iterator[Fold]:
+        """Yield the parts that mirrors about the first mesh line and a quarter of the turn from it make."""
+        cells = self.mesh.cells[axis]
+        first = self.mirror(axis, 0, cells // HALF)
+        second = None
+        if cells % QUARTER == 0:
+            second = self.mirror(axis, cells // QUARTER, cells // (QUARTER if first else HALF))
+        mirrors = [m for m in (first, second) if m is not None]
+        if mirrors:
+            size, start = cells // (HALF * len(mirrors)), 0 if first else cells // QUARTER
+            for k in range(HALF * len(mirrors)):
+                ends = mirrors[k % len(mirrors)], mirrors[(k + 1) % len(mirrors)]
+                yield Fold((start + k * size) % cells, size, ends)
+
+    def mirror(self, axis: int, line: int, cells: int) -> Mirror | None:
+        """Return the reflection about a mesh line if it is a symmetry; so many cells on either side are compared."""
         steps = np.diff(self.mesh.lines[axis])
         reversed_steps = steps[(2 * line - 1 - np.arange(len(steps))) % len(steps)]
         if np.abs(steps - reversed_steps).max() > SYMMETRIC * self.domain.size[axis]:
             return None
-        centre = float(self.mesh.lines[axis][line])
-        turned = _Reflection(self.domain, axis, centre)
-        normal = self._plane(axis, line)
+        sides = self._sides(axis, line * self.gauss, cells * self.gauss)
+        turned = _Reflection(self.domain, axis, float(self.mesh.lines[axis][line]))
+        normal = self._plane(axis, *sides)
         if normal is None:
             return None
-        signs = np.where(np.arange(len(COMPONENTS)) == normal, -1.0, 1.0)
-        opposite = self._opposite(axis, line)
-        if not all(_alike(np.take(f, opposite, axis), signs * f) for f in self.densities):
+        signs, (here, there) = _signs(normal), sides
+        if not all(_alike(density[there], signs * density[here]) for density in self.densities):
             return None
         if not (self._edge_loads_agree(turned, signs) and self._point_loads_agree(turned, signs)):
             return None
         supports = self._mirrored_supports(turned, signs)
         return None if supports is None else Mirror(axis, normal, supports)
 
-    def _opposite(self, axis: int, line: int) -> Integers:
+    def _sides(self, axis: int, middle: int, points: int) -> tuple[_Places, _Places]:
+        """Return so many Gauss points along a coordinate on either side of one, next to it first."""
         count = len(self.runs[axis])
-        return np.asarray((2 * line * self.gauss - 1 - np.arange(count)) % count)
+        here: _Index = slice(middle, middle + points)
+        there: _Index = slice((middle or count) - 1, None if middle == points else (middle or count) - 1 - points, -1)
+        if middle + points > count or 0 < middle < points:  # one of them lies beyond the seam
+            here, there = (middle + np.arange(points)) % count, (middle - 1 - np.arange(points)) % count
+        other = self.kept[1 - axis]
+        return ((here, other), (there, other)) if axis == 0 else ((other, here), (other, there))
 
-    def _plane(self, axis: int, line: int) -> int | None:
+    def _plane(self, axis: int, here: _Places, there: _Places) -> int | None:
         """Return the component that is normal to the plane in which a reflection mirrors the surface."""
-        opposite = self._opposite(axis, line)
-        size = max(float(np.ptp(self.surface[0, 0].reshape(-1, len(COMPONENTS)), axis=0).max()), np.finfo(float).tiny)
-        for normal in range(len(COMPONENTS)):
-            signs = np.where(np.arange(len(COMPONENTS)) == normal, -1.0, 1.0)
-            moved = np.take(self.surface[0, 0], opposite, axis) - signs * self.surface[0, 0]
-            moved[..., normal] -= moved[..., normal].mean()
-            if np.abs(moved).max() > SYMMETRIC * size:
-                continue
-            if all(
-                _alike((-1) ** key[axis] * np.take(x, opposite, axis), signs * x)
-                for key, x in self.surface.items()
-                if key != (0, 0)
-            ):
-                return normal
-        return None
+        position = self.surface[0, 0]
+        spread = np.abs(position[there] - position[here]).max(axis=(0, 1))
+        normal = int(np.argmax(spread))  # images differ along the normal alone
+        if np.any(np.delete(spread, normal) > SYMMETRIC * spread[normal]):
+            return None
+        middle = position[there][..., normal] + position[here][..., normal]
+        if np.ptp(middle) > SYMMETRIC * spread[normal]:
+            return None
+        signs = _signs(normal)
+        for key, x in self.surface.items():
+            if key != (0, 0) and not _alike(x[there], (-1) ** key[axis] * signs * x[here]):
+                return None
+        return normal
 
     def _edge_loads_agree(self, turned: _Reflection, signs: Array) -> bool:
         loads = [load for load in self.case.loads if isinstance(load, EdgeLoad)]
@@ -359,7 +377,7 @@ class _Observed:
             line = self.mesh.lines[1 - place.axis]
             points = place.points(self.domain, np.concatenate([line, _gauss_points(line, self.gauss)]))
         else:
-            points = np.array([place.xi]) if isinstance(place, Point) else self.points.reshape(-1, 2)
+            points = np.array([place.xi]) if isinstance(place, Point) else np.zeros((0, 2))
         for t in self.case.states:
             here = self.case.motion(support, place, self.domain.wrap(points), t, order=2)
             there = self.case.motion(other, image, self.domain.wrap(turned.points(points)), t, order=2)
@@ -402,10 +420,13 @@ class _Reflection:
                 return self.place(place) == other
             case Point(xi=xi), Point(xi=there):
                 return self.same(self.points(xi), there)
-            case Whole(), Whole():
-                return True
             case _:
                 return False
+
+
+def _signs(normal: int) -> Array:
+    """Return the diagonal (3,) of R."""
+    return np.where(np.arange(len(COMPONENTS)) == normal, -1.0, 1.0)
 
 
 def _gauss_points(line: Array, count: int) -> Array:
@@ -414,7 +435,7 @@ def _gauss_points(line: Array, count: int) -> Array:
 
 
 def _alike(one: Array, other: Array) -> bool:
-    scale = float(np.abs(other).max(initial=0.0))
+    scale = max(float(other.max(initial=0.0)), -float(other.min(initial=0.0)))
     return bool(np.abs(one - other).max(initial=0.0) <= SYMMETRIC * scale)
 
 
@@ -429,13 +450,7 @@ def point_forces(case: Case) -> Iterator[tuple[tuple[float, float], Array]]:
 
 
 def _part_case(case: Case, folds: tuple[Fold, Fold], lines: tuple[Array, Array]) -> Case:
-    """Return the part as a case of its own.
-
-    Raises
-    ------
-    ValidationError
-        If it can't be one.
-    """
+    """Return the part as a case of its own; it is not checked again, because its pieces were."""
     kept = _Kept(case, folds, lines)
     planes = [
         Support(name=f"mirror_{COORDINATES[a]}_{side}", on=(f"{COORDINATES[a]}_{side}",), symmetry=COMPONENTS[m.normal])
@@ -447,7 +462,7 @@ def _part_case(case: Case, folds: tuple[Fold, Fold], lines: tuple[Array, Array])
         support.model_copy(update={"on": on}) for support in case.supports if (on := kept.of_support(support))
     ]
     normals = {m.normal for fold in folds for m in fold.mirrors if m is not None}
-    return Case(
+    return Case.model_construct(
         name=case.name,
         title=case.title,
         theory=case.theory,
