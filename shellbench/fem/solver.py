@@ -192,7 +192,11 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
             mesh = graded_mesh(of, cells, settings.grading)
             how = of.states, settings.quadrature_order, settings.direct_solver
             part = Part.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
-            return part.unfolded(equilibrium.solve(part.case, part.mesh, *how)) if part else equilibrium.solve(of, mesh, *how)
+            return (
+                part.unfolded(equilibrium.solve(part.case, part.mesh, *how))
+                if part
+                else equilibrium.solve(of, mesh, *how)
+            )
 
         return solve
 

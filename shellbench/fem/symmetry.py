@@ -112,8 +112,8 @@ class Fold:
 
     def images(self, nodes: int, supports: int) -> tuple[Image, ...]:
         """Return the part and its mirror images in the order of the coordinate; `nodes` of the whole mesh along it."""
-        same, run = tuple(range(supports)), np.arange(self.cells + 1)
-        found = [Image((self.start + run) % nodes, np.ones(len(COMPONENTS)), 1, same)]
+        run = np.arange(self.cells + 1) if self.mirrors != (None, None) else np.arange(nodes)
+        found = [Image((self.start + run) % nodes, np.ones(len(COMPONENTS)), 1, tuple(range(supports)))]
         first, last = self.mirrors
         around = (last, first, last) if first is not None and first is not last else (last,)
         for number, mirror in enumerate(around, start=1):
@@ -150,9 +150,8 @@ class Part:
     @classmethod
     def of(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> Part | None:
         """Find the symmetries of a case on a mesh; None if there is none."""
-        everywhere = any(isinstance(place, Whole) for _, place in case.supported_places())
         moments = any(isinstance(load, MomentLoad) for load in case.loads)
-        if not case.linear or case.springs or everywhere or moments:
+        if not case.linear or case.springs or moments:
             return None
         observed = _Observed(case, mesh, quadrature_order)
         folds = observed.folds()
@@ -458,9 +457,7 @@ def _part_case(case: Case, folds: tuple[Fold, Fold], lines: tuple[Array, Array])
         for side, m in zip(SIDES, fold.mirrors, strict=True)
         if m is not None
     ]
-    supports = [
-        support.model_copy(update={"on": on}) for support in case.supports if (on := kept.of_support(support))
-    ]
+    supports = [support.model_copy(update={"on": on}) for support in case.supports if (on := kept.of_support(support))]
     normals = {m.normal for fold in folds for m in fold.mirrors if m is not None}
     return Case.model_construct(
         name=case.name,
@@ -539,7 +536,9 @@ class _Kept:
                 for name in load.on:
                     place = self.case.places[name]
                     if isinstance(place, Point) and self.holds(place):
-                        yield load.model_copy(update={"on": (name,), "force": _divided(load.force, self._shared(place))})
+                        yield load.model_copy(
+                            update={"on": (name,), "force": _divided(load.force, self._shared(place))}
+                        )
             elif isinstance(load, EdgeLoad):
                 if on := tuple(name for name in load.on if self.holds(self.case.places[name])):
                     yield load.model_copy(update={"on": on})
