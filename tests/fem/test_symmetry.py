@@ -8,8 +8,9 @@ import pytest
 from shellbench import catalog
 from shellbench.fem import solver
 from shellbench.fem.grading import graded_mesh
+from shellbench.fem.reflections import SYMMETRIC
 from shellbench.fem.solver import FemSettings, FemSolver
-from shellbench.fem.symmetry import SYMMETRIC, Part
+from shellbench.fem.symmetry import Part
 from shellbench.solution import FIELDS
 from tests.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points
 
@@ -98,13 +99,17 @@ SYMMETRIC_CASES = {
         shell(TUBE, points={"a": [90, 1]}, supports=[wall("end", "xi2_min", clamped=True)], loads=[point("a", 0, -1, 0)]),
         (4, 3), (2, 1)
     ),
+    "tube_under_a_load_from_below": (
+        shell(TUBE, points={"a": [270, 1.5]}, supports=[ENDS], loads=[point("a", 0, 1, 0), edge("xi2_min", 0, 1, 0),
+              edge("xi2_max", 0, 1, 0)]), (4, 3), (2, 2)
+    ),
     "free_tube": (
         shell(TUBE, points={"a": [300, 1.5], "b": [120, 1.5]}, remove_rigid_motions=EVERY_MOTION,
               loads=[{"kind": "pressure", "value": "cos(2*xi1)"}]), (4, 3), (4, 2)
     ),
     "tube_closed_in_its_other_coordinate": (
         shell(TUBE_ALONG_XI1, points={"a": [1.5, 90], "b": [1.5, 270]}, remove_rigid_motions=EVERY_MOTION,
-              loads=[point("a", 0, 0, -1), point("b", 0, 0, 1)]), (6, 6), (2, 4)  # coarser ones miss free rotations
+              loads=[point("a", 0, 0, -1), point("b", 0, 0, 1)]), (8, 8), (2, 4)  # coarser ones miss free rotations
     ),
     "axial_force_on_a_tube": (
         shell(TUBE, supports=[{**ENDS, "components": ["x", "y"]}], remove_rigid_motions=["translation_z"],
@@ -131,7 +136,7 @@ def both(case, cells, **settings):
 def agree(whole, part):
     """Assert that two solutions tell the same of everything, up to what rounding may hide in either."""
     case = whole.case
-    tolerance = max(1e-10, 10 * max(s.diagnostics["last_correction"] for s in (whole, part)))
+    tolerance = max(1e-10, 100 * max(s.diagnostics["last_correction"] for s in (whole, part)))
     points = surface_points(case.surface, 60)
 
     def alike(one, other, scale=None):
