@@ -3,8 +3,8 @@
 A linear problem has one solution, but for the rigid motions that are taken from it, so that the solution of a
 symmetric case (see `reflections`) is its own mirror image, u(xi') = R u(xi). The lines of symmetry of the part are
 edges in planes of symmetry (see `constraints`); the part of the mesh has the solution of the whole mesh, and the answer
-is unfolded onto it. A mesh that may turn freely is pinned at a few nodes, and its whole differs from the part by as much as the
-element misses a rigid rotation, which vanishes with the mesh size long before its errors do.
+is unfolded onto it. A whole mesh that may turn freely is pinned at a few nodes, and differs from the part by as much as
+the element misses a rigid rotation, which vanishes with the mesh size long before its errors do.
 """
 
 from __future__ import annotations
