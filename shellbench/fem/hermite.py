@@ -77,4 +77,9 @@ def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
 def kind_scales(sizes: ArrayLike) -> Array:
     """Return h1**k h2**l (..., 4) for the four `KINDS`, of sizes (..., 2)."""
     h = np.asarray(sizes, dtype=float)
-    return np.stack([h[..., 0] ** k * h[..., 1] ** m for k, m in KINDS], axis=-1)
+    scales = np.ones((*h.shape[:-1], len(KINDS)))
+    for number, kind in enumerate(KINDS):
+        for axis in (0, 1):
+            if kind[axis]:
+                scales[..., number] *= h[..., axis]
+    return scales

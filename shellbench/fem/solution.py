@@ -106,8 +106,8 @@ class FemSolution:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
         xi = np.asarray(points, dtype=float)
         nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
-        basis = tabulate(unit, order) * kind_scales(sizes)[:, None]
-        basis /= (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None, None]
+        steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
+        basis = tabulate(unit, order) * (kind_scales(sizes) / steps[:, None])[:, None]
         field = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
         local = field[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
         return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
