@@ -1,4 +1,7 @@
-"""The part of a symmetric case as a case of its own: with planes of symmetry, and its share of what lies on them."""
+"""The part of a symmetric case as a case of its own: with planes of symmetry, and its share of what lies on them.
+
+The rigid motions that are free on the part are those of the whole that are their own mirror images.
+"""
 
 from __future__ import annotations
 

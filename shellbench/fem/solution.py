@@ -108,8 +108,8 @@ class FemSolution:
         nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
         steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
         basis = tabulate(unit, order) * (kind_scales(sizes) / steps[:, None])[:, None]
-        field = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
-        local = field[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
+        nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
+        local = nodal[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
         return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
@@ -152,7 +152,7 @@ class FemSolution:
         return total * self.images[0] * self.images[1]
 
     def _cells(self) -> Iterator[Integers]:
-        """Yield the numbers of the cells that the others mirror, in portions."""
+        """Yield the numbers of the cells whose mirror images the others are, in portions."""
         inside = np.ones(len(self.mesh.origins), dtype=bool)
         for axis, (line, images) in enumerate(zip(self.mesh.lines, self.images, strict=True)):
             middles = self.mesh.origins[:, axis] + self.mesh.sizes[:, axis] / 2

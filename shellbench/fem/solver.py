@@ -63,7 +63,8 @@ class FemSettings(Settings):
         "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
         theory always takes "dissection", which counts negative eigenvalues.
     symmetry
-        Solve a linear case that is its own mirror image on the part that the rest mirrors. The answer is the same.
+        Solve a linear case that is its own mirror image on the part that the rest mirrors: the answer is that on the
+        whole mesh, of which fewer degrees of freedom are solved for.
     time_step
         Of a motion, s: one fixed level, cut only where it must be; loads are taken once a step. None: refine.
     spectral_radius
@@ -192,11 +193,9 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
             mesh = graded_mesh(of, cells, settings.grading)
             how = of.states, settings.quadrature_order, settings.direct_solver
             part = Part.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
-            return (
-                part.unfolded(equilibrium.solve(part.case, part.mesh, *how))
-                if part
-                else equilibrium.solve(of, mesh, *how)
-            )
+            if part is None:
+                return equilibrium.solve(of, mesh, *how)
+            return part.unfolded(equilibrium.solve(part.case, part.mesh, *how))
 
         return solve
 
