@@ -95,7 +95,7 @@ class Quadrature:
         points, weights = get_quadrature(mesh.grid.refdom, order)
         return cls(np.ascontiguousarray(points.T), weights)
 
-    def on_cells(self, mesh: TensorMesh, cells: slice) -> tuple[Array, Array]:
+    def on_cells(self, mesh: TensorMesh, cells: slice | Integers) -> tuple[Array, Array]:
         """Return points (cells, n, 2) in the domain and weights (cells, n) with the cells' parametric area."""
         sizes = mesh.sizes[cells]
         points = mesh.origins[cells][:, None] + self.points * sizes[:, None]
@@ -115,7 +115,7 @@ def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
 
 
 def derivative_on_cells(
-    mesh: TensorMesh, cells: slice, quadrature: Quadrature, coefficients: Array, order: Derivative
+    mesh: TensorMesh, cells: slice | Integers, quadrature: Quadrature, coefficients: Array, order: Derivative
 ) -> Array:
     """Return a derivative (points, 3, n) at the Gauss points of cells of fields with coefficients (nodes, 3, 4, n)."""
     sizes = mesh.sizes[cells]

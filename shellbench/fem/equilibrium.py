@@ -24,7 +24,7 @@ from shellbench.fem.loads import Loading
 from shellbench.fem.mesh import TensorMesh
 from shellbench.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
 from shellbench.fem.solution import FemSolution
-from shellbench.rigid import free_motions
+from shellbench.rigid import RIGID_MOTIONS, free_motions
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -67,11 +67,11 @@ def solve(
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     loading = Loading.of(case, mesh, quadrature, states)
     ties = Ties.of(case, mesh, states)
-    loose = free_motions(case)
+    # a case that names no rigid motion was checked to have none that is free
+    loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)
-    motions = nodal_rigid_motions(case, mesh) @ loose
     if loose.size:
-        ties = ties.pinned(*determinate_pins(ties, motions))
+        ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
 
     matrix = stiffness(mesh, case.surface, case.material, quadrature)
     clamps = list(clamped_edges(case, mesh, states))

@@ -43,8 +43,11 @@ def cubics(x: ArrayLike, derivative: int = 0) -> Array:
     coefficients = _CUBICS
     for _ in range(derivative):
         coefficients = coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
-    powers = at[..., None] ** np.arange(coefficients.shape[-1])
-    return np.asarray(np.einsum("...p,esp->...es", powers, coefficients))
+    powers = np.ones((*at.shape, coefficients.shape[-1]))
+    for degree in range(1, coefficients.shape[-1]):
+        np.multiply(powers[..., degree - 1], at, out=powers[..., degree])
+    flat = coefficients.reshape(-1, coefficients.shape[-1])
+    return np.asarray((powers @ flat.T).reshape(*at.shape, *coefficients.shape[:-1]))
 
 
 def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
@@ -64,11 +67,19 @@ def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
     """
     xi = np.asarray(points, dtype=float)
     first, second = (cubics(xi[..., axis], derivative[axis]) for axis in (0, 1))
-    columns = [first[..., i, k] * second[..., j, m] for i, j in CORNERS for k, m in KINDS]
-    return np.stack(columns, axis=-1).reshape(*xi.shape[:-1], len(CORNERS), len(KINDS))
+    table = np.empty((len(CORNERS), len(KINDS), *xi.shape[:-1]))  # each function for itself, which is faster
+    for row, (i, j) in zip(table, CORNERS, strict=True):
+        for function, (k, m) in zip(row, KINDS, strict=True):
+            np.multiply(first[..., i, k], second[..., j, m], out=function)
+    return np.moveaxis(table, (0, 1), (-2, -1))
 
 
 def kind_scales(sizes: ArrayLike) -> Array:
     """Return h1**k h2**l (..., 4) for the four `KINDS`, of sizes (..., 2)."""
     h = np.asarray(sizes, dtype=float)
-    return np.stack([h[..., 0] ** k * h[..., 1] ** m for k, m in KINDS], axis=-1)
+    scales = np.ones((*h.shape[:-1], len(KINDS)))
+    for number, kind in enumerate(KINDS):
+        for axis in (0, 1):
+            if kind[axis]:
+                scales[..., number] *= h[..., axis]
+    return scales

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,15 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.fem.assembly import Quadrature, chunks, derivative_on_cells
+from shellbench.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
 from shellbench.fem.deformation import Deformation
-from shellbench.fem.hermite import Derivative, kind_scales, tabulate
+from shellbench.fem.hermite import FUNCTIONS, Derivative, kind_scales, tabulate
 from shellbench.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
 from shellbench.fem.mesh import TensorMesh
 from shellbench.rounding import shortened
 from shellbench.solution import FIELDS, NumberFormat, Step
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 FORMAT = 1  # of the files that `FemSolution.save` writes
 
@@ -50,6 +51,8 @@ class FemSolution:
         Of the rule that energies are integrated by.
     parameters
         Degrees of freedom that were solved for.
+    images
+        Along each coordinate, of how many mirror images of its first part the field consists (see `symmetry`).
     history, diagnostics, uncertainty, extrapolated
         See `shellbench.solution.Solution`.
     """
@@ -62,6 +65,7 @@ class FemSolution:
     support_forces: Array
     quadrature_order: int
     parameters: int
+    images: tuple[int, int] = (1, 1)
     history: tuple[Step, ...] = ()
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     uncertainty: Mapping[str, float] = field(default_factory=dict)
@@ -102,10 +106,11 @@ class FemSolution:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
         xi = np.asarray(points, dtype=float)
         nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
-        basis = tabulate(unit, order) * kind_scales(sizes)[:, None]
-        basis /= (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None, None]
-        local = self.coefficients[..., self.state(at)][nodes]
-        return np.asarray(np.einsum("pak,pack->pc", basis, local).reshape(*xi.shape[:-1], 3))
+        steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
+        basis = tabulate(unit, order) * (kind_scales(sizes) / steps[:, None])[:, None]
+        nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
+        local = nodal[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
+        return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return one of `shellbench.solution.FIELDS` at points (..., 2)."""
@@ -140,11 +145,21 @@ class FemSolution:
     def area(self) -> float:
         """Area of the midsurface, m^2."""
         quadrature, total = Quadrature.of_order(self.mesh, self.quadrature_order), 0.0
-        for cells in chunks(self.mesh):
+        for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
             surface = Midsurface.at(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
             total += float(weights.ravel() @ surface.area)
-        return total
+        return total * self.images[0] * self.images[1]
+
+    def _cells(self) -> Iterator[Integers]:
+        """Yield the numbers of the cells whose mirror images the others are, in portions."""
+        inside = np.ones(len(self.mesh.origins), dtype=bool)
+        for axis, (line, images) in enumerate(zip(self.mesh.lines, self.images, strict=True)):
+            middles = self.mesh.origins[:, axis] + self.mesh.sizes[:, axis] / 2
+            inside &= middles < line[(len(line) - 1) // images]
+        numbers = np.flatnonzero(inside)
+        for start in range(0, len(numbers), CHUNK):
+            yield numbers[start : start + CHUNK]
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""
@@ -154,7 +169,7 @@ class FemSolution:
     def _energies(self) -> list[tuple[float, float]]:
         quadrature = Quadrature.of_order(self.mesh, self.quadrature_order)
         total = np.zeros((len(self.states), 2))
-        for cells in chunks(self.mesh):
+        for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
             gradients = np.stack(
                 [derivative_on_cells(self.mesh, cells, quadrature, self.coefficients, d) for d in DERIVATIVES], axis=-1
@@ -162,6 +177,7 @@ class FemSolution:
             for state in range(len(self.states)):
                 _, densities, area = self._strains(points.reshape(-1, 2), gradients[:, :, state])
                 total[state] += (weights.ravel() * area) @ densities
+        total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
 
     def reaction(
@@ -209,6 +225,7 @@ class FemSolution:
             "extrapolated": dict(self.extrapolated),
             "quadrature_order": self.quadrature_order,
             "parameters": self.parameters,
+            "images": self.images,
         }
         arrays = {
             "lines1": self.mesh.lines[0],
@@ -240,6 +257,7 @@ class FemSolution:
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
         coefficients, forces = arrays["coefficients"], arrays["support_forces"]
+        images = words.get("images", (1, 1))
         if coefficients.shape != (mesh.node_count, 3, 4, len(states)):
             raise ValueError("coefficients do not fit the mesh")
         if forces.shape != (len(case.supports), len(nodes), 3, 4, len(states)):
@@ -253,6 +271,7 @@ class FemSolution:
             forces,
             int(words["quadrature_order"]),
             int(words["parameters"]),
+            (int(images[0]), int(images[1])),
             tuple(Step(**step) for step in words["history"]),
             words["diagnostics"],
             words["uncertainty"],

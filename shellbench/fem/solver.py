@@ -22,6 +22,7 @@ from shellbench.fem.linear_solve import Method
 from shellbench.fem.motion_solution import MotionSolution
 from shellbench.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
 from shellbench.fem.solution import FemSolution, read_solution
+from shellbench.fem.symmetry import Part
 from shellbench.fem.time_step import Scheme
 from shellbench.measure import measure_all
 from shellbench.quantities import EnergyQuantity
@@ -61,6 +62,9 @@ class FemSettings(Settings):
     direct_solver
         "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
         theory always takes "dissection", which counts negative eigenvalues.
+    symmetry
+        Solve a linear case that is its own mirror image on the part that the rest mirrors: the answer is that on the
+        whole mesh, of which fewer degrees of freedom are solved for.
     time_step
         Of a motion, s: one fixed level, cut only where it must be; loads are taken once a step. None: refine.
     spectral_radius
@@ -73,6 +77,7 @@ class FemSettings(Settings):
     grading: float = Field(2.0, ge=1, le=3)
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
+    symmetry: bool = True
     time_step: float | None = Field(None, gt=0)
     spectral_radius: float = Field(0.5, ge=0, lt=1)
 
@@ -186,7 +191,11 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = graded_mesh(of, cells, settings.grading)
-            return equilibrium.solve(of, mesh, of.states, settings.quadrature_order, settings.direct_solver)
+            how = of.states, settings.quadrature_order, settings.direct_solver
+            part = Part.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
+            if part is None:
+                return equilibrium.solve(of, mesh, *how)
+            return part.unfolded(equilibrium.solve(part.case, part.mesh, *how))
 
         return solve
 
