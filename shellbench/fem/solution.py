@@ -132,8 +132,9 @@ class FemSolution:
         """
         surface = Midsurface.at(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
         if self.case.linear:
-            operator = strain_operator(surface).reshape(len(points), 6, -1)
-            strains = (operator @ gradients.reshape(len(points), -1, 1)).reshape(-1, 2, 3)
+            values = gradients.shape[1] * gradients.shape[2]
+            operator = strain_operator(surface).reshape(len(points), 6, values)
+            strains = (operator @ gradients.reshape(len(points), values, 1)).reshape(-1, 2, 3)
         else:
             strains = Deformation.of(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
         material = self.case.material
