@@ -37,7 +37,7 @@ class KratosIgaSettings(KratosSettings):
     degree: int = Field(3, ge=2, le=5, strict=True, description="of the splines along both coordinates")
     cells: tuple[Spans, Spans] = Field((32, 32), description="spans along xi1 and xi2 of the part that is solved")
     grading: Finite = Field(
-        1.0, ge=1, le=4, description="exponent of the knot lines' distances from a point load; 1: uniform"
+        2.0, ge=1, le=4, description="exponent of the knot lines' distances from a point load; 1: uniform"
     )
     symmetry: bool = Field(True, description="whether to solve only the part that planes of symmetry leave")
     rounding: Finite = Field(
