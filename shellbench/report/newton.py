@@ -155,7 +155,8 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
 
 def declared_solvers(case: Case) -> list[str]:
     """Return the solvers that the suites of a case declare runs of it for."""
-    suites = [catalog.find_suite(name) for name in case.suites if name in catalog.suite_names()]
+    declared = [catalog.find_suite(name) for name in case.suites if name in catalog.suite_names()]
+    suites = [suite for suite in declared if suite.study is None]  # a study asks something else of its runs
     runs = [run for suite in suites for run in suite.runs if not run.cases or case.name in run.cases]
     return list(dict.fromkeys(run.solver for run in runs))
 
