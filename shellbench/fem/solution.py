@@ -52,7 +52,8 @@ class FemSolution:
     parameters
         Degrees of freedom that were solved for.
     images
-        Along each coordinate, of how many mirror images of its first part the field consists (see `symmetry`).
+        Along each coordinate, of how many mirror images of its first cells the field consists (see `symmetry`); 1 where
+        the part that was solved does not begin at the first mesh line.
     history, diagnostics, uncertainty, extrapolated
         See `shellbench.solution.Solution`.
     """

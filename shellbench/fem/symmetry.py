@@ -166,6 +166,8 @@ class Part:
                 whole_forces[image][at] += signs * force  # on a line of symmetry the images' shares add up
         held = [support_nodes(mesh, place) for _, place in case.supported_places()]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *held]))
+        # energies are integrated from the first mesh line on: where the part does not begin there, over the whole
+        begun = tuple(fold.start % fold.cells == 0 for fold in self.folds)
         images = (len(self.images[0]), len(self.images[1]))
         answer = replace(
             solution,
@@ -174,7 +176,7 @@ class Part:
             coefficients=whole.reshape(mesh.node_count, *tail),
             support_nodes=nodes,
             support_forces=whole_forces.reshape(len(case.supports), mesh.node_count, *tail)[:, nodes],
-            images=images,
+            images=(images[0] if begun[0] else 1, images[1] if begun[1] else 1),
         )
         return replace(found, solution=answer, potential_energy=found.potential_energy * images[0] * images[1])
 
