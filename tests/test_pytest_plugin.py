@@ -100,17 +100,19 @@ def test_a_wrong_answer_fails_with_one_sentence(gate) -> None:
 
 
 def test_a_stranger_is_judged_by_the_tolerance_that_is_given(gate) -> None:
-    for factor, tolerances, passes in (
-        (1.005, [], True),
-        (1.02, [], False),
-        (1.005, ["1e-3"], False),
-        (1.02, ["1e-3", "strip=0.1"], True),
-        (1.02, ["0.1", "strip=0.1", "strip.centre=1e-3"], False),
+    for tolerances, passes in (
+        ([], True),
+        (["1e-3"], False),
+        (["1e-3", "strip=0.1"], True),
+        (["0.1", "strip=0.1", "strip.centre=1e-3"], False),
     ):
         given = [f"--shellbench-tolerance={text}" for text in tolerances]
-        result = gate("stranger", f"--shellbench-set=stranger.factor={factor}", *given)
+        result = gate("stranger", "--shellbench-set=stranger.factor=1.005", *given)
         assert result.ret == (0 if passes else 1)
         result.assert_outcomes(passed=int(passes), failed=int(not passes), skipped=1)
+        result.stdout.fnmatch_lines(
+            [f"shellbench: *, relative tolerance {float(given[0].split('=')[1]) if given else 0.01:g} *"]
+        )
     result.stdout.fnmatch_lines(["strip stranger membrane: no relative tolerance*strip.membrane=TOL"])
     absolute = gate("stranger", "--shellbench-set=stranger.factor=1.005", "--shellbench-tolerance=strip.membrane=1e-12")
     absolute.assert_outcomes(passed=2)
@@ -195,7 +197,7 @@ def test_an_open_finding_is_an_expected_failure_and_red_once_it_passes(gate, cou
     assert frozen in file.read_text()
     file.write_text(file.read_text().replace(frozen, f'{frozen}\nopen_finding = {{ toy = "too stiff" }}'))
     forget()
-    gate("toy", "-k", "centre", "--shellbench-set=toy.factor=0.9").assert_outcomes(xfailed=1)
+    gate("toy", "-k", "centre", "--shellbench-set=toy.factor=1.02").assert_outcomes(xfailed=1)
     result = gate("toy", "-k", "centre")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(["it passes, but is an open finding: too stiff"])
@@ -210,8 +212,10 @@ def test_an_open_finding_is_an_expected_failure_and_red_once_it_passes(gate, cou
         ("needy", [], "NoSuchEngine is not installed: python -m pip install 'shellbench[kratos]'"),
         ("", [], "--shellbench needs a solver: --shellbench-solver=NAME"),
         ("toy", ["--shellbench-tolerance=-1"], "found '-1', but expected a positive number"),
+        ("toy", ["--shellbench-tolerance=1e9"], "a relative tolerance is below 1, or 0 would pass"),
+        ("toy", ["--shellbench-tolerance=strip=1"], "a relative tolerance is below 1, or 0 would pass"),
         ("toy", ["--shellbench-tolerance=strip.middle=1"], "quantities of strip are centre, energy, membrane"),
-        ("toy", ["--shellbench-tolerance=roof=1"], "unknown case 'roof'"),
+        ("toy", ["--shellbench-tolerance=roof=0.1"], "unknown case 'roof'"),
         ("toy", ["--shellbench-timeout=soon"], "found 'soon', but expected a positive number"),
         ("toy", ["--shellbench-set=toy-noisy.noise=1"], "solver 'toy-noisy' is not gated here"),
         ("toy", ["--shellbench-set=factor"], "expected SOLVER.KEY=VALUE"),
@@ -230,6 +234,17 @@ def test_without_pytests_cache_a_folder_must_be_named(course: Path, pytester: py
     assert result.ret == pytest.ExitCode.USAGE_ERROR
     assert "name a folder for finished runs: --shellbench-store=DIR" in one_line(result)
     assert pytester.runpytest_inprocess(*options, "--shellbench-store=runs").ret == 0
+
+
+def test_a_cache_that_can_not_be_written_is_one_sentence(gate, course: Path, pytester: pytest.Pytester) -> None:
+    (pytester.path / "file").touch()
+    options = ("--shellbench=toys", "--shellbench-solver=toy", "-o", "cache_dir=file/cache", "--collect-only")
+    result = pytester.runpytest_inprocess(*options)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    assert "pytest's cache can't be written (File exists)" in one_line(result)
+    gate("toy", "-k", "centre", store=Path("file") / "runs").stdout.fnmatch_lines(
+        ["store *file/runs: can't be written (Not a directory)"]
+    )
 
 
 def test_items_are_listed_and_selected_like_tests(gate, pytester: pytest.Pytester) -> None:

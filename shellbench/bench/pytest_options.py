@@ -20,6 +20,7 @@ from shellbench.errors import InputError
 from shellbench.quantities import QuantityModel
 
 DEFAULT_TOLERANCE = 1e-2  # relative: an engineer's percent, until the project states its own
+WHOLE = 1.0  # relative error of the answer zero
 CACHE = "shellbench"  # folder in pytest's cache
 
 
@@ -46,10 +47,12 @@ class Tolerances:
         for text in texts:
             where, _, number = text.rpartition("=")
             tolerance = _positive(number, f"--shellbench-tolerance={text}")
+            case_name, _, quantity = where.partition(".")
+            if not quantity and tolerance >= WHOLE:
+                raise InputError(f"--shellbench-tolerance={text}: a relative tolerance is below 1, or 0 would pass")
             if not where:
                 general = tolerance
                 continue
-            case_name, _, quantity = where.partition(".")
             case = catalog.find_case(case_name)
             names = [q.name for q in case.quantities]
             if quantity and quantity not in names:
@@ -162,7 +165,13 @@ def _folder(config: pytest.Config, store: str | None) -> Path:
     cache: pytest.Cache | None = getattr(config, "cache", None)  # there is none with -p no:cacheprovider
     if cache is None:
         raise InputError("pytest's cache is off, so name a folder for finished runs: --shellbench-store=DIR")
-    return cache.mkdir(CACHE)
+    try:
+        return cache.mkdir(CACHE)
+    except OSError as error:
+        reason = error.strerror or "no folder"
+        raise InputError(
+            f"pytest's cache can't be written ({reason}), so name a folder for finished runs: --shellbench-store=DIR"
+        ) from None
 
 
 def _positive(text: str, option: str) -> float:

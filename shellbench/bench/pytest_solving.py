@@ -17,7 +17,7 @@ from shellbench.bench.identity import run_key
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.record import Record
-from shellbench.bench.store import Store, newest
+from shellbench.bench.store import Store, newest, said_plainly
 from shellbench.bench.task import Task
 from shellbench.errors import ShellbenchError
 
@@ -118,10 +118,12 @@ def share() -> int:
 
 @contextlib.contextmanager
 def locked(folder: Path, name: str) -> Iterator[None]:
-    """Hold a lock by name among all processes that work in a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """Hold a lock by name among all processes that work in a folder; StoreError if it can't be written."""
     safe = re.sub(r"[^A-Za-z0-9_-]+", "_", name)
-    with (folder / f".gate-{safe}.lock").open("a") as handle:
+    with said_plainly(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = (folder / f".gate-{safe}.lock").open("a")
+    with handle:
         if fcntl is not None:
             fcntl.flock(handle, fcntl.LOCK_EX)
         yield

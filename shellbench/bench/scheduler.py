@@ -88,7 +88,7 @@ def connected(given: str) -> Iterator[Scheduler]:
     Raises
     ------
     InputError
-        If `distributed` is not installed, the scheduler can't be reached, or its versions differ from ours.
+        If `distributed` is not installed, no scheduler answers there, or its versions differ from ours.
     """
     need_dask()
     address = address_of(given)
@@ -96,12 +96,14 @@ def connected(given: str) -> Iterator[Scheduler]:
     ours = import_module("distributed.versions").get_versions()
     with _quiet():
         try:  # before a client connects, which may not even understand a scheduler of another version
-            theirs = asyncio.run(_ask_for_versions(address))
+            kind, theirs = asyncio.run(_ask(address))
+            if kind != "Scheduler":
+                raise InputError(f"--scheduler {given}: it is the address of a Dask {kind.lower()}, not of a scheduler")
             difference = _difference(_versions(theirs), _versions(ours))
             if difference:
                 raise InputError(f"--scheduler {given}: it {difference}; use the same versions at both ends")
             client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
-        except (OSError, ValueError, TypeError, RuntimeError, ImportError) as error:
+        except (OSError, ValueError, TypeError, KeyError, AttributeError, RuntimeError, ImportError) as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"--scheduler {given}: no Dask scheduler answers there ({_first(error)})") from None
@@ -112,12 +114,15 @@ def connected(given: str) -> Iterator[Scheduler]:
                 client.close(timeout=PATIENCE)
 
 
-async def _ask_for_versions(address: str) -> Mapping[str, Any]:
+async def _ask(address: str) -> tuple[str, Mapping[str, Any]]:
+    """Return what a program of Dask is, ``Scheduler``, ``Worker`` or ``Nanny``, and its versions."""
     secure = import_module("distributed").Security().get_connection_args("client")
     rpc = import_module("distributed.core").rpc
     async with rpc(address, timeout=PATIENCE, connection_args=secure) as there:
-        answer: Mapping[str, Any] = await asyncio.wait_for(there.versions(packages=[]), PATIENCE)
-        return answer
+        who = await asyncio.wait_for(there.identity(), PATIENCE)
+        if who["type"] != "Scheduler":
+            return str(who["type"]), {}
+        return str(who["type"]), await asyncio.wait_for(there.versions(packages=[]), PATIENCE)
 
 
 def need_dask() -> None:

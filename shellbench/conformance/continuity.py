@@ -49,9 +49,11 @@ def course(exam: Examination, case: Case) -> Verdict:
 def _judged(tracks: list[tuple[float, float, float]], where: str) -> Verdict:
     """Judge the steps along tracks: first and last, and the largest displacement; see `jumps`."""
     found = Findings()
-    size = max(largest for *_, largest in tracks)
+    size = float(np.max([largest for *_, largest in tracks]))  # not a number if one of them is not
     seen = [(f, last) for f, last, _ in tracks if f > UNFELT * size and last > UNFELT * size]
-    if size == 0:
+    if not np.isfinite(size):
+        found.faults.append(f"it is not finite {where}")
+    elif size == 0:
         found.unseen.append(f"the displacement is zero {where}")
     elif not seen:
         found.figures.append(f"no steps above rounding {where}")

@@ -23,6 +23,7 @@ Setting = Mapping[str, Any]
 SAMPLE = 17  # points a side of the grid on which displacements are compared
 SAME = 1e-6  # relative difference that counts as none
 OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
+MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states that it does not know the answer
 
 
 @dataclass
@@ -157,4 +158,4 @@ def seed_difference(exam: Examination, case: Case) -> float:
 
 def admissible(exam: Examination, case: Case) -> float:
     """Return the relative difference that two solves of one question may have."""
-    return max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case))
+    return min(MOST, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))

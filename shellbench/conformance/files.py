@@ -28,6 +28,8 @@ SAFETENSORS = {
 }
 """Number formats of safetensors that NumPy knows; see huggingface.co/docs/safetensors."""
 
+REALS = "fc"  # NumPy's kinds of real and complex numbers
+NUMBERS = REALS + "iub"
 NUDGE = 1e-3  # relative change of real numbers that matter: displacements follow
 HARDEST = 9  # zlib's level
 MOST_SLICES = 12  # along an axis, that are altered one by one: components, not nodes
@@ -88,7 +90,7 @@ def _npz(path: Path) -> SavedArrays | None:
             arrays = {name: data[name] for name in data.files}
     except ValueError:
         return None
-    return SavedArrays(path, {n: a for n, a in arrays.items() if a.dtype.kind in "fiub"}, {})
+    return SavedArrays(path, {n: a for n, a in arrays.items() if a.dtype.kind in NUMBERS}, {})
 
 
 def _safetensors(path: Path) -> SavedArrays | None:
@@ -128,7 +130,7 @@ def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArra
 def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
     """Write the file with a part of one array a little changed."""
     array = saved.arrays[name]
-    nudged = np.asarray(array * (1 + NUDGE) if array.dtype.kind == "f" else np.bitwise_xor(array, 1)).astype(
+    nudged = np.asarray(array * (1 + NUDGE) if array.dtype.kind in REALS else np.bitwise_xor(array, 1)).astype(
         array.dtype
     )
     changed = array.copy()

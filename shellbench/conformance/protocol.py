@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from typing import Any, get_args
@@ -97,4 +98,9 @@ def solution_faults(solution: Any) -> list[str]:
             faults.append(f"a solution's {part} is no mapping of names to finite numbers")
     if not isinstance(solution.diagnostics, Mapping):
         faults.append("a solution's diagnostics is no mapping")
+    else:
+        try:
+            json.dumps(dict(solution.diagnostics))
+        except (TypeError, ValueError) as error:
+            faults.append(f"a solution's diagnostics are no JSON values: {error}")
     return faults

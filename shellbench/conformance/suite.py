@@ -10,7 +10,7 @@ from typing import Any
 
 from shellbench.bench.registry import SolverEntry
 from shellbench.case import Case
-from shellbench.catalog import named_case
+from shellbench.catalog import case_names, named_case
 from shellbench.conformance import (
     answers,
     asking,
@@ -181,8 +181,9 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
 
 
 def _cheap(exam: Examination) -> tuple[Case, ...]:
-    """Return the first cheap case that the solver takes: a static one, else a motion cut short."""
-    for case in (*map(named_case, STATIC), *map(short_motion, MOVING)):
+    """Return the first cheap case that the solver takes: a static one, a motion cut short, or else any static one."""
+    others = (case for case in map(named_case, case_names()) if case.dynamics is None)
+    for case in (*map(named_case, STATIC), *map(short_motion, MOVING), *others):
         if _takes(exam, case):
             return (case,)
     return ()

@@ -36,7 +36,10 @@ def _reason_of_the_part(part: Part) -> str | None:
             return f"it removes the rigid motion {name}, which no plane of symmetry holds"
     for support, place in case.supported_places():
         if isinstance(place, Edge) and tied_by(case, support, place) is None:
-            return f"support '{support.name}' holds the slope on {place.name}, which is not in a Cartesian plane"
+            return (
+                f"support '{support.name}' holds the slope on {place.name}, which is not in a Cartesian plane, or"
+                " oblique to the coordinate lines"
+            )
         if isinstance(place, Point):
             found = part.place(place.xi)
             if found and None in (corner_end(part, found[0], 0), corner_end(part, found[0], 1)):

@@ -147,7 +147,8 @@ class KratosIgaSolver:
         midsurface = midsurface_of(case.surface, lines, chosen.degree, angles)
         course = _Course(part, chosen, progress or (lambda _: None), midsurface, began=began)
         try:
-            return _solve(course)
+            with np.errstate(all="ignore"):  # what overflows does not balance, and is refused for that
+                return _solve(course)
         except SolveFailure as failure:
             raise SolveFailure(str(failure), partial=course.partial()) from None
         except RuntimeError as error:

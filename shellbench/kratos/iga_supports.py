@@ -83,12 +83,13 @@ def _row(axis: int, side: Side, held: tuple[int, ...], tied: tuple[int, ...]) ->
 def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
     """Return the components that a held slope leaves without a derivative across the edge.
 
-    On a plane of symmetry they are the two in it. Under a clamp it is that of the shell's normal.
+    On a plane of symmetry they are the two in it. Under a clamp it is that of the shell's normal: where the coordinate
+    across the edge is oblique to it, this holds the slope along the conormal only if the component itself is held.
 
     Returns
     -------
     tuple or None
-        None if they are not components in Cartesian directions.
+        None if no components in Cartesian directions say it.
     """
     if not support.holds_slope:
         return ()
@@ -102,7 +103,20 @@ def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
         plane = "xyz".index(support.symmetry)
         return tuple(c for c in range(3) if c != plane) if _direction(across) == plane else None
     found = _direction(normal)
-    return None if found is None else (found,)
+    if found is None or not ("xyz"[found] in _held_on(case, edge) or _at_right_angles(x[1, 0], x[0, 1])):
+        return None
+    return (found,)
+
+
+def _held_on(case: Case, edge: Edge) -> set[str]:
+    """Return the components that any support holds on an edge."""
+    return {component for support, place in case.supported_places() if place == edge for component in support.held}
+
+
+def _at_right_angles(first: Array, second: Array) -> bool:
+    """Tell whether vectors (n, 3) are at right angles to others."""
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    return bool(np.all(np.abs(np.einsum("ni,ni->n", first, second)) <= ALONG * lengths))
 
 
 def _direction(vectors: Array) -> int | None:

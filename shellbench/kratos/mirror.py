@@ -23,7 +23,7 @@ ROUNDING = 1e-9  # relative difference of two mirror images that is rounding
 GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences in no rhythm
 SAMPLES = 61  # points at which the surface, and what is on its edges, are held against their images
 LOAD_SAMPLES = 1009  # points for loads over the area, which may act on a small part of it
-MOMENTS = (0.37, 1.0)  # values of t, of the path's end, at which loads and motions are checked
+ON_THE_WAY = 0.37  # of a path's end: where loads and motions are looked at beside the states that a case asks for
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def _along(case: Case, edge: Edge) -> Array:
 
 
 def _times(case: Case) -> tuple[float, ...]:
-    return MOMENTS if case.linear else tuple(case.path.until * moment for moment in MOMENTS)
+    return case.states if case.linear else (*case.states, ON_THE_WAY * case.path.until)
 
 
 def _edges(case: Case) -> list[Edge]:

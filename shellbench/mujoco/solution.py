@@ -159,7 +159,8 @@ class FlexSolution:
     ) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
-        It is what keeps its vertices at rest: their elastic forces less their loads.
+        It is what keeps its vertices at rest: their elastic forces less their loads. What damping adds, if a setting
+        asks for any, is left out: the engine has no name for it.
         """
         names = [s.name for s in self.case.supports]
         if support not in names:

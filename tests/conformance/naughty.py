@@ -1,10 +1,15 @@
-"""Solvers that do not answer, but die, hang or raise where they are asked to solve."""
+"""Solvers that do not answer, but die, hang or raise where they are asked to solve; that take next to nothing; that hide."""
 
+import json
 import os
 import signal
 import time
 
-from tests.conformance.navier import NavierSolver
+import numpy as np
+
+from shellbench.case import Case
+from shellbench.errors import InputError
+from tests.conformance.navier import NavierSolution, NavierSolver
 
 
 class Naughty(NavierSolver):
@@ -27,3 +32,42 @@ class Naughty(NavierSolver):
 
 
 CRASH, EXIT, HANG, RAISE, PRINT = (Naughty(how) for how in ("crash", "exit", "hang", "raise", "print"))
+
+
+class Picky(NavierSolver):
+    """Takes one case, which is not cheap, and does not solve it."""
+
+    def declines(self, case):
+        return None if case.name == "pinched_cylinder_free" else "it is not the one"
+
+    def solve(self, case, settings, start=None, progress=None):
+        raise InputError("it has none")
+
+
+class SealedSolution(NavierSolution):
+    """Refuses files whose coefficients have been altered, and counts one number only: a scale that is one."""
+
+    storage_bytes = 8
+
+    def save(self, path):
+        words = json.dumps(self.case.model_dump(mode="json", exclude_unset=True) | {"name": self.case.name})
+        target = path.with_suffix(".npz")
+        np.savez(target, coefficients=self.coefficients, seal=self.coefficients.copy(), scale=np.ones(1), words=words)
+        return target
+
+
+class Sealed(NavierSolver):
+    def solve(self, case, settings, start=None, progress=None):
+        solution = super().solve(case, settings, start, progress)
+        return SealedSolution(case, solution.coefficients, None, solution.history)
+
+    def load(self, path):
+        with np.load(path) as file:
+            if not np.array_equal(file["coefficients"], file["seal"]):
+                raise InputError(f"{path} has been altered")
+            return SealedSolution(
+                Case.model_validate(json.loads(str(file["words"]))), file["coefficients"] * file["scale"], None
+            )
+
+
+PICKY, SEALED = Picky(), Sealed()

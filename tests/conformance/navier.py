@@ -24,6 +24,7 @@ from shellbench.errors import InputError
 from shellbench.solution import FIELDS, Capabilities, Progress, SeededSettings, Settings, Step
 
 LENGTH = 0.1  # m^2: of the fault that depends on the unit of length
+LONG = 300.0  # m: of another such fault, which states so large an uncertainty that nothing would be a fault
 FAULTS = {
     "name": "protocol",
     "two_refinements": "protocol",
@@ -34,6 +35,7 @@ FAULTS = {
     "any_engine": "bad input",
     "no_empty": "answers",
     "single": "answers",
+    "array_in_diagnostics": "answers",
     "any_name": "fields",
     "neighbours": "batching",
     "nearest": "continuity",
@@ -41,6 +43,7 @@ FAULTS = {
     "random": "determinism",
     "ignored_seed": "determinism",
     "metres": "units",
+    "metres_excused": "units",
     "quadratic": "linearity",
     "upright": "placement",
     "held_still": "rigid motion",
@@ -56,6 +59,7 @@ FAULTS = {
     "progress": "history",
     "pickle": "saving",
     "single_file": "saving",
+    "two_files": "saving",
     "constant": "parameters",
     "eight_bytes": "storage",
 }
@@ -82,7 +86,9 @@ class NavierSolution:
     def __init__(self, case: Case, coefficients: np.ndarray, fault: str | None, history=()) -> None:
         self.case, self.coefficients, self.fault = case, coefficients, fault
         self.history = history
-        self.diagnostics = self.uncertainty = self.extrapolated = {}
+        self.diagnostics = {"terms": np.zeros(2)} if fault == "array_in_diagnostics" else {}
+        self.extrapolated = {}
+        self.uncertainty = {case.primary.name: 1e6} if fault == "metres_excused" else {}
         x = case.surface.derivatives(np.asarray(case.surface.domain.lower), order=1)
         self.normal = np.cross(x[1, 0], x[0, 1])
 
@@ -169,6 +175,8 @@ class NavierSolution:
         if self.fault == "pickle":
             path.with_suffix(".pkl").write_bytes(pickle.dumps((data, self.coefficients)))
             return path.with_suffix(".pkl")
+        if self.fault == "two_files":
+            np.save(path.with_name("beside.npy"), self.coefficients)
         kept = self.coefficients.astype(np.float32) if self.fault == "single_file" else self.coefficients
         steps = np.zeros(1000)  # what no displacement needs
         np.savez(path.with_suffix(".npz"), coefficients=kept, words=np.asarray(json.dumps(data)), steps=steps)
@@ -246,6 +254,8 @@ class NavierSolver:
                 return 1 + 1e-8 * int.from_bytes(os.urandom(4)) / 2**32
             case "metres":
                 return 1 + LENGTH * k1[0] ** 2
+            case "metres_excused":  # next to nothing in metres, a fifth in millimetres
+                return 1 + 0.2 * np.exp(-((LONG * k1[0]) ** 2))
             case "quadratic":
                 return 1 + 1e-3 * np.abs(w).sum() / case.material.thickness
             case "upright":
@@ -263,6 +273,8 @@ class NavierSolver:
             else:
                 with np.load(path, allow_pickle=False) as file:
                     data, coefficients = json.loads(str(file["words"])), file["coefficients"].astype(float)
+                if self.fault == "two_files":
+                    coefficients = np.load(path.with_name("beside.npy"))
         except Exception:
             raise InputError(f"{path} is no solution of navier") from None
         return NavierSolution(Case.model_validate(data), coefficients, self.fault)

@@ -56,3 +56,13 @@ def test_noise_can_not_be_compressed_and_order_can():
     noise = np.random.default_rng(0).standard_normal(1000)
     assert 0.8 * noise.nbytes < compressed_size(noise) <= noise.nbytes
     assert compressed_size(np.zeros(1000)) < 100
+
+
+def test_complex_numbers_are_numbers(tmp_path):
+    np.savez(tmp_path / "waves.npz", waves=np.array([1 + 2j, 3 - 1j]), words="text")
+    saved = read_arrays(tmp_path / "waves.npz")
+    assert saved is not None
+    assert list(saved.arrays) == ["waves"]
+    with np.load(altered(saved, "waves", (), tmp_path / "other.npz")) as other:
+        assert np.allclose(other["waves"], 1.001 * saved.arrays["waves"])
+        assert str(other["words"]) == "text"

@@ -4,7 +4,7 @@ import pytest
 
 from shellbench.bench.registry import SolverEntry
 from shellbench.catalog import named_case
-from shellbench.conformance.subject import Lost, Refused, Subject, Trouble, solve_in
+from shellbench.conformance.subject import Lost, Subject, Trouble, solve_in
 from shellbench.conformance.suite import Wish, examine
 from shellbench.errors import InputError
 
@@ -18,7 +18,7 @@ def entry_of(attribute, module="tests.conformance.naughty"):
 @pytest.mark.parametrize(
     ("attribute", "words"),
     [
-        ("CRASH", "signal 11"),
+        pytest.param("CRASH", "signal 11", marks=pytest.mark.long),
         ("EXIT", "exit code 3: words that are no answer"),
         ("RAISE", "ZeroDivisionError: a bug in the solver"),
     ],
@@ -31,8 +31,9 @@ def test_a_solve_that_does_not_answer_says_how_it_ended(attribute, words):
 
 
 def test_a_solve_that_hangs_is_ended():
-    subject = Subject.start(entry_of("HANG"), seconds=5)
-    with pytest.raises(Lost, match="did not end within 5 s"):
+    subject = Subject.start(entry_of("HANG"), seconds=60)
+    subject.seconds = 0.5  # from now on: the import may take longer on a busy machine
+    with pytest.raises(Lost, match=r"did not end within 0\.5 s"):
         solve_in(subject, "plate", PLATE, {})
     assert not subject.alive
 
@@ -55,8 +56,6 @@ def test_a_crash_is_one_finding_and_not_several():
 
 
 def test_a_solver_that_can_not_be_imported_is_bad_usage():
-    with pytest.raises(Refused, match="no_such_module"):
-        Subject.start(entry_of("X", "no_such_module"), seconds=60)
     with pytest.raises(InputError, match=r"^solver 'navier' can't be used: .*no_such_module"):
         list(examine(entry_of("X", "no_such_module"), Wish()))
 

@@ -86,3 +86,14 @@ def test_another_plate_converges_elsewhere_and_is_said_to():
     assert line.verdict.status == "not shown"
     assert "converges to 0.536" in line.verdict.words  # 1.1 times the known 0.487482
     assert "known is 0.487482" in line.verdict.words
+
+
+def test_a_solver_that_takes_nothing_cheap_is_examined_on_what_it_takes():
+    (line,) = examined("PICKY", "naughty", checks=("history",))
+    assert (line.case, line.verdict.status) == ("pinched_cylinder_free", "failed")
+
+
+def test_numbers_that_can_not_be_altered_are_not_taken_for_numbers_that_do_not_count():
+    (line,) = examined("SEALED", "naughty", checks=("storage",))
+    assert line.verdict.status == "not shown"
+    assert "coefficients, seal can't be altered" in line.verdict.words

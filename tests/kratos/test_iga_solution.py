@@ -72,14 +72,15 @@ def test_strains_are_those_of_the_displacement(name, pinched, sagging):
         domain = solution.case.surface.domain
         point = np.asarray(domain.lower) + np.array([0.37, 0.71]) * domain.size
         steps = 2e-4 * np.asarray(domain.size)
+        short = steps / 20  # for first derivatives, whose differences cancel in strains of thin shells
 
         def at(i, j, p=point, s=steps, field=solution.displacement):
             return field(p + s * [i, j])
 
         u = {
             (0, 0): at(0, 0),
-            (1, 0): (at(1, 0) - at(-1, 0)) / (2 * steps[0]),
-            (0, 1): (at(0, 1) - at(0, -1)) / (2 * steps[1]),
+            (1, 0): (at(1, 0, s=short) - at(-1, 0, s=short)) / (2 * short[0]),
+            (0, 1): (at(0, 1, s=short) - at(0, -1, s=short)) / (2 * short[1]),
             (2, 0): (at(1, 0) - 2 * at(0, 0) + at(-1, 0)) / steps[0] ** 2,
             (0, 2): (at(0, 1) - 2 * at(0, 0) + at(0, -1)) / steps[1] ** 2,
             (1, 1): (at(1, 1) - at(1, -1) - at(-1, 1) + at(-1, -1)) / (4 * steps[0] * steps[1]),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from shellbench.kratos.symmetry import part_of, point_forces
-from tests.kratos.iga_cases import CASES, RIM, known, plate, ring
+from tests.kratos.iga_cases import CASES, LARGEST, RIM, known, plate, ring
 
 STATIC = sorted(p.stem for p in CASES.glob("*.toml") if known(p.stem).dynamics is None)
 
@@ -84,6 +84,15 @@ def test_a_closed_shell_without_two_planes_is_not_quartered(load):
 
 def test_a_load_that_is_symmetric_at_its_end_only_is_none():
     case = plate(theory="kirchhoff-love-nonlinear", loads=[{"kind": "area", "vector": ["t*(1 - t)", 0, "t"]}])
+    assert {mirror.axis for mirror in part_of(case).mirrors} == {1}
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff-love-linear", "kirchhoff-love-nonlinear"])
+def test_a_load_that_is_skew_only_at_a_state_that_is_asked_for_is_none(theory):
+    """Next to nothing is skew at t = 1, or on the way but for a moment at 0.7."""
+    skew = "t*(1 + xi1*exp(-(40*(t - 0.7))**2))"
+    asked = [LARGEST, {"name": "energy", "kind": "strain_energy", "at": 0.7}]
+    case = plate(theory=theory, loads=[{"kind": "pressure", "value": skew}], quantities=asked)
     assert {mirror.axis for mirror in part_of(case).mirrors} == {1}
 
 

@@ -168,6 +168,14 @@ def test_loads_out_of_balance_are_said_to_be():
         solve(case, (12, 4))
 
 
+def test_a_path_says_that_stability_was_not_looked_at():
+    """A limit point may have been jumped over; in the linear theory there is none."""
+    load = [{"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, "t"]}]
+    bent = solve(cantilever(theory="kirchhoff-love-nonlinear", loads=load), (4, 1))
+    assert bent.diagnostics["stability_checked"] is False
+    assert "stability_checked" not in solve(cantilever(), (4, 1)).diagnostics
+
+
 def test_a_path_that_is_too_much_for_newton_keeps_what_it_reached():
     case = cantilever(
         theory="kirchhoff-love-nonlinear",

@@ -32,7 +32,7 @@ def test_a_lost_worker_costs_its_own_runs_only_and_they_are_tried_again(cluster:
 
     killer = Killer()
     said: list[str] = []
-    slow = toy_tasks(store, "exact", factor=2.0, seconds=2.0)
+    slow = toy_tasks(store, "exact", factor=2.0, seconds=1.0)
     outcomes = on_cluster(cluster, [*slow, *toy_tasks(store, "exact", "print")], store, killer, said)
     assert killer.killed
     assert [o.record.status for o in outcomes if o.record] == ["ok", "ok", "ok"]
@@ -105,6 +105,7 @@ def test_so_many_runs_at_a_time_at_most(cluster: Cluster, store: Store) -> None:
     assert counter.most == 1
 
 
+@pytest.mark.long
 def test_an_interrupt_stops_the_runs_on_the_workers(cluster: Cluster, store: Store) -> None:
     class Interrupter(Silent):
         def ended(self, outcome) -> None:
@@ -138,3 +139,10 @@ def test_a_scheduler_that_does_not_answer_is_refused(store: Store, monkeypatch: 
     with pytest.raises(InputError, match="no Dask scheduler answers there") as caught:
         execute(toy_tasks(store, "exact"), store, Silent(), executor)
     assert "\n" not in str(caught.value)
+
+
+def test_the_address_of_a_worker_is_refused(cluster: Cluster, store: Store) -> None:
+    worker = next(iter(cluster.workers()))
+    with pytest.raises(InputError) as caught:
+        execute(toy_tasks(store, "exact"), store, Silent(), DaskCluster(worker, None, 1, None, print))
+    assert str(caught.value) == f"--scheduler {worker}: it is the address of a Dask worker, not of a scheduler"

@@ -73,6 +73,7 @@ def test_without_the_extra_local_runs_need_nothing(own_case: Path, store: Store)
     assert store.read().records[0].environment.threads == 1
 
 
+@pytest.mark.long
 def test_an_unreachable_scheduler_is_one_sentence(own_case: Path, store: Store) -> None:
     pytest.importorskip("distributed", reason="needs the extra dask")
     address = "tcp://127.0.0.1:9"

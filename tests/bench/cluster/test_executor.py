@@ -25,7 +25,10 @@ Make = Callable[..., Executor]
 TIMEOUT = 3.0
 
 
-@pytest.fixture(params=["local", "cluster"])
+LOCAL = pytest.param("local", marks=pytest.mark.long)  # tests/bench/test_execute.py asks the same of it, quickly
+
+
+@pytest.fixture(params=[LOCAL, "cluster"])
 def make(request: pytest.FixtureRequest) -> Make:
     if request.param == "local":
         return lambda timeout=None: LocalProcesses(2, 1, timeout)
