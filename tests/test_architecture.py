@@ -80,9 +80,16 @@ def test_the_bench_knows_no_solver_by_name():
         if layer(path) in {"bench", "report"}:
             for node in ast.walk(ast.parse(path.read_text())):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                    assert node.value not in {"fem", "ndf", "ndf-ritz", "ndf-published", "cst-hinge", "kratos-iga", "kratos-thin", "mujoco-flex"}, (
-                        f"{path.name}: {node.value}"
-                    )
+                    assert node.value not in {
+                        "fem",
+                        "ndf",
+                        "ndf-ritz",
+                        "ndf-published",
+                        "cst-hinge",
+                        "kratos-iga",
+                        "kratos-thin",
+                        "mujoco-flex",
+                    }, f"{path.name}: {node.value}"
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(("fem", "ndf", "cst", "kratos", "mujoco"), 2)))

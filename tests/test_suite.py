@@ -76,7 +76,12 @@ def test_a_study_gates_nothing_of_its_own(name):
 
 
 def test_the_engine_of_the_same_theory_is_held_to_what_was_asked_of_its_converged_values():
-    asked = {"square_plate": 1e-4, "scordelis_lo": 1e-4, "pinched_cylinder_free": 1e-4, "pinched_cylinder_diaphragm": 1e-3}
+    asked = {
+        "square_plate": 1e-4,
+        "scordelis_lo": 1e-4,
+        "pinched_cylinder_free": 1e-4,
+        "pinched_cylinder_diaphragm": 1e-3,
+    }
     suite = catalog.find_suite("engines")
     for name, tolerance in asked.items():
         case = catalog.named_case(name)
