@@ -2,6 +2,7 @@
 
 import shutil
 import sys
+from pathlib import Path
 
 import nox
 
@@ -121,7 +122,7 @@ def engines(session: nox.Session) -> None:
 
 @nox.session
 def example(session: nox.Session) -> None:
-    """Make the committed example of the report anew; the published training, which takes long, by its kept records."""
+    """Make the committed examples of the report anew; the published training, which takes long, by its kept records."""
     install(session)
     for suite in (
         "obstacle_course",
@@ -137,6 +138,10 @@ def example(session: nox.Session) -> None:
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
     session.run("shellbench", "report", "--no-print", "--out", "reports/example")
+    if Path(ENGINES_STORE).is_dir():  # of the session engines
+        cross_checked = ("--suite", "engines", "--suite", "motion_engines")
+        out = ("--no-print", "--out", "reports/example_engines")
+        session.run("shellbench", "report", "--store", ENGINES_STORE, *cross_checked, *out)
 
 
 @nox.session

@@ -19,8 +19,11 @@ def is_study(suite: str) -> bool:
 
 
 def compared(rows: Sequence[Row]) -> list[Row]:
-    """Return the rows that hold solvers against known values; those of studies alone are evidence of other things."""
-    return [row for row in rows if not row.suites or not all(map(is_study, row.suites))]
+    """Return the rows that hold solvers against known values.
+
+    Those of studies alone are evidence of other things, unless a gate judges them.
+    """
+    return [row for row in rows if not row.suites or row.passed is not None or not all(map(is_study, row.suites))]
 
 
 def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None) -> tuple[list[Row], dict[str, Record]]:

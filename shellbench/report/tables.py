@@ -18,7 +18,7 @@ from shellbench.report.engines_table import cross_check_table
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
 from shellbench.report.studies import rows_of_study, studies_of
-from shellbench.report.suites import compared, rows_at_home, rows_of, suite_title, suites_of
+from shellbench.report.suites import compared, is_study, rows_at_home, rows_of, suite_title, suites_of
 from shellbench.report.table import Column, Format, Line, Note, Show, Table, present
 
 
@@ -49,7 +49,8 @@ def render(
     rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
     tables = displacement_tables(compared(rows) or rest, known)
     if format == "csv":
-        return tables_as_csv(tables or checked)
+        alone = all(row.suites and all(map(is_study, row.suites)) for row in rows)
+        return tables_as_csv(checked if checked and alone else tables)
     return "\n".join(table.write(format) for table in (*tables, *checked))
 
 
