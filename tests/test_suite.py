@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from shellbench import catalog
+from shellbench.bench.gate import Scope, gate
+from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.suite import read_suite
 
@@ -88,3 +90,14 @@ def test_the_engine_of_the_same_theory_is_held_to_what_was_asked_of_its_converge
         assert case.primary.tolerance["kratos-iga"] == tolerance
         defaults = [r for r in suite.runs if r.solver == "kratos-iga" and not r.settings and name in r.cases]
         assert len(defaults) == 1
+
+
+def test_a_study_is_judged_only_if_it_is_named(tmp_path):
+    """The engines need an extra: who has not installed it is judged without them."""
+
+    def solvers(*suites):
+        return {row.solver for row in (f.row for f in gate(Store(tmp_path), None, Scope(suites)).accuracy)}
+
+    assert "fem" in solvers()
+    assert "kratos-iga" not in solvers()
+    assert "kratos-iga" in solvers("engines")

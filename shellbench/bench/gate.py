@@ -197,7 +197,7 @@ def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[
     for solver in scope.solvers:
         find_solver(solver)
     seen: set[tuple[str, str, int | None]] = set()
-    for suite in scope.suites or catalog.suite_names():
+    for suite in scope.suites or _suites_that_compare():
         runs = [run for run in catalog.find_suite(suite).runs if not run.settings]
         for case in catalog.cases_of(suite):
             for run in declared_runs(runs, case):
@@ -212,6 +212,11 @@ def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[
                     why = _lack if ask else _absence
                     lack = NOTHING_LACKS if found else why(current, case, run.solver, seed)
                     yield _Expected(suite, case, run.solver, seed, found, lack)
+
+
+def _suites_that_compare() -> list[str]:
+    """Return the suites that are judged unless some are named: a study may need what is not installed."""
+    return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
 def _lack(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:

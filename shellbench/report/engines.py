@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shellbench.report.digits import percent
-from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases
+from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
 from shellbench.report.engines_figure import cross_check_figure, drawn_cases
 from shellbench.report.engines_table import LEVELS, cross_check_table, factor
 from shellbench.report.evidence import Evidence, Section
@@ -18,7 +18,7 @@ from shellbench.report.studies import remarks_on
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite cross-checks engines on any case."""
     cases = checked_cases(evidence.records, evidence.rows)
-    if not cases:
+    if not is_cross_check(cases):
         return None
     return Section(
         name="engines",

@@ -121,6 +121,11 @@ def checked_cases(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Ch
     return [one for one in found if one is not None]
 
 
+def is_cross_check(cases: Sequence[CheckedCase]) -> bool:
+    """Tell whether there is more than one solver: one alone checks nothing."""
+    return len({one.solver for case in cases for one in case.contenders}) > 1
+
+
 def _checked(records: Mapping[str, Record], rows: Sequence[Row]) -> CheckedCase | None:
     yardstick = yardstick_of(records, rows)
     contenders = _contenders(rows, yardstick) if yardstick is not None else []

@@ -13,7 +13,7 @@ from shellbench import catalog
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
-from shellbench.report.engines_cases import STUDY, checked_cases
+from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
 from shellbench.report.engines_table import cross_check_table
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
@@ -59,7 +59,7 @@ def cross_checks(rows: Sequence[Row], store: Store, known: Known = catalog.known
     if not rows_of_study(rows, STUDY):
         return []
     cases = checked_cases({record.run_id: record for record in store.read().records}, rows)
-    return [cross_check_table(cases, known)] if cases else []
+    return [cross_check_table(cases, known)] if is_cross_check(cases) else []
 
 
 def tables_as_csv(tables: Sequence[Table]) -> str:

@@ -308,6 +308,7 @@ def test_the_section_is_made_only_of_a_cross_check(tmp_path):
     made = section(evidence(tmp_path, both(tmp_path)))
     assert [table.name for table in made.tables] == ["cross_check"]
     assert [exhibit.name for exhibit in made.exhibits] == ["cross_check"]
+    assert section(evidence(tmp_path, sweep(tmp_path, OURS, FAST))) is None  # one alone checks nothing
     none = [(made, of.model_copy(update={"declared": False})) for made, of in both(tmp_path)]
     assert section(evidence(tmp_path, none)) is None
 

@@ -160,6 +160,7 @@ def report(motion, tmp_path_factory):
 
 
 @ONE_WORKER
+@pytest.mark.long
 def test_the_page_has_the_finding_and_the_cloth(report):
     page = Page(report.read_text(encoding="utf-8"))
     assert not page.open
@@ -178,6 +179,7 @@ def test_the_page_has_the_finding_and_the_cloth(report):
 
 
 @ONE_WORKER
+@pytest.mark.long
 def test_each_figure_of_cloth_is_on_the_page_once(report, motion):
     text = report.read_text(encoding="utf-8")
     for path in (report.parent / "figures").glob("*.pdf"):
@@ -185,6 +187,7 @@ def test_each_figure_of_cloth_is_on_the_page_once(report, motion):
 
 
 @ONE_WORKER
+@pytest.mark.long
 def test_the_derivation_is_read_in_both_pages(report):
     page, text = report.read_text(encoding="utf-8"), (report.parent / "report.md").read_text(encoding="utf-8")
     formulas = [passage.text for passage in DERIVATION if passage.formula]

@@ -103,6 +103,7 @@ def test_zero_is_judged_in_absolute_terms(nonlinear):
     assert exact.passed
 
 
+@pytest.mark.long
 def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
     rows = tmp_path / "rows.json"
     rows.write_text(json.dumps([row.model_dump(mode="json") for row in nonlinear.rows]), encoding="utf-8")

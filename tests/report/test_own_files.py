@@ -1,3 +1,5 @@
+import pytest
+
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
 from shellbench.report.own_files import MANIFEST, list_own, remove_older
@@ -24,6 +26,7 @@ def test_an_older_report_goes_and_nobody_elses_files(tmp_path):
     remove_older(out)  # there is none any more
 
 
+@pytest.mark.long
 def test_a_report_into_a_folder_in_use_leaves_what_is_there(store, tmp_path, monkeypatch):
     monkeypatch.setattr(exhibit, "SCREEN_DPI", 40)
     monkeypatch.setattr(shells, "CELLS", 8)

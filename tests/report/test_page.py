@@ -404,6 +404,7 @@ def test_a_failed_run_that_no_gate_judges_is_counted_apart(store):
     assert "1 run beside them, which no gate judges, failed" in verdict.words
 
 
+@pytest.mark.long
 def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_path):
     """What the committed example is: half the size."""
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)

@@ -72,7 +72,7 @@ def shellbench(mode: str, *arguments: object) -> subprocess.CompletedProcess[str
 
 
 @pytest.mark.parametrize(
-    "format_", ["latex", "json", *(pytest.param(name, marks=pytest.mark.long) for name in ("text", "markdown", "csv"))]
+    "format_", ["json", *(pytest.param(name, marks=pytest.mark.long) for name in ("latex", "text", "markdown", "csv"))]
 )
 def test_tables_are_the_same_without_solvers(runs: Path, format_: str) -> None:
     written = [shellbench(mode, "table", "--store", runs, "--format", format_) for mode in ("with", "without")]
