@@ -23,7 +23,11 @@ def compared(rows: Sequence[Row]) -> list[Row]:
 
     Those of studies alone are evidence of other things, unless a gate judges them.
     """
-    return [row for row in rows if not row.suites or row.passed is not None or not all(map(is_study, row.suites))]
+    return [row for row in rows if not row.suites or _judged(row) or not all(map(is_study, row.suites))]
+
+
+def _judged(row: Row) -> bool:
+    return row.passed is not None and row.default_settings and not row.label
 
 
 def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None) -> tuple[list[Row], dict[str, Record]]:
