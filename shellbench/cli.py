@@ -280,14 +280,19 @@ def baseline_command(
         bool, typer.Option("--write", help="Move the baseline; without it, only show the changes.")
     ] = False,
     baseline: BaselineOption = DEFAULT_BASELINE,
+    like: Annotated[
+        list[Path] | None,
+        typer.Option("--like", metavar="DIR", help="Store of the same runs from another processor; may be repeated."),
+    ] = None,
 ) -> None:
     """Show how the records differ from the baseline, and with --write make them the new one.
 
     Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
+    What values differ by from those of --like widens what the regression gate allows.
     """
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
-    new = move_baseline(where, old, scope)
+    new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
     typer.echo(verdicts.changes(old, new))
     if write:
         baselines.write_baseline(new, baseline)
