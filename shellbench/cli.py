@@ -1,8 +1,8 @@
 """The command line: ``shellbench list | run | table | gate | baseline | report | export | check-solver``.
 
 Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
-Every error is one sentence on standard error. Solvers are imported where they are needed only: by `run`,
-`export` and `list`, and by `gate` where a record is missing.
+Every error is one sentence on standard error. Each command imports what it needs when it is called: nothing for
+``--help``. Solvers are imported by `run`, `export` and `list`, and by `gate` where a record is missing.
 """
 
 from __future__ import annotations
@@ -10,24 +10,16 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from rich.console import Console
 
-from shellbench import __version__
-from shellbench.bench import baseline as baselines
-from shellbench.bench import compare, environment, listing, verdicts
-from shellbench.bench.cluster import DaskCluster
-from shellbench.bench.display import display, run_name
-from shellbench.bench.execute import Outcome, execute
-from shellbench.bench.executor import Executor
-from shellbench.bench.gate import Scope, gate, missing_rows, move_baseline
-from shellbench.bench.identity import parse_setting
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.plan import Plan, Request, make_plan
-from shellbench.bench.store import Store
 from shellbench.errors import ShellbenchError
+
+if TYPE_CHECKING:
+    from shellbench.bench.execute import Outcome
+    from shellbench.bench.executor import Executor
+    from shellbench.bench.plan import Plan
 
 INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
 LARGEST_SEED = 2**31 - 1
@@ -81,6 +73,8 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from shellbench import __version__
+
         typer.echo(f"shellbench {__version__}")
         raise typer.Exit
 
@@ -99,6 +93,8 @@ def list_command(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """List the cases, the suites and the solvers, with what each needs."""
+    from shellbench.bench import listing
+
     typer.echo(listing.as_json() if json else listing.as_text())
 
 
@@ -166,6 +162,14 @@ def run(
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
     """
+    from rich.console import Console
+
+    from shellbench.bench.display import display
+    from shellbench.bench.execute import execute
+    from shellbench.bench.identity import parse_setting
+    from shellbench.bench.plan import Request, make_plan
+    from shellbench.bench.store import Store
+
     if timeout is not None and not 0 < timeout < float("inf"):
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
     given: dict[str, dict[str, Any]] = {}
@@ -201,13 +205,20 @@ def run(
 
 def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
     if scheduler is not None:
+        from shellbench.bench.cluster import DaskCluster
+
         return DaskCluster(scheduler, jobs, threads, timeout, _say)
+    from shellbench.bench import environment
+    from shellbench.bench.local import LocalProcesses
+
     each = threads or environment.threads()
     return LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
 
 
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
     """Print how the runs ended, and return the exit code."""
+    from shellbench.bench.display import run_name
+
     refused = [outcome for outcome in outcomes if outcome.record is None]
     bad = [outcome for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
     for outcome in (*refused, *bad):
@@ -236,6 +247,9 @@ def table(
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
+    from shellbench.bench import compare
+    from shellbench.bench.store import Store
+
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
     _warn(notes)
     if format is Format.json:
@@ -264,8 +278,13 @@ def gate_command(
     record is red. Regression holds it against the baseline. Cost compares seconds, memory and parameters with the
     baseline's, between runs on like hardware. --suite, --solver and --seed narrow what is judged, and it says so.
     """
+    from shellbench.bench import verdicts
+    from shellbench.bench.baseline import read_baseline
+    from shellbench.bench.gate import Scope, gate
+    from shellbench.bench.store import Store
+
     scope = Scope(tuple(suite or ()), tuple(solver or ()), tuple(dict.fromkeys(seed or ())))
-    verdict = gate(Store(store), baselines.read_baseline(baseline), scope)
+    verdict = gate(Store(store), read_baseline(baseline), scope)
     _warn(verdict.warnings)
     typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose))
     raise typer.Exit(0 if verdict.good(cost) else 1)
@@ -290,6 +309,11 @@ def baseline_command(
     Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
     What values differ by from those of --like widens what the regression gate allows.
     """
+    from shellbench.bench import baseline as baselines
+    from shellbench.bench import verdicts
+    from shellbench.bench.gate import Scope, move_baseline
+    from shellbench.bench.store import Store
+
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
     new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
@@ -319,6 +343,9 @@ def report(
 
     Records are all it needs: no solver has to be installed.
     """
+    from shellbench.bench import compare
+    from shellbench.bench.gate import missing_rows
+    from shellbench.bench.store import Store
     from shellbench.report import page
 
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
@@ -365,6 +392,7 @@ def export(
         shellbench export napkin_plane --solver fem --out napkin.obj --at 0.5
     """
     from shellbench.bench import export as exports
+    from shellbench.bench.store import Store
 
     exports.writer_of(out)
     where = Store(store)

@@ -60,12 +60,16 @@ def rows_of(current: CurrentRuns) -> list[Row]:
     """Return the rows of runs that count."""
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
     order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
-    return sorted(held_against_each_other(found), key=lambda row: _position(row, order[row.case, row.quantity]))
+    suites = {row.suite for row in found}.intersection(catalog.suite_names())
+    members = {suite: [case.name for case in catalog.cases_of(suite)] for suite in suites if suite is not None}
+    return sorted(
+        held_against_each_other(found),
+        key=lambda row: _position(row, order[row.case, row.quantity], members.get(row.suite or "", [])),
+    )
 
 
-def _position(row: Row, quantity: int) -> tuple[object, ...]:
+def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, ...]:
     suite = (1, "") if row.suite is None else (0, row.suite)
-    members = [case.name for case in catalog.cases_of(row.suite)] if row.suite in catalog.suite_names() else []
     case = members.index(row.case) if row.case in members else len(members)
     settings = json.dumps(row.overrides, sort_keys=True)
     return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
@@ -189,24 +193,25 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
     A deterministic solver is what the others are held against; if there is none, or several, the median of all.
     """
     listed = list(found)
-    result: list[Row] = []
+    peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
-        peers = [
-            other
-            for other in listed
-            if (other.case, other.own_case, other.quantity, other.at) == (row.case, row.own_case, row.quantity, row.at)
-            and other.default_settings
-            and other.status == "ok"
-            and other.value is not None
-        ]
-        if row.reference is None and row.value is not None and len({other.solver for other in peers}) > 1:
-            value, name = _yardstick(peers)
-            if row.solver != name and value:
-                row = row.model_copy(
-                    update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name}
-                )
-        result.append(row)
-    return result
+        if row.default_settings and row.status == "ok" and row.value is not None:
+            peers.setdefault(_asked(row), []).append(row)
+    yardsticks = {
+        asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
+    }
+    return [_held_against(row, *yardsticks[_asked(row)]) if _asked(row) in yardsticks else row for row in listed]
+
+
+def _asked(row: Row) -> tuple[object, ...]:
+    """Return what a row answers: rows that are alike in it can be held against each other."""
+    return row.case, row.own_case, row.quantity, row.at
+
+
+def _held_against(row: Row, value: float, name: str) -> Row:
+    if row.reference is not None or row.value is None or row.solver == name or not value:
+        return row
+    return row.model_copy(update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name})
 
 
 def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:

@@ -1,4 +1,4 @@
-"""From records to what the plots need: deformed shells from stored fields, courses from stored histories."""
+"""From records to what the plots need: deformed shells from stored fields."""
 
 from __future__ import annotations
 
@@ -14,43 +14,13 @@ from shellbench.bench.row import Row
 from shellbench.case import Case
 from shellbench.conditions import PointLoad
 from shellbench.places import Edge, Point
-from shellbench.quantities import DisplacementQuantity
-from shellbench.report.convergence import Course
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
 from shellbench.report.shells import Shell
-from shellbench.report.solutions import variant_name
+from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
-
-
-def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
-    """Return the history of each run whose headline quantity has a known value.
-
-    The states of a path are no part of it, and where nothing was solved for nothing converged.
-    """
-    found = []
-    for row in rows:
-        record = records.get(row.run_id or "")
-        steps = tuple(step for step in record.history if step.phase == "solve" and step.unknowns) if record else ()
-        if record is None or not row.primary or not row.reference or not steps:
-            continue
-        found.append(
-            Course(
-                case=row.case,
-                title=row.case_title or row.case,
-                solver=row.solver,
-                variant=variant_name(row),
-                seed=row.seed,
-                quantity=row.quantity,
-                reference=row.reference,
-                uncertainty=row.reference_uncertainty or 0.0,
-                steps=steps,
-                run_id=record.run_id,
-            )
-        )
-    return found
 
 
 def shell(record: Record, folder: Path) -> Shell | None:
@@ -92,11 +62,6 @@ def drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Sh
         run_id=record.run_id,
         unit=unit_of_length(case),
     )
-
-
-def unit_of_length(case: Case) -> str:
-    """Return the unit of the case's displacements."""
-    return next((q.unit for q in case.quantities if isinstance(q, DisplacementQuantity)), "m")
 
 
 def held_edges(case: Case, position: Array) -> tuple[Array, ...]:

@@ -18,9 +18,9 @@ from shellbench.places import Edge
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
-from shellbench.report.scene import unit_of_length
 from shellbench.report.states import spread
 from shellbench.report.suites import leading_rows
+from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
 
