@@ -316,6 +316,7 @@ def baseline_command(
 
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
+    _warn(where.read().damaged)
     new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
     typer.echo(verdicts.changes(old, new))
     if write:
@@ -356,9 +357,9 @@ def report(
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
-        typer.echo(f"written to {write_paper(Store(store), rows, paper)}")
+        typer.echo(f"written to {write_paper(Store(store), rows, paper, say=_note)}")
         return
-    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print)}")
+    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print, say=_note)}")
 
 
 @app.command()
@@ -396,7 +397,8 @@ def export(
 
     exports.writer_of(out)
     where = Store(store)
-    sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution, at)
+    stored = exports.stored_run(where, case, solver, seed, _note)
+    sampled = exports.sample(where, stored, resolution, at)
     exports.export(sampled, out, scale)
     typer.echo(f"written to {out}")
 
@@ -445,9 +447,13 @@ def _say(sentence: str) -> None:
     typer.echo(f"shellbench: {sentence}", err=True)
 
 
+def _note(sentence: str) -> None:
+    _say(f"note: {sentence}")
+
+
 def _warn(sentences: tuple[str, ...]) -> None:
     for sentence in sentences:
-        _say(f"note: {sentence}")
+        _note(sentence)
 
 
 def main() -> None:

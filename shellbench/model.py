@@ -26,7 +26,7 @@ class Model(BaseModel):
 def one_sentence(error: ValidationError) -> str:
     """Say which field is wrong, what was found and what is allowed (the first of several problems)."""
     first = error.errors(include_url=False)[0]
-    field = ".".join(str(part) for part in first["loc"])
+    field = _shown(".".join(str(part) for part in first["loc"]))
     message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
     if first["type"] == "extra_forbidden":
         return f"field '{field}' is not known here"
@@ -34,9 +34,12 @@ def one_sentence(error: ValidationError) -> str:
         return f"field '{field}' is missing"
     if first["type"] in {"value_error", "assertion_error"}:
         return f"field '{field}': {message}" if field else message
-    found = repr(first["input"])
-    shown = found if len(found) <= 60 else found[:57] + "..."
-    return f"field '{field}': found {shown}, but {message[:1].lower()}{message[1:]}"
+    found = _shown(repr(first["input"]))
+    return f"field '{field}': found {found}, but {message[:1].lower()}{message[1:]}"
+
+
+def _shown(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def read_toml(path: Path) -> dict[str, Any]:

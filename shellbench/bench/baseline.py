@@ -91,11 +91,13 @@ class Baseline(Model):
 def read_baseline(path: Path) -> Baseline | None:
     """Read a baseline; None if there is no such file; InputError in one sentence if it is malformed."""
     try:
-        if not path.exists():
-            return None
-        if path.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{path}: is too large for a baseline")
-        return Baseline.model_validate_json(path.read_bytes())
+        with path.open("rb") as file:  # it may be a pipe, or a device that never ends
+            data = file.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
+            raise InputError(f"{path}: is too large for a baseline: it may have {LARGEST_FILE} bytes")
+        return Baseline.model_validate_json(data)
+    except FileNotFoundError:
+        return None
     except OSError as error:
         raise InputError(f"{path}: can't be read ({error.strerror})") from None
     except ValidationError as error:
