@@ -7,6 +7,12 @@ that they agree to the last bit. What is only stored, drawn or copied is compare
 import numpy as np
 import torch
 
+SINGLE = 1e-5
+"""Rounding of sums in single precision, of which an entry may be one."""
+
+REPEATED = 1e-6
+"""What rounding leaves of a solved or trained answer; another seed moves it by a hundred times that at least."""
+
 
 def alike(found, expected, share=1e-12):
     """Assert that two arrays differ by no more than a share of the largest entry."""
