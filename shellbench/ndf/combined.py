@@ -43,6 +43,10 @@ class Combined:
     features: FeatureSet
     combine: Tensor
 
+    def __post_init__(self) -> None:
+        # as in `shellbench.ndf.network.Network`; eigenvectors come column by column
+        object.__setattr__(self, "combine", self.combine.contiguous())
+
     @property
     def count(self) -> int:
         """Number of combinations r."""

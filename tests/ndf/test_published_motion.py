@@ -10,6 +10,7 @@ from shellbench.measure import measure_all
 from shellbench.ndf.published import PublishedSolver
 from shellbench.ndf.published_motion_loss import SpaceTime
 from shellbench.ndf.published_training import RECORD
+from tests.alike import SINGLE, alike
 from tests.ndf.motions import NAPKIN, SLEEVE, G, gravity, moving
 from tests.ndf.shells import inner_points, shell, support
 from tests.ndf.trainings import small
@@ -36,8 +37,9 @@ def few(**settings):
 
 
 def same(one, other):
+    """Tell whether two trainings in single precision were the same but for rounding, some 4e-7 after 100 iterations."""
     pairs = zip(one.field.siren.tensors, other.field.siren.tensors, strict=True)
-    return all(torch.equal(a, b) for a, b in pairs)
+    return all(torch.allclose(a, b, rtol=0, atol=1e-4 * float(b.abs().max())) for a, b in pairs)
 
 
 def test_the_velocity_is_the_rate_of_the_displacement():
@@ -56,7 +58,7 @@ def test_a_motion_starts_from_rest_and_answers_at_its_own_times_only():
     points = inner_points(MOVED)
     assert not np.any(solution.displacement(points, at=0.0))
     np.testing.assert_allclose(solution.velocity(points, at=0.0), 0.0, atol=1e-12)
-    np.testing.assert_array_equal(solution.displacement(points), solution.displacement(points, at=1.0))
+    alike(solution.displacement(points), solution.displacement(points, at=1.0), SINGLE)
     for wrong in (-0.1, 1.1):
         with pytest.raises(InputError, match="moves from 0 to 1 s"):
             solution.displacement(points, at=wrong)
@@ -106,7 +108,10 @@ def test_training_lowers_the_functional_and_is_reproduced_by_its_seed():
 def test_a_saved_motion_is_the_same_motion(tmp_path):
     solution = SOLVER.solve(FALL, few(iterations=RECORD))
     loaded = SOLVER.load(solution.save(tmp_path / "fall"))
-    assert measure_all(loaded) == measure_all(solution)
+    for found, kept in zip(loaded.field.siren.tensors, solution.field.siren.tensors, strict=True):
+        assert torch.equal(found, kept)
+        assert found.stride() == kept.stride()
+    assert measure_all(loaded) == pytest.approx(measure_all(solution), rel=SINGLE)
     assert loaded.history == solution.history
     assert loaded.parameters == 12 * 4 + 12 * 13 + 3 * 13  # xi1, xi2 and t, two layers of 12, three components
     assert loaded.diagnostics == solution.diagnostics
@@ -124,7 +129,7 @@ def test_a_damaged_file_is_refused_in_one_sentence(tmp_path):
             SOLVER.load(path)
 
 
-def test_an_interrupted_training_goes_on_bit_for_bit(tmp_path):
+def test_an_interrupted_training_goes_on_as_if_nothing_had_been(tmp_path):
     settings = few(iterations=3 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     whole = SOLVER.solve(MOVED, settings)
 
