@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from shellbench import catalog
-from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, regression_finding
+from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, read_baseline, regression_finding
 from shellbench.bench.compare import judged, with_known_values
 from shellbench.bench.marks import mark_of
 from shellbench.bench.row import Row
+from shellbench.errors import InputError
 from shellbench.reference import KnownValue, KnownValues
 
 
@@ -98,3 +101,9 @@ def test_figures_of_several_loads_are_remembered_apart() -> None:
     old = remembered(*rows)
     assert {(v.at, v.mean) for v in old.values} == {(0.25, 1.0), (0.5, 4.0), (0.75, 9.0), (1.0, 16.0)}
     assert [old.value(row).mean for row in rows] == [1.0, 4.0, 9.0, 16.0]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("device", ["/dev/full", "/dev/zero"])
+def test_a_file_that_never_ends_is_no_baseline(device: str) -> None:
+    with pytest.raises(InputError, match=f"{device}: is too large for a baseline"):
+        read_baseline(Path(device))
