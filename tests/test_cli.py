@@ -142,6 +142,8 @@ HOSTILE = [
     ("gate", "--suite", "nothing"),
     ("gate", "--solver", "nobody"),
     ("gate", "--baseline", "a_file"),
+    ("gate", "--baseline", "/dev/full"),
+    ("run", "strip", "--solver", "toy", "--set", "toy.factor=inf"),
     ("report", "--store", "a_file"),
     ("baseline", "--solver", "nobody"),
     ("export", "strip", "--solver", "toy"),

@@ -70,20 +70,19 @@ def values_of(solution: Solution, case: Case) -> tuple[dict[str, Measured], dict
         name = quantity.name
         try:
             value = finite(measure(solution, quantity))
+            if value is None:
+                lost[name] = ""
+                continue
+            values[name] = Measured(
+                value=value,
+                uncertainty=finite(solution.uncertainty.get(name)),
+                extrapolated=finite(solution.extrapolated.get(name)),
+            )
         except Exception as error:
             pass_on_full_disk(error)
             lost[name] = said(error)
             if not isinstance(error, UNREACHED):
                 traceback.print_exc()
-            continue
-        if value is None:
-            lost[name] = ""
-            continue
-        values[name] = Measured(
-            value=value,
-            uncertainty=finite(solution.uncertainty.get(name)),
-            extrapolated=finite(solution.extrapolated.get(name)),
-        )
     return values, lost
 
 

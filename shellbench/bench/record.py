@@ -44,15 +44,16 @@ def _is_time(text: str) -> str:
 def _has_figures(data: Any) -> Any:
     for path, value in leaves(data):
         if isinstance(value, int | float) and not abs(value) <= LARGEST:
-            raise ValueError(f"found {str(value)[:60]} at '{path}', but figures are finite and at most {LARGEST:g}")
+            where = ".".join(map(str, path))
+            raise ValueError(f"found {str(value)[:60]} at '{where}', but figures are finite and at most {LARGEST:g}")
     return data
 
 
-def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield all values of JSON data that are neither objects nor lists, with where they are."""
+def leaves(data: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Yield all values of JSON data that are neither objects nor lists, with the keys that lead to them."""
     if isinstance(data, Mapping | list | tuple):
         for key, value in data.items() if isinstance(data, Mapping) else enumerate(data):
-            yield from leaves(value, f"{path}.{key}" if path else str(key))
+            yield from leaves(value, (*path, key))
     else:
         yield path, data
 

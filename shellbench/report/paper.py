@@ -29,6 +29,7 @@ from shellbench.report.latex_table import PACKAGES
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.own_files import list_own, remove_older
 from shellbench.report.palette import style
+from shellbench.report.paths import case_of
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known, theory_words
@@ -140,7 +141,9 @@ def _stated(table: Table, found: Evidence) -> Table:
     """Return the table with a caption that says what theory its cases ask for, and whose figures judge them."""
     cases = _cases(table)
     theories = dict.fromkeys(
-        theory_words(str(record.case["theory"])) for record in found.records.values() if record.case_name in cases
+        theory_words(case.theory)
+        for record in found.records.values()
+        if record.case_name in cases and (case := case_of(record)) is not None
     )
     unsaid = [theory for theory in theories if theory not in table.caption]
     caption = f"{table.caption} Theory: {' and '.join(unsaid)}." if unsaid else table.caption

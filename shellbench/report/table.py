@@ -22,7 +22,7 @@ from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Not
 
 Format = Literal["text", "markdown", "latex", "csv", "html"]
 Cells = list[str]
-FORMULA = re.compile(r"\s*[=+\-@]|[\t\r]")  # as spreadsheets and OWASP's page on CSV injection have it
+FORMULA = re.compile(r"\s*[=+\-@]|\t")  # as spreadsheets and OWASP's page on CSV injection have it
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 Line = Mapping[str, Any]
 Show = Callable[[Line, Notation], str]
@@ -211,14 +211,20 @@ def _cell(column: Column, side: str, line: Line) -> str:
 
 def write_csv(table: Table) -> str:
     """Write the data itself, with all digits that tell doubles apart; text that a spreadsheet would run is quoted."""
-    safe = table.data.map(inert).rename(columns=inert)
-    text: str = safe.to_csv(index=False, lineterminator="\n")
+    cells = {
+        inert(name): pd.Series(list(map(inert, column)), index=column.index, dtype=column.dtype)
+        for name, column in table.data.items()
+    }
+    text: str = pd.DataFrame(cells).to_csv(index=False, lineterminator="\n")
     return text
 
 
 def inert(cell: Any) -> Any:
     """Return a cell that no spreadsheet takes for a formula: text that begins like one, and is no number, gets a '."""
-    return f"'{cell}" if isinstance(cell, str) and FORMULA.match(cell) and not NUMBER.fullmatch(cell) else cell
+    if not isinstance(cell, str):
+        return cell
+    text = cell.replace("\r", " ")  # pandas does not quote it, and it begins a new row
+    return f"'{text}" if FORMULA.match(text) and not NUMBER.fullmatch(text) else text
 
 
 WRITERS: dict[Format, Callable[[Table], str]] = {

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from shellbench import catalog
-from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, regression_finding
+from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, read_baseline, regression_finding
 from shellbench.bench.compare import judged, with_known_values
 from shellbench.bench.marks import mark_of
 from shellbench.bench.row import Row
+from shellbench.errors import InputError
 from shellbench.reference import KnownValue, KnownValues
 
 
@@ -115,3 +118,9 @@ def test_what_values_differ_by_between_processors_is_no_regression() -> None:
     assert (colour(narrow, 0.48749), colour(wide, 0.48749)) == ("red", "green")
     assert colour(wide, 0.48748 + 6e-5) == "red"
     assert make_baseline([here], [], wide).values[0].spread == known.spread, "measured once, it stays"
+
+
+@pytest.mark.parametrize("device", ["/dev/full", "/dev/zero"])
+def test_a_file_that_never_ends_is_no_baseline(device: str) -> None:
+    with pytest.raises(InputError, match=f"{device}: is too large for a baseline"):
+        read_baseline(Path(device))

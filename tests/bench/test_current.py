@@ -11,10 +11,11 @@ from shellbench import catalog
 from shellbench.bench.baseline import Baseline
 from shellbench.bench.compare import rows, rows_and_notes
 from shellbench.bench.current import current_runs
+from shellbench.bench.export import stored_run
 from shellbench.bench.gate import Scope, gate, move_baseline
 from shellbench.bench.store import Store
 from shellbench.errors import InputError, ShellbenchError
-from tests.bench.running import run
+from tests.bench.running import changed, run, run_here
 from tests.bench.test_compare import edit
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -105,13 +106,8 @@ def made_by(store: Store, engine: str) -> None:
     """Have the only record of a store say that an engine has made it."""
     (record,) = store.read().records
     settings = {**record.identity.settings, "engine": engine}
-    made = record.model_copy(
-        update={
-            "identity": record.identity.model_copy(update={"settings": settings}),
-            "defaults": {**record.defaults, "engine": engine},
-        }
-    )
-    (store.folder / f"{record.run_id}.json").write_text(made.model_dump_json(), encoding="utf-8")
+    identity = record.identity.model_copy(update={"settings": settings})
+    changed(store, record, identity=identity, defaults={**record.defaults, "engine": engine})
 
 
 def test_a_record_of_another_version_of_its_engine_is_left_out(recorded: Store) -> None:
@@ -145,3 +141,26 @@ def test_a_record_of_an_absent_engine_is_shown_and_no_gate_takes_it(recorded: St
     )
     findings = [f for f in gate(recorded, None, Scope(suites=("toys",))).accuracy if f.row.solver == "toy"]
     assert {(f.colour, f.row.status) for f in findings} == {("red", "missing")}
+
+
+@pytest.mark.usefixtures("toys")
+def test_the_newest_record_is_the_last_whatever_the_clock_said(store: Store) -> None:
+    """A record stamped with a time to come does not beat what is made after it; so for tables and exports."""
+    (early,) = run_here(store, "strip", solver="toy")
+    changed(store, early, created="2999-01-01T00:00:00+00:00")
+    (fresh,) = run_here(store, "strip", solver="toy", force=True)
+    assert [run.record.run_id for run in current_runs(store.read()).runs] == [fresh.run_id]
+    for seed in (0, 1):
+        (noisy,) = run_here(store, "strip", solver="toy-noisy", seeds=(seed,))
+        if seed == 0:
+            changed(store, noisy, created="2999-01-01T00:00:00+00:00")
+    assert stored_run(store, "strip", "toy-noisy", None).record.identity.seed == 1
+
+
+def test_of_two_sources_the_last_made_counts_whatever_the_clock_said(recorded: Store, plugin: Path) -> None:
+    (old,) = recorded.read().records
+    changed(recorded, old, created="2999-01-01T00:00:00+00:00")
+    edit(plugin / "toy_shells" / "strip.py", "24", "25")
+    (new,) = run_here(recorded, "strip", solver="toy")
+    uninstall(plugin)
+    assert [run.record.run_id for run in current_runs(recorded.read()).runs] == [new.run_id]

@@ -13,7 +13,7 @@ import pytest
 
 from shellbench import catalog
 from shellbench.bench.export import Sample, export, quadrilaterals, sample, stored_run
-from shellbench.bench.store import Store
+from shellbench.bench.store import Store, StoreError
 from shellbench.errors import InputError
 from shellbench.solution import FIELDS
 from tests.bench.running import run
@@ -175,6 +175,25 @@ def test_an_unknown_suffix_leaves_nothing_behind(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.npz, \.obj, \.vtu"):
         export(formula_sample(), tmp_path / "shell.stl")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".obj", ".vtu"])
+def test_a_disk_that_is_full_is_said_and_leaves_nothing(suffix: str, tmp_path: Path) -> None:
+    """A limit on the size of files stands for the full disk: writing more fails in the same way, in C++ too."""
+    resource = pytest.importorskip("resource", reason="no limits on files outside POSIX")
+    if suffix == ".vtu":
+        pytest.importorskip("pyvista", reason="pyvista is not installed: .vtu can't be written")
+    path = tmp_path / f"shell{suffix}"
+    path.write_bytes(b"an older export")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(StoreError, match="can't be written"):
+            export(formula_sample(), path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == b"an older export"
 
 
 @pytest.mark.usefixtures("toys")

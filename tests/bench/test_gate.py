@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text, changes
 from shellbench.errors import InputError, ShellbenchError
 from tests.bench import strip
-from tests.bench.running import run
+from tests.bench.running import changed, run
 from tests.bench.test_compare import edit
 
 pytestmark = pytest.mark.usefixtures("toys")
@@ -35,8 +34,7 @@ def damage(store: Store, solver: str, change: dict[str, object]) -> None:
     """Change what the records of a solver say."""
     for record in store.read().records:
         if record.identity.solver == solver:
-            path = store.folder / f"{record.run_id}.json"
-            path.write_text(json.dumps(json.loads(path.read_text()) | change), encoding="utf-8")
+            changed(store, record, **change)
 
 
 def scaled(store: Store, solver: str, factor: float) -> None:
@@ -44,8 +42,7 @@ def scaled(store: Store, solver: str, factor: float) -> None:
     for record in store.read().records:
         if record.identity.solver == solver:
             values = {name: {"value": m.value * factor} for name, m in record.values.items()}
-            path = store.folder / f"{record.run_id}.json"
-            path.write_text(json.dumps(json.loads(path.read_text()) | {"values": values}), encoding="utf-8")
+            changed(store, record, values=values)
 
 
 def test_all_good_records_are_green(full: Store) -> None:

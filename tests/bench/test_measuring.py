@@ -12,11 +12,22 @@ import pytest
 
 from shellbench.bench.environment import environment
 from shellbench.bench.measuring import FIELDS, measured, values_of, without_values
-from shellbench.bench.record import HistoryStep, Identity, Record, ResolutionStep
+from shellbench.bench.record import (
+    LARGEST_RECORD,
+    LONGEST_REASON,
+    HistoryStep,
+    Identity,
+    Record,
+    ResolutionStep,
+    read_document,
+)
 from shellbench.bench.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study, write_fields
+from shellbench.bench.store import Store
 from shellbench.bench.task import Task, case_data
-from shellbench.bench.worker import run
+from shellbench.bench.worker import RECORD, run, work
 from shellbench.case import Case
+from shellbench.errors import SolveFailure
+from shellbench.solution import Capabilities, Settings, Step
 from tests.bench import spring
 from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
 
@@ -24,15 +35,14 @@ FINE = 1e-4  # relative: a spline through sixty states
 SINGLE = 1e-6  # relative: rounding of single precision
 
 
-def broken_run(case: Case, folder: Path) -> Record:
-    """Run a solver that fails half way, as the worker does."""
-    task = Task(
+def task_of(case: Case, target: str) -> Task:
+    return Task(
         run_id="broken",
         created="2000-01-01T00:00:00Z",
         identity=Identity(
             case=case.digest(), solver="breaking", source="0", settings={}, seed=None, device="cpu", dtype="float64"
         ),
-        target="tests.bench.spring:BreakingSolver",
+        target=target,
         case_name=case.name,
         case=case_data(case),
         own_case=True,
@@ -40,7 +50,11 @@ def broken_run(case: Case, folder: Path) -> Record:
         solver_label="",
         environment=environment(),
     )
-    return run(task, folder, lambda progress: None)
+
+
+def broken_run(case: Case, folder: Path) -> Record:
+    """Run a solver that fails half way, as the worker does."""
+    return run(task_of(case, "tests.bench.spring:BreakingSolver"), folder, lambda progress: None)
 
 
 def test_a_whole_path_is_measured_at_its_marks(tmp_path: Path) -> None:
@@ -319,3 +333,102 @@ def test_a_plug_in_without_rounding_has_a_whole_record(tmp_path: Path) -> None:
     assert why is None
     assert found["precision"] == ()
     assert found["frame_rates"] == ()
+
+
+def nested(depth: int) -> list[Any]:
+    return [nested(depth - 1)] if depth else []
+
+
+FOLDS = "the field folds where its bending energy does not look"
+HOSTILE: dict[str, dict[str, Any]] = {
+    "not finite at a probe": {"displacement": lambda points, at=None, parameters=None: lost_at_a_probe(points)},
+    "huge": {"displacement": lambda points, at=None, parameters=None: np.full((*np.shape(points)[:-1], 3), 1e200)},
+    "diagnostics are nested": {"diagnostics": {"deep": nested(250)}},
+    "diagnostics have many digits": {"diagnostics": {"count": 10**5000, "ratio": 1e300}},
+    "diagnostics have half a character": {"diagnostics": {"word": "\ud800"}},
+    "diagnostics take too much": {"diagnostics": {"word": "x" * (LARGEST_RECORD + 1)}},
+    "parameters are negative": {"parameters": -1},
+    "bytes have many digits": {"storage_bytes": 10**30},
+    "seconds are no number": {"history": (Step(0, math.nan, -1.0, 4),)},
+    "an uncertainty is infinite": {"uncertainty": {"full": math.inf, "half": 1e200}},
+    "an uncertainty is text": {"uncertainty": {"full": "small"}},
+    "a gap is infinite": {"history": (Step(0, 1.0, -1.0, 4, gap=math.inf, quantities={"full": 1e300}),)},
+    "the file has no name": {"save": lambda path: Path("/")},
+}
+
+
+def lost_at_a_probe(points: Any) -> Any:
+    """A field that is finite on the grid of pictures, and not at one of the probes."""
+    xi = np.asarray(points, dtype=float)
+    rise = np.where(np.all(np.isclose(xi, (0.37, 0.81)), axis=-1), math.nan, 1.0)
+    return rise[..., None] * np.array([0.0, 0.0, 1.0])
+
+
+class HostileSolver:
+    """Leaves a solution with something that no record can keep, and fails or not."""
+
+    name = "hostile"
+    capabilities = Capabilities(theories=("kirchhoff-love-nonlinear",), label="")
+    settings_type = Settings
+    kind = ""
+    reason: str | None = None
+
+    def declines(self, case: Case) -> None:
+        return None
+
+    def load(self, path: Path) -> Any:
+        raise NotImplementedError
+
+    def solve(self, case: Case, settings: Any, start: Any = None, progress: Any = None) -> Any:
+        solution = SpringSolution(case)
+        for name, value in HOSTILE.get(self.kind, {}).items():
+            setattr(solution, name, value)
+        if self.reason is not None:
+            raise SolveFailure(self.reason, solution)
+        return solution
+
+
+def left_by(case: Case, folder: Path) -> Record:
+    """Work as a process of the bench does, and read what it has left."""
+    folder.mkdir()
+    task_of(case, "tests.bench.test_measuring:HostileSolver").write(folder)
+    work(folder, lambda progress: None)
+    return read_document((folder / RECORD).read_bytes())
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_no_record_is_written_that_can_not_be_read(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever a solver leaves; and what it says of itself stays the reason."""
+    monkeypatch.setattr(HostileSolver, "kind", kind)
+    case = spring.loaded_case()
+    assert left_by(case, tmp_path / "kept").status == "failed"  # its source is not that of the task
+    monkeypatch.setattr(HostileSolver, "reason", FOLDS)
+    record = left_by(case, tmp_path / "failed")
+    assert (record.status, record.reason) == ("failed", FOLDS)
+    store = Store(tmp_path / "runs")
+    partial = store.begin(record.run_id)
+    assert store.commit(partial, record).reason == FOLDS
+    monkeypatch.setattr("shellbench.bench.store.catalog.case_names", lambda: [case.name])
+    contents = store.read()
+    assert contents.damaged == ()
+    assert contents.records[0].reason == FOLDS
+
+
+def test_a_field_that_is_not_finite_at_a_probe_is_no_good_answer(tmp_path: Path) -> None:
+    case = spring.loaded_case()
+    solution: Any = SpringSolution(case)
+    solution.displacement = lambda points, at=None, parameters=None: lost_at_a_probe(points)
+    found, why = measured(solution, case, tmp_path)
+    assert why == "the solution can't be measured: its displacement is not finite at the point (0.37, 0.81)"
+    assert (found["fields_file"], found["solution_file"]) == (FIELDS, "solution.txt")
+
+
+@pytest.mark.parametrize("reason", ["x" * 1_000_000, "half a character: \ud800"])
+def test_a_reason_is_kept_as_far_as_a_record_can(reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(HostileSolver, "reason", reason)
+    record = left_by(spring.loaded_case(), tmp_path / "failed")
+    assert record.values
+    assert str(record.reason)[:15] == reason[:15]
+    assert len(str(record.reason)) <= LONGEST_REASON

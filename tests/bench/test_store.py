@@ -11,17 +11,20 @@ import signal
 import subprocess
 import sys
 import time
+from multiprocessing import Process
 from pathlib import Path
 
 import psutil
 import pytest
 
 from shellbench.bench import store as stores
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, document
 from shellbench.bench.store import Store, StoreError, newest
 from shellbench.errors import InputError
-from tests.bench.running import behave, run
+from tests.bench.running import behave, run, run_here
 from tests.patience import GUARD
+
+LOCKS = {stores.LOCK, stores.NUMBERING}
 
 
 @pytest.fixture
@@ -30,7 +33,7 @@ def record(toys: Path, store: Store) -> Record:
 
 
 def names(store: Store) -> set[str]:
-    return {path.name for path in store.folder.iterdir()} - {".lock"}
+    return {path.name for path in store.folder.iterdir()} - LOCKS
 
 
 def test_a_record_comes_back_as_it_was(record: Record, store: Store) -> None:
@@ -80,6 +83,43 @@ def test_newest_of_an_identity_counts(record: Record, store: Store) -> None:
     again = run(store, "strip", solvers=("toy",), force=True)[0].record
     assert newest(store.read()) == [again]
     assert len(store.read().records) == 2
+
+
+def test_records_from_before_come_first_in_the_order_of_their_times(record: Record, store: Store) -> None:
+    times = ("2999-01-01T00:00:00+00:00", "2020-01-01T01:00:00+02:00", "2020-01-01T00:30:00+00:00")
+    for i, time_ in enumerate(times):
+        old = record.model_copy(update={"run_id": f"old{i}", "created": time_, "sequence": None})
+        (store.folder / f"old{i}.json").write_bytes(document(old))
+    assert [r.run_id for r in store.read().records] == ["old1", "old2", "old0", record.run_id]
+    (again,) = run_here(store, "strip", solver="toy", force=True, behaviour="exact")
+    assert again.sequence == (record.sequence or 0) + 1
+
+
+def commit_some(folder: Path, record: Record, name: str, times: int) -> None:
+    """Commit copies of a record, as a process of its own."""
+    store = Store(folder)
+    for i in range(times):
+        run_id = f"{name}-{i}"
+        store.commit(store.begin(run_id), record.model_copy(update={"run_id": run_id, "sequence": None}))
+
+
+def test_no_two_records_get_the_same_number(record: Record, store: Store) -> None:
+    """Six processes commit at the same time; each sees what the others have written."""
+    bare = record.model_copy(update={"fields_file": None, "solution_file": None, "checksums": {}})
+    jobs = [Process(target=commit_some, args=(store.folder, bare, f"job{k}", 5)) for k in range(6)]
+    for job in jobs:
+        job.start()
+    for job in jobs:
+        job.join(timeout=600)
+    numbers = [r.sequence for r in store.read().records]
+    assert numbers == list(range(1, 32))
+
+
+def test_a_damaged_record_with_a_huge_number_is_no_last_one(record: Record, store: Store) -> None:
+    path = store.folder / f"{record.run_id}.json"
+    data = json.loads(path.read_bytes())
+    path.with_name("edited.json").write_text(json.dumps(data | {"sequence": 10**18}), encoding="utf-8")
+    assert Store(store.folder).last_number() == record.sequence == 1
 
 
 @pytest.mark.parametrize("step", range(5))
@@ -179,7 +219,7 @@ def kill_runs_at_random(own_case: Path, plugin: Path, store: Store, times: int) 
     latest = {r.identity.seed: r for r in newest(store.read())}
     assert {seed: record.status for seed, record in latest.items()} == dict.fromkeys(range(6), "ok")
     assert not any(path.name.endswith(".partial") for path in store.folder.iterdir())
-    stems = {path.name.partition(".")[0] for path in store.folder.iterdir() if path.name != ".lock"}
+    stems = {name.partition(".")[0] for name in names(store)}
     assert stems == {record.run_id for record in store.read().records}
 
 

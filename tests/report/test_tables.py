@@ -8,9 +8,11 @@ import re
 from html.parser import HTMLParser
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from shellbench.reference import KnownValue, KnownValues
+from shellbench.report.table import Table
 from shellbench.report.tables import displacement_tables, render
 from tests.report.conftest import COURSE, TRUTH, UNCERTAINTY, Store, missing_row, row
 
@@ -316,3 +318,24 @@ def test_cases_stand_in_the_order_of_their_suite(store, course_rows, format):
         body.index(words) for words in ("Square plate: ", "Scordelis-Lo roof: ", "rigid diaphragms: ", "free ends: ")
     ]
     assert places == sorted(places)
+
+
+FORMULAS = ["=1+1", "+cmd", "-2+3", "@SUM(A1)", "\t=1", " =1", "\n=1", "-", "=HYPERLINK(0)"]
+PLAIN = ["-1.5e-3", "+2", "-.5", "word", "a=b", "x-1", "", "'quoted"]
+
+
+def test_a_carriage_return_does_not_begin_a_formula_in_csv() -> None:
+    written = Table("t", "", "", pd.DataFrame({"text": ["word\r=1", "\r=1"]}), ()).write("csv")
+    assert written == "text\nword =1\n' =1\n"
+
+
+def test_no_cell_of_csv_is_a_formula_to_a_spreadsheet() -> None:
+    """Text that begins like a formula is quoted; numbers and other text stay as they are."""
+    data = pd.DataFrame(
+        {"text": FORMULAS + PLAIN, "=key": [-1.0] * 9 + [None] * 8, "mixed": [None, -2, "=1", -0.5] + [1] * 13}
+    )
+    written = Table("t", "", "", data, ()).write("csv")
+    read = list(csv.DictReader(io.StringIO(written, newline="")))
+    assert [line["text"] for line in read] == [f"'{text}" for text in FORMULAS] + PLAIN
+    assert [line["'=key"] for line in read] == ["-1.0"] * 9 + [""] * 8
+    assert [line["mixed"] for line in read] == ["", "-2", "'=1", "-0.5"] + ["1"] * 13
