@@ -48,6 +48,7 @@ def write_report(
     out: Path,
     known: Known = catalog.known_values,
     for_print: bool = True,
+    whole: bool = False,
 ) -> Path:
     """Write the report.
 
@@ -63,6 +64,8 @@ def write_report(
         Known values by name of case.
     for_print
         Whether figures are written as PDF too.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
 
     Returns
     -------
@@ -81,7 +84,7 @@ def write_report(
     shown = compared(rows)
     found = Evidence(by_id, rows, store.folder, known)
     sections = evidence_sections(found)
-    tables = tables_of(found, sections)
+    tables = tables_of(found, sections, whole=whole)
     turned = views(by_id, shown, store.folder)
     try:
         figures = out / "figures"

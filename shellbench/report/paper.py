@@ -57,7 +57,9 @@ class Chapter:
     exhibits: tuple[Exhibit, ...] = ()
 
 
-def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values) -> Path:
+def write_paper(
+    store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values, whole: bool = False
+) -> Path:
     """Write tables, figures, bibliography and the document that shows them.
 
     Parameters
@@ -70,6 +72,8 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
         Folder to write; made if need be, tables and figures of an older paper are removed.
     known
         Known values by name of case.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
 
     Returns
     -------
@@ -85,7 +89,7 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
     records = {record.run_id: record for record in store.read().records if record.run_id in named}
     rows, apart = told_apart(rows, records)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
-    chapters = _chapters(Evidence(apart, rows, store.folder, known))
+    chapters = _chapters(Evidence(apart, rows, store.folder, known), whole=whole)
     try:
         remove_older(out)
         for name in ("tables", "figures"):
@@ -108,10 +112,10 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
     return out / DOCUMENT
 
 
-def _chapters(found: Evidence) -> list[Chapter]:
+def _chapters(found: Evidence, *, whole: bool = False) -> list[Chapter]:
     """Return the sections of the document that have something to show, their tables with theory and sources."""
     rows, sections = compared(found.rows), evidence_sections(found)
-    tables = tables_of(found, sections)
+    tables = tables_of(found, sections, whole=whole)
     chapters = [
         Chapter("Displacements", tables=tuple(tables.displacements)),
         Chapter("Fields", tables=tuple(tables.fields)),
