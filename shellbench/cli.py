@@ -237,7 +237,9 @@ def table(
 ) -> None:
     """Print the displacements, the known values beside them, the errors and what each answer cost.
 
-    Shown is what was run, each run once; with --suite, all of its runs that there are. JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
+    Shown is what was run, each run once; with --suite, all of its runs that there are.
+
+    JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
     check_filled(Store(store))
@@ -336,9 +338,7 @@ def report(
     check_filled(Store(store))
     rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
     _warn(notes)
-    rows += [
-        row for row in missing_rows(Store(store), rows, suite or ()) if not cases or row.case in {r.case for r in rows}
-    ]
+    rows += missing_rows(Store(store), rows, tuple(suite or ()), tuple(cases or ()))
     if not rows:
         raise InputError(f"store {store}: holds no records that count of what was asked for")
     if paper is not None:

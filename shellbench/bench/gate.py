@@ -235,20 +235,23 @@ def accuracy_finding(row: Row) -> Finding:
     return Finding(row=row, colour=colour, sentence=sentence)
 
 
-def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = ()) -> list[Row]:
+def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
     """Return gated rows without a record that counts, beside the rows of a report.
 
     Of the suites, if some are named, those of the solvers and seeds that `rows` have; else those whose records do not
     count any more.
     """
     current = current_runs(store.read())
-    if not suites:
-        return _beside(rows, stale_rows(current))
-    begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
-    suites = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
-    lacking = [e for e in _expected(Scope(suites), current, ask=False) if e.run is None] if suites else []
-    wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
-    return _beside(rows, [row for expected in wanted for row in expected.rows()])
+    asked = asked_cases(cases, suites)
+    if suites:
+        begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
+        names = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
+        lacking = [e for e in _expected(Scope(names), current, ask=False) if e.run is None] if names else []
+        wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
+        missing = [row for expected in wanted for row in expected.rows()]
+    else:
+        missing = stale_rows(current)
+    return [row for row in _beside(rows, missing) if not cases or (row.case, row.own_case) in asked]
 
 
 def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:

@@ -30,7 +30,7 @@ def as_text(
 def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True) -> Iterator[str]:
     marks = MARKS if judged else MARKS | {"red": "changed"}  # what is reported only is no verdict
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
-    said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing is gated"
+    said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"
     shown = [f for f in findings if verbose or f.colour in {"red", "expected failure"}]
     alike: dict[tuple[str, str, str, str], list[Row]] = {}
