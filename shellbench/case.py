@@ -56,6 +56,7 @@ from shellbench.surface import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+LONGEST_TITLE = 200  # characters
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
@@ -100,7 +101,7 @@ class Case(Model):
 
     name: Name
     kind: Literal["shell"] = "shell"
-    title: str = Field(max_length=200)
+    title: str = Field(max_length=LONGEST_TITLE)
     description: str = ""
     units: str = "SI"
     suites: tuple[Name, ...] = ()

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from shellbench.errors import ShellbenchError
+from shellbench.errors import InputError, ShellbenchError
 
 if TYPE_CHECKING:
     from shellbench.bench.execute import Outcome
@@ -55,6 +55,9 @@ SolverOption = Annotated[
 SeedOption = Annotated[
     list[int] | None,
     typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
+]
+CasesArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.")
 ]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
@@ -238,19 +241,24 @@ def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
 
 @app.command()
 def table(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
 ) -> None:
     """Print the displacements, the known values beside them, the errors and what each answer cost.
 
+    Shown is what was run, each run once; with --suite, all of its runs that there are.
+
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
     from shellbench.bench import compare
+    from shellbench.bench.gate import check_filled
     from shellbench.bench.store import Store
 
-    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
     _warn(notes)
     if format is Format.json:
         typer.echo(compare.as_json(rows))
@@ -258,36 +266,47 @@ def table(
     from shellbench.report import tables
 
     if not rows:
-        _say(f"store {store} has no records that count: make some by `shellbench run`")
-    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store)), nl=False)
+        _say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
+    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
 
 
 @app.command("gate")
 def gate_command(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     suite: SuiteOption = None,
     solver: SolverOption = None,
     seed: SeedOption = None,
     cost: Annotated[bool, typer.Option("--cost", help="Let the cost gate count as well.")] = False,
+    regression: Annotated[bool, typer.Option("--regression", help="Let the regression gate count as well.")] = False,
     baseline: BaselineOption = DEFAULT_BASELINE,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the green rows too.")] = False,
 ) -> None:
     """Judge the records: exit 0 only if every gate holds.
 
-    Accuracy holds each quantity against its known value at the tolerance frozen in the case; a gated row without a
-    record is red. Regression holds it against the baseline. Cost compares seconds, memory and parameters with the
-    baseline's, between runs on like hardware. --suite, --solver and --seed narrow what is judged, and it says so.
+    Judged is what was run; what was planned and did not end is red. With --suite, all that it gates is judged, and a
+    gated row without a record is red. Cases, --solver and --seed narrow what is judged, and it says so. If nothing
+    is judged, the exit code is 2.
+
+    Accuracy holds each quantity against its known value at the tolerance frozen in the case. Regression holds it
+    against the baseline. Cost compares seconds, memory and parameters with the baseline's, between runs on like
+    hardware. The latter two are reported, and count only if asked for.
     """
     from shellbench.bench import verdicts
     from shellbench.bench.baseline import read_baseline
     from shellbench.bench.gate import Scope, gate
     from shellbench.bench.store import Store
 
-    scope = Scope(tuple(suite or ()), tuple(solver or ()), tuple(dict.fromkeys(seed or ())))
+    scope = Scope(
+        tuple(dict.fromkeys(suite or ())),
+        tuple(dict.fromkeys(solver or ())),
+        tuple(dict.fromkeys(seed or ())),
+        tuple(dict.fromkeys(cases or ())),
+    )
     verdict = gate(Store(store), read_baseline(baseline), scope)
     _warn(verdict.warnings)
-    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose))
-    raise typer.Exit(0 if verdict.good(cost) else 1)
+    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose, regression=regression))
+    raise typer.Exit(0 if verdict.good(cost, regression) else 1)
 
 
 @app.command("baseline")
@@ -326,6 +345,7 @@ def baseline_command(
 
 @app.command()
 def report(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
@@ -342,24 +362,28 @@ def report(
 ) -> None:
     """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them.
 
-    Records are all it needs: no solver has to be installed.
+    It is about what was run; with --suite, about that suite. Records are all it needs: no solver has to be installed.
     """
     from shellbench.bench import compare
-    from shellbench.bench.gate import missing_rows
+    from shellbench.bench.gate import check_filled, missing_rows
     from shellbench.bench.store import Store
     from shellbench.report import page
 
-    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
     _warn(notes)
-    rows += missing_rows(Store(store), rows)
+    rows += missing_rows(Store(store), rows, tuple(suite or ()), tuple(cases or ()))
+    if not rows:
+        raise InputError(f"store {store}: holds no records that count of what was asked for")
     if paper is not None:
         if out != DEFAULT_REPORT:
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
-        typer.echo(f"written to {write_paper(Store(store), rows, paper, say=_note)}")
+        typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=_note)}")
         return
-    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print, say=_note)}")
+    written = page.write_report(Store(store), rows, out, for_print=for_print, whole=bool(suite), say=_note)
+    typer.echo(f"written to {written}")
 
 
 @app.command()

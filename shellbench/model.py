@@ -82,7 +82,7 @@ def _field(places: tuple[int | str, ...], data: Any, *, absent: bool) -> str:
         if there or (absent and number == len(places) - 1):
             named.append(str(place))
         if there:
-            data = data[place] if isinstance(data, dict) or place < len(data) else None
+            data = data[place] if isinstance(data, dict) or int(place) < len(data) else None
     return ".".join(named)
 
 

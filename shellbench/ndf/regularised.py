@@ -67,14 +67,16 @@ class RegularisedInverse:
     def half(self, right: Tensor) -> Tensor:
         """Return H (n, m) with H^T H = right^T A^-1 right, for right-hand sides (n, m)."""
         scaled = right * self.scale[:, None]
-        if self.triangular:
-            return torch.linalg.solve_triangular(self.factor, scaled, upper=False)
-        return self.factor.T @ scaled
+        if not self.triangular:
+            return self.factor.T @ scaled
+        result: Tensor = torch.linalg.solve_triangular(self.factor, scaled, upper=False)
+        return result
 
     def __matmul__(self, right: Tensor) -> Tensor:
         """Return A^-1 right for right-hand sides (n, m)."""
-        if self.triangular:
-            solved = torch.cholesky_solve(right * self.scale[:, None], self.factor)
-        else:
-            solved = self.factor @ self.half(right)
-        return solved * self.scale[:, None]
+        scaled = right * self.scale[:, None]
+        solved = (
+            torch.cholesky_solve(scaled, self.factor) if self.triangular else self.factor @ (self.factor.T @ scaled)
+        )
+        result: Tensor = solved * self.scale[:, None]
+        return result
