@@ -162,6 +162,7 @@ def example(session: nox.Session) -> None:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shown = [option for name in (*suites, "published") for option in ("--suite", name)]
+    session.run("python", "-m", "tests.ndf.kept_trainings")  # 50 iterations of each: are they still today's training?
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
     session.run("shellbench", "report", *shown, "--no-print", "--out", "reports/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines
