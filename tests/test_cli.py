@@ -17,7 +17,7 @@ from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.conftest import own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_compare import CONTRACT, edit
-from tests.patience import GUARD, until
+from tests.patience import COMMAND_LINE, GUARD, until
 
 
 @pytest.fixture
@@ -224,7 +224,7 @@ def test_version_and_help(shellbench) -> None:
 
 
 def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
-    command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
+    command = [sys.executable, "-c", COMMAND_LINE, "run", str(own_case), "--store", str(store.folder)]
     command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
     environment = os.environ | {"PYTHONPATH": str(plugin)}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
