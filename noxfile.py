@@ -15,6 +15,24 @@ STUDIES = ("resolution", "thinness", "sampling", "training")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
 ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
+WITHOUT_AVX512 = {
+    "OPENBLAS_CORETYPE": "Haswell",
+    "MKL_CBWR": "AVX2",
+    "ATEN_CPU_CAPABILITY": "avx2",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+}
+OLD_PROCESSOR = {
+    "OPENBLAS_CORETYPE": "Prescott",
+    "MKL_CBWR": "COMPATIBLE",
+    "ATEN_CPU_CAPABILITY": "default",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+}
+CONDITIONS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    "one-thread": (("--threads", "1"), {}),
+    "four-threads": (("--threads", "4"), {}),
+    "without-avx512": ((), WITHOUT_AVX512),
+    "old-processor": ((), OLD_PROCESSOR),
+}
 REPORT = "reports/latest"
 PAPER = "reports/paper"
 
@@ -182,6 +200,25 @@ def bench(session: nox.Session) -> None:
     """Measure costs side by side in one run: ratios are what counts."""
     install(session, "test")
     session.run("pytest", "tests/benchmarks", "--benchmark-enable", "--benchmark-only", *session.posargs)
+
+
+@nox.session
+def repeatability(session: nox.Session) -> None:
+    """Measure how far gated values move between emulated processors and numbers of threads, and show the new baseline.
+
+    `-- SUITE` for another suite than the obstacle course; `-- --write` moves the baseline. One store a condition.
+    """
+    install(session)
+    arguments = list(session.posargs)
+    write = ("--write",) if "--write" in arguments else ()
+    suite = next((a for a in arguments if a != "--write"), "obstacle_course")
+    session.run("shellbench", "run", "--suite", suite)
+    like: list[str] = []
+    for name, (options, emulated) in CONDITIONS.items():
+        store = f"reports/repeatability/{name}"
+        session.run("shellbench", "run", "--suite", suite, "--store", store, *options, env=emulated)
+        like += ["--like", store]
+    session.run("shellbench", "baseline", "--suite", suite, *like, *write)
 
 
 @nox.session

@@ -22,6 +22,7 @@ from shellbench.conditions import (
     COMPONENTS,
     EdgeLoad,
     Formula,
+    GravityLoad,
     Load,
     MomentLoad,
     Name,
@@ -62,9 +63,12 @@ NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "abs
 
 
 class Picture(Model):
-    """How the report draws the deformed shell."""
+    """How the report draws the deformed shell.
 
-    scale: Finite = Field(1.0, description="factor of the displacement")
+    Without a `scale` the report chooses one by which the largest displacement can be seen.
+    """
+
+    scale: Finite | None = Field(None, description="factor of the displacement")
     direction: tuple[Finite, Finite, Finite] | None = Field(None, description="colour by this component")
     view: tuple[Finite, Finite] = Field((25.0, -60.0), description="elevation and azimuth of the camera, degrees")
     up: Literal["x", "y", "z"] = "z"
@@ -404,6 +408,16 @@ class Case(Model):
         return self
 
     @model_validator(mode="after")
+    def _gravity_has_a_mass_to_act_on(self) -> Self:
+        density = self.material.areal_density
+        if density <= 0 and any(isinstance(load, GravityLoad) for load in self.loads):
+            raise ValueError(
+                f"field 'material.areal_density': found {density:g}, but it must be given and positive where a load of"
+                " kind 'gravity' acts"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _is_held(self) -> Self:
         if self.dynamics is None:
             check_held(self)
@@ -436,7 +450,8 @@ def build_case(data: Mapping[str, Any], name: str, where: str) -> Case:
     """Make a case of parsed data; `where` stands at the start of error messages."""
     if "name" in data:
         raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+    whole = {**data, "name": name}
     try:
-        return Case.model_validate({**data, "name": name})
+        return Case.model_validate(whole)
     except ValidationError as error:
-        raise InputError(f"{where}: {one_sentence(error)}") from None
+        raise InputError(f"{where}: {one_sentence(error, whole)}") from None

@@ -299,10 +299,15 @@ def baseline_command(
         bool, typer.Option("--write", help="Move the baseline; without it, only show the changes.")
     ] = False,
     baseline: BaselineOption = DEFAULT_BASELINE,
+    like: Annotated[
+        list[Path] | None,
+        typer.Option("--like", metavar="DIR", help="Store of the same runs from another processor; may be repeated."),
+    ] = None,
 ) -> None:
     """Show how the records differ from the baseline, and with --write make them the new one.
 
     Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
+    What values differ by from those of --like widens what the regression gate allows.
     """
     from shellbench.bench import baseline as baselines
     from shellbench.bench import verdicts
@@ -311,7 +316,8 @@ def baseline_command(
 
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
-    new = move_baseline(where, old, scope)
+    _warn(where.read().damaged)
+    new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
     typer.echo(verdicts.changes(old, new))
     if write:
         baselines.write_baseline(new, baseline)
@@ -351,9 +357,9 @@ def report(
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
-        typer.echo(f"written to {write_paper(Store(store), rows, paper)}")
+        typer.echo(f"written to {write_paper(Store(store), rows, paper, say=_note)}")
         return
-    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print)}")
+    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print, say=_note)}")
 
 
 @app.command()
@@ -391,7 +397,8 @@ def export(
 
     exports.writer_of(out)
     where = Store(store)
-    sampled = exports.sample(where, exports.stored_run(where, case, solver, seed), resolution, at)
+    stored = exports.stored_run(where, case, solver, seed, _note)
+    sampled = exports.sample(where, stored, resolution, at)
     exports.export(sampled, out, scale)
     typer.echo(f"written to {out}")
 
@@ -440,9 +447,13 @@ def _say(sentence: str) -> None:
     typer.echo(f"shellbench: {sentence}", err=True)
 
 
+def _note(sentence: str) -> None:
+    _say(f"note: {sentence}")
+
+
 def _warn(sentences: tuple[str, ...]) -> None:
     for sentence in sentences:
-        _say(f"note: {sentence}")
+        _note(sentence)
 
 
 def main() -> None:

@@ -18,15 +18,14 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from pydantic import ValidationError
-
 from shellbench.bench.environment import THREADS
 from shellbench.bench.executor import Ended, Event, Progressed, Started
-from shellbench.bench.record import Environment, Record
+from shellbench.bench.record import Environment, read_document
 from shellbench.bench.remote import Order, run_order, unpack
 from shellbench.bench.scheduler import Scheduler, connected
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
+from shellbench.errors import InputError
 from shellbench.solution import Progress
 
 LOSSES = 3  # workers that a run may lose before it counts as failed
@@ -247,8 +246,8 @@ class _Sweep:
         if "refused" in answer:
             return Ended(sent.task, self.store.begin(sent.task.run_id), refused=answer["refused"])
         try:
-            record = Record.model_validate_json(answer["record"])
-        except ValidationError:
+            record = read_document(answer["record"].encode())
+        except InputError:
             return self._failed(sent, f"its worker {sent.worker} sent no whole record")
         if (record.run_id, record.identity) != (sent.task.run_id, sent.task.identity):
             return self._failed(sent, f"its worker {sent.worker} sent the record of another run")

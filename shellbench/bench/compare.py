@@ -224,4 +224,4 @@ def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
 
 def as_json(found: Iterable[Row]) -> str:
     """Return rows as a JSON list of objects, figures that are not finite as null."""
-    return json.dumps([row.model_dump(mode="json") for row in found], indent=1, allow_nan=False)
+    return json.dumps([json.loads(row.model_dump_json()) for row in found], indent=1, allow_nan=False)

@@ -81,7 +81,7 @@ class CurrentRuns:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One sentence for each damaged file, each reason why records do not count, and each absent solver."""
+        """One sentence for each damaged file, each reason why records do not count, and what to know of the others."""
         reasons = Counter(reason for _, reason in self.stale.values())
         counted = (f"{count} stored {_runs(count)} left out: {reason}" for reason, count in sorted(reasons.items()))
         absent = Counter(run.absent for run in self.runs if not run.installed)
@@ -89,7 +89,12 @@ class CurrentRuns:
             f"{name} is not installed: {count} stored {_runs(count)} shown as recorded, and no gate takes them"
             for name, count in sorted(absent.items())
         )
-        return (*self.damaged, *counted, *taken)
+        unsealed = sum(run.record.sequence is None for run in self.runs)
+        before = (
+            f"{unsealed} stored {_runs(unsealed)} unsealed: made before records had checksums, so nothing tells whether"
+            " they were edited"
+        )
+        return (*self.damaged, *counted, *taken, *((before,) if unsealed else ()))
 
     def find(
         self, case: str, solver: str, settings: Mapping[str, Any], seed: int, *, installed: bool = True
@@ -145,7 +150,7 @@ def current_runs(contents: Contents) -> CurrentRuns:
         else:
             overrides = difference(record.defaults, identity.settings)
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
-            if key not in runs or identity.device == "cpu":
+            if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = identity.solver in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
@@ -156,9 +161,7 @@ def _runs(count: int) -> str:
 
 
 def _todays_case(record: Record) -> Case:
-    if not record.own_case and record.case_name in catalog.case_names():
-        return catalog.named_case(record.case_name)
-    return Case.model_validate(record.case)
+    return Case.model_validate(record.case) if record.own_case else catalog.named_case(record.case_name)
 
 
 def _current_sources(solvers: Iterable[str]) -> dict[str, str]:

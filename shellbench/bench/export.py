@@ -7,6 +7,9 @@ too: a solver whose field jumps at the seam shows its jump.
 
 from __future__ import annotations
 
+import errno
+import io
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +22,7 @@ from shellbench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
 from shellbench.bench.marks import mark_words
 from shellbench.bench.registry import find_solver, load_solver
-from shellbench.bench.store import Store, said_plainly
+from shellbench.bench.store import Say, Store, said_plainly, silent
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.solution import FIELDS
 
@@ -89,25 +92,26 @@ class Sample:
         return np.asarray(self.position + scale * self.displacement)
 
 
-def write_npz(sample: Sample, path: Path, scale: float) -> None:
-    """Write all arrays as they are, seams with both sides; `scale` is not used."""
-    with path.open("wb") as file:
-        np.savez_compressed(file, position=sample.position, **sample.point_data)  # type: ignore[arg-type] # its own options
+def as_npz(sample: Sample, scale: float) -> bytes:
+    """Return all arrays as they are, seams with both sides; `scale` is not used."""
+    file = io.BytesIO()
+    np.savez_compressed(file, position=sample.position, **sample.point_data)  # type: ignore[arg-type] # its own options
+    return file.getvalue()
 
 
-def write_obj(sample: Sample, path: Path, scale: float) -> None:
-    """Write the deformed midsurface as quadrilaterals, with all digits: displacements can be tiny beside the shell."""
+def as_obj(sample: Sample, scale: float) -> bytes:
+    """Return the deformed midsurface as quadrilaterals, with all digits: displacements can be tiny beside the shell."""
     points = sample.vertices(sample.deformed(scale))
     vertices = (f"v {x:.17g} {y:.17g} {z:.17g}" for x, y, z in points)
     faces = (f"f {a} {b} {c} {d}" for a, b, c, d in quadrilaterals(len(sample.xi), sample.closed) + 1)  # from 1
-    path.write_text("\n".join([f"# {sample.title}", *vertices, *faces]) + "\n", encoding="utf-8")
+    return ("\n".join([f"# {sample.title}", *vertices, *faces]) + "\n").encode()
 
 
-def write_vtu(sample: Sample, path: Path, scale: float) -> None:
-    """Write the reference midsurface with displacement, strains and energy densities at its points.
+def as_vtu(sample: Sample, scale: float) -> bytes:
+    """Return the reference midsurface with displacement, strains and energy densities at its points.
 
     `scale` is not used: viewers warp by the displacement themselves. Components have the names of the theory, the
-    state of a motion its time.
+    state of a motion its time. VTK writes to memory: it does not say whether it could write a file.
 
     Raises
     ------
@@ -116,6 +120,7 @@ def write_vtu(sample: Sample, path: Path, scale: float) -> None:
     """
     try:
         import pyvista
+        from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
     except ImportError:
         raise InputError("writing .vtu needs pyvista: install it by `pip install 'shellbench[vtk]'`") from None
     corners = quadrilaterals(len(sample.xi), sample.closed)
@@ -131,10 +136,16 @@ def write_vtu(sample: Sample, path: Path, scale: float) -> None:
     mesh.field_data["title"] = [sample.title]
     if sample.at is not None:
         mesh.field_data["TimeValue"] = np.array([sample.at])  # the name that ParaView looks for
-    mesh.save(path)
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetInputData(mesh)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    if not writer.Write():
+        raise ShellbenchError(f"VTK could not write {sample.title}")
+    return str(writer.GetOutputString()).encode()
 
 
-WRITERS: dict[str, Callable[[Sample, Path, float], None]] = {".npz": write_npz, ".obj": write_obj, ".vtu": write_vtu}
+WRITERS: dict[str, Callable[[Sample, float], bytes]] = {".npz": as_npz, ".obj": as_obj, ".vtu": as_vtu}
 
 
 def quadrilaterals(n: int, closed: tuple[bool, bool] = (False, False)) -> NDArray[np.int64]:
@@ -149,8 +160,10 @@ def quadrilaterals(n: int, closed: tuple[bool, bool] = (False, False)) -> NDArra
     return np.stack(corners, axis=-1)
 
 
-def stored_run(store: Store, case_text: str, solver: str, seed: int | None) -> CurrentRun:
+def stored_run(store: Store, case_text: str, solver: str, seed: int | None, say: Say = silent) -> CurrentRun:
     """Return the newest good run of a case by a solver, with default settings if there is one.
+
+    `say` takes a sentence for each file that is damaged.
 
     Raises
     ------
@@ -159,22 +172,28 @@ def stored_run(store: Store, case_text: str, solver: str, seed: int | None) -> C
     """
     case = catalog.find_case(case_text)
     find_solver(solver)
+    current = current_runs(store.read())
+    for sentence in current.damaged:
+        say(sentence)
     found = [
         run
-        for run in current_runs(store.read()).runs
+        for run in current.runs
         if run.record.identity.case == case.digest()
         and run.record.identity.solver == solver
         and run.record.status == "ok"
         and store.file(run.record.solution_file)
         and (seed is None or run.record.identity.seed == seed)
     ]
-    if not found:
-        seeded = "" if seed is None else f" --seed {seed}"
-        raise InputError(
-            f"store {store.folder} has no current solution: make one by "
-            f"`shellbench run {case_text} --solver {solver}{seeded}`"
-        )
-    return max(found, key=lambda run: (not run.overrides, run.record.created))
+    for run in sorted(found, key=lambda run: (not run.overrides, run.record.order), reverse=True):
+        damage = store.check(run.record, run.record.solution_file)
+        if damage is None:
+            return run
+        say(damage)
+    seeded = "" if seed is None else f" --seed {seed}"
+    raise InputError(
+        f"store {store.folder} has no current solution: make one by "
+        f"`shellbench run {case_text} --solver {solver}{seeded}`"
+    )
 
 
 def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = None) -> Sample:
@@ -231,18 +250,26 @@ def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:
     ------
     InputError
         If the format is unknown, or needs a package that is not installed.
+    StoreError
+        If it can't be written, for the disk is full or the like.
     """
+    data = writer_of(path)(sampled, scale)
     temporary = path.with_name(f".partial-{path.name}")
     with said_plainly(path.parent, "folder"):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            writer_of(path)(sampled, temporary, scale)
+            with temporary.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())  # a disk may say only now that it is full
+            if temporary.stat().st_size != len(data):
+                raise OSError(errno.EIO, f"{temporary.stat().st_size} of {len(data)} bytes were kept")
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
 
 
-def writer_of(path: Path) -> Callable[[Sample, Path, float], None]:
+def writer_of(path: Path) -> Callable[[Sample, float], bytes]:
     """Return what writes a file of this suffix; InputError, naming the known ones, if nothing does."""
     if path.suffix not in WRITERS:
         raise InputError(f"--out {path}: can't write '{path.suffix}'; formats are {', '.join(WRITERS)}")

@@ -127,8 +127,10 @@ def missing_rows(store: Store, rows: Sequence[Row]) -> list[Row]:
     return [row for expected in wanted for row in expected.rows()]
 
 
-def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:
+def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequence[Store] = ()) -> Baseline:
     """Return a baseline of the runs of a scope; what the old one knows of others stays.
+
+    `like` are stores of the same runs from other processors and numbers of threads.
 
     Raises
     ------
@@ -144,9 +146,11 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:
             f"the baseline is not moved, for {len(red)} of {len(rows)} gated rows are red: "
             f"first {first.case}, {first.solver}, {first.quantity} ({red[0].sentence})"
         )
+    elsewhere = [row for other in like for e in _expected(scope, current_runs(other.read())) for row in e.rows()]
     gated = {row.run_id for row in rows}
     records = [e.run.record for e in runs if e.run and e.run.record.run_id in gated]
-    return make_baseline([row for row in rows if row.status == "ok"], [r for r in records if r.status == "ok"], old)
+    good = [row for row in rows if row.status == "ok"]
+    return make_baseline(good, [r for r in records if r.status == "ok"], old, elsewhere)
 
 
 @dataclass(frozen=True)

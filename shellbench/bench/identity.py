@@ -36,18 +36,27 @@ def current_source(entry: SolverEntry) -> str:
 
 
 def make_identity(case: Case, entry: SolverEntry, settings: Settings) -> Identity:
-    """Return the identity of a run."""
+    """Return the identity of a run.
+
+    Raises
+    ------
+    InputError
+        If a setting is a figure that no record can keep.
+    """
     dtype = str(getattr(settings, "dtype", GATED_DTYPE)).removeprefix("torch.")
     seed, device = (settings.seed, settings.device) if isinstance(settings, SeededSettings) else (None, "cpu")
-    return Identity(
-        case=case.digest(),
-        solver=entry.name,
-        source=current_source(entry),
-        settings=dump_settings(settings),
-        seed=seed,
-        device=device,
-        dtype=dtype,
-    )
+    try:
+        return Identity(
+            case=case.digest(),
+            solver=entry.name,
+            source=current_source(entry),
+            settings=dump_settings(settings),
+            seed=seed,
+            device=device,
+            dtype=dtype,
+        )
+    except ValidationError as error:  # such as a setting that is not finite, which no record can keep
+        raise InputError(f"settings of solver '{entry.name}': {one_sentence(error)}") from None
 
 
 def run_key(case_name: str, own_case: bool, identity: Identity) -> str:

@@ -12,14 +12,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from shellbench.bench.executor import Ended, Event, Progressed, Started
 from shellbench.bench.process import ServerProcess
-from shellbench.bench.record import Record
+from shellbench.bench.record import Record, read_document
 from shellbench.bench.store import Store, StoreError
 from shellbench.bench.task import Task
 from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
+from shellbench.errors import InputError
 from shellbench.solution import Progress
 
 LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
@@ -210,8 +209,8 @@ class _Runs:
 
 def _left_record(folder: Path) -> Record | None:
     try:
-        return Record.model_validate_json((folder / RECORD).read_bytes())
-    except (OSError, ValidationError):
+        return read_document((folder / RECORD).read_bytes())
+    except (OSError, InputError):
         return None
 
 

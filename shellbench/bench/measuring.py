@@ -7,7 +7,6 @@ reach, costs nothing of the rest.
 from __future__ import annotations
 
 import errno
-import math
 import traceback
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -15,15 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
 from shellbench.bench.frame_rates import frame_rate_study
 from shellbench.bench.precision import precision_study
-from shellbench.bench.record import HistoryStep, Measured
+from shellbench.bench.record import MOST, HistoryStep, Measured, finite
 from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
 from shellbench.bench.series import series_of
 from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.measure import measure
+from shellbench.model import one_sentence
 from shellbench.solution import Solution
 
 FIELDS = "fields.npz"
@@ -44,7 +45,7 @@ def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, An
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     why = without_values(lost) if lost else None
-    for part in (cost, course, states, along, samples):
+    for part in (cost, course, states, along, samples, resolutions):
         try:
             result |= part(solution, case, folder)
         except Exception as error:
@@ -68,14 +69,14 @@ def values_of(solution: Solution, case: Case) -> tuple[dict[str, Measured], dict
     for quantity in case.quantities:
         name = quantity.name
         try:
-            value = measure(solution, quantity)
+            value = finite(measure(solution, quantity))
         except Exception as error:
             pass_on_full_disk(error)
             lost[name] = said(error)
             if not isinstance(error, UNREACHED):
                 traceback.print_exc()
             continue
-        if not math.isfinite(value):
+        if value is None:
             lost[name] = ""
             continue
         values[name] = Measured(
@@ -121,11 +122,14 @@ def samples(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
     if not write_fields(solution, case, folder / FIELDS):
         return {}
     saved = solution.save(folder / SOLUTION)
-    return {
-        "resolution": resolution_study(solution, case),
-        "fields_file": FIELDS,
-        "solution_file": saved.name,
-    }
+    return {"fields_file": FIELDS, "solution_file": saved.name}
+
+
+def resolutions(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+    """Return what grids show of the field; nothing if it has no state yet."""
+    if not (folder / FIELDS).is_file():
+        return {}
+    return {"resolution": resolution_study(solution, case)}
 
 
 def frame_rates(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
@@ -142,7 +146,7 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
     """Return the history as a record keeps it; a step whose energy is not finite ends it."""
     kept: list[HistoryStep] = []
     for step in solution.history:
-        if not math.isfinite(step.energy):
+        if finite(step.energy) is None:
             break
         kept.append(
             HistoryStep(
@@ -152,7 +156,7 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
                 unknowns=int(step.unknowns),
                 at=float(step.at),
                 gap=finite(step.gap),
-                quantities={k: float(v) for k, v in step.quantities.items() if math.isfinite(v)},
+                quantities={k: float(v) for k, v in step.quantities.items() if finite(v) is not None},
                 phase=step.phase,
                 iterations=None if step.iterations is None else int(step.iterations),
             )
@@ -161,7 +165,7 @@ def history_of(solution: Solution) -> tuple[HistoryStep, ...]:
 
 
 def json_only(data: Any) -> Any:
-    """Return diagnostics as JSON data: arrays as lists, figures that are not finite as None."""
+    """Return diagnostics as JSON data: arrays as lists, what is no figure that a record keeps as None."""
     match data:
         case Mapping():
             return {str(key): json_only(value) for key, value in data.items()}
@@ -171,20 +175,17 @@ def json_only(data: Any) -> Any:
             return json_only(data.tolist())
         case float():
             return finite(data)
-        case None | bool() | int() | str():
+        case int():
+            return data if abs(data) <= MOST else finite(data)
+        case None | str():
             return data
         case _:
             return str(data)
 
 
-def finite(value: Any) -> float | None:
-    """Return a figure; None if there is none or it is not finite."""
-    return float(value) if value is not None and math.isfinite(value) else None
-
-
 def said(error: Exception) -> str:
     """Return what an error says, in one line; those that are not meant for a reader with their kind."""
-    words = " ".join(str(error).split())
+    words = one_sentence(error) if isinstance(error, ValidationError) else " ".join(str(error).split())
     if words and isinstance(error, UNREACHED):
         return words
     return f"{type(error).__name__}: {words}" if words else type(error).__name__

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.bench.probes import probes_of, state_at
-from shellbench.bench.record import PrecisionStep
+from shellbench.bench.record import PrecisionStep, finite
 from shellbench.bench.series import frames
 from shellbench.case import Case
 from shellbench.errors import InputError
@@ -52,17 +52,15 @@ def precision_study(solution: Solution, case: Case, values: Mapping[str, float])
             return ()
         short, storage_bytes = answer
         found = [state_at(short, points, mark) for mark in exact]
-        step = PrecisionStep(format=number_format, storage_bytes=int(storage_bytes))
+        compared: dict[str, Any] = {}
         if all(field is not None for field in found):
             gaps = np.linalg.norm(np.array(found) - np.array(list(exact.values())), axis=-1)
-            step = step.model_copy(
-                update={
-                    "largest_difference": float(np.max(gaps)),
-                    "rms_difference": float(np.sqrt(np.mean(gaps**2))),
-                    "quantities": quantities_of(short, case, values if short is solution else {}),
-                }
-            )
-        steps.append(step)
+            compared = {
+                "largest_difference": float(np.max(gaps)),
+                "rms_difference": float(np.sqrt(np.mean(gaps**2))),
+                "quantities": quantities_of(short, case, values if short is solution else {}),
+            }
+        steps.append(PrecisionStep(format=number_format, storage_bytes=int(storage_bytes), **compared))
     return tuple(steps)
 
 
@@ -82,6 +80,6 @@ def quantities_of(solution: Solution, case: Case, known: Mapping[str, float]) ->
         if isinstance(quantity, MEASURED):
             with contextlib.suppress(*UNREACHED):
                 value = known[quantity.name] if quantity.name in known else measure(solution, quantity)
-                if math.isfinite(value):
+                if finite(value) is not None:
                     found[quantity.name] = value
     return found

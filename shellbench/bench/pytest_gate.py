@@ -7,7 +7,6 @@ the table and the verdict on the whole are made in the process that the user sta
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
-from datetime import UTC, datetime
 from typing import Any
 
 import pytest
@@ -18,6 +17,7 @@ from shellbench.bench.pytest_options import GateOptions
 from shellbench.bench.pytest_solving import Answers
 from shellbench.bench.pytest_summary import table
 from shellbench.bench.store import Store
+from shellbench.errors import InputError
 
 ROOT = "shellbench"  # first part of the names of all items
 PROPERTY = "shellbench"  # of a report
@@ -73,9 +73,13 @@ class Gate:
     def __init__(self, config: pytest.Config, options: GateOptions) -> None:
         self.config = config
         self.options = options
-        started = getattr(config, "workerinput", {}).get(BEGAN)  # by pytest-xdist, when the session began
-        self.began = str(started or datetime.now(UTC).isoformat(timespec="milliseconds"))
-        self.answers = Answers(Store(options.store), self.began, options.settings, options.timeout)
+        store = Store(options.store)
+        known = getattr(config, "workerinput", {}).get(BEGAN)  # by pytest-xdist, when the session began
+        try:
+            self.began: int = store.last_number() if known is None else known
+        except InputError as error:
+            raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
+        self.answers = Answers(store, self.began, options.settings, options.timeout)
         self.found: list[Judgement] = []
 
     def pytest_report_header(self) -> str:

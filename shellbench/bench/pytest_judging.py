@@ -96,7 +96,7 @@ class Question:
         row = row_of(CurrentRun(record, case, {}), quantity)
         tolerance = tolerances.of(case, quantity, solver)
         colour, sentence = self._verdict(row, judge, tolerance)
-        return self._of(row, colour, sentence, tolerance, kept=record.created < answers.began)
+        return self._of(row, colour, sentence, tolerance, kept=not answers.is_new(record))
 
     def _verdict(self, row: Row, judge: KnownValue, tolerance: float | None) -> tuple[Colour, str]:
         """Return what a row of a run comes to, and why."""

@@ -61,14 +61,18 @@ class Answers:
     store
         Finished runs of this and of earlier sessions: those of the same identity are not made again.
     began
-        When the session did, as records say it; a run that has failed since is not tried again.
+        The largest sequence number of a record when the session began; a run that has failed since is not tried again.
     """
 
     store: Store
-    began: str
+    began: int
     settings: Mapping[str, Mapping[str, Any]]
     timeout: float | None
     known: dict[tuple[str, str, tuple[int, ...]], Answer] = field(default_factory=dict)
+
+    def is_new(self, record: Record) -> bool:
+        """Whether a record was made by this session, or beside it."""
+        return (record.sequence or 0) > self.began
 
     def of(self, case: str, solver: str, seeds: Sequence[int]) -> Answer:
         """Return the answer of a solver to a case, solving it if need be."""
@@ -99,7 +103,7 @@ class Answers:
         waiting: list[Task] = []
         for task in plan.tasks:
             failed = past.get(run_key(task.case_name, task.own_case, task.identity))
-            if failed is not None and failed.created >= self.began:
+            if failed is not None and self.is_new(failed):
                 kept.append(failed)
             else:
                 waiting.append(task)

@@ -1,16 +1,70 @@
-"""Records: one immutable JSON file for one run, with its fields beside it."""
+"""Records: one immutable JSON file for one run, with its arrays beside it.
+
+A record in a store carries a sequence number and a seal, the SHA-256 of its content. Whatever was changed since is
+seen on reading. Records from before have neither: nothing tells whether they are as they were written.
+"""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from shellbench.model import Model
+from shellbench.errors import InputError
+from shellbench.model import Model, one_sentence
 from shellbench.solution import Phase
 
 SCHEMA = 1
+SEAL = "seal"  # the key in the document of a record; no field of the record itself
+LARGEST = 1e100  # of a figure: none in SI units is larger, and its square is still a double
+MOST = 2**63 - 1  # of a count: what fits 64 bits
+LONGEST_RUN = 1e10  # seconds: three centuries
+LONGEST_REASON = 4000  # characters
+LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it
 Status = Literal["ok", "failed", "timeout"]
+
+
+def finite(value: Any) -> float | None:
+    """Return a figure; None if there is none, or it is not finite or larger than any that a record keeps."""
+    return float(value) if value is not None and abs(value) <= LARGEST else None
+
+
+def _is_time(text: str) -> str:
+    try:
+        datetime.fromisoformat(text).astimezone(UTC)
+    except (ValueError, OverflowError, OSError):
+        raise ValueError(f"found {text[:60]!r}, which is no time in ISO 8601") from None
+    return text
+
+
+def _has_figures(data: Any) -> Any:
+    for path, value in leaves(data):
+        if isinstance(value, int | float) and not abs(value) <= LARGEST:
+            raise ValueError(f"found {str(value)[:60]} at '{path}', but figures are finite and at most {LARGEST:g}")
+    return data
+
+
+def leaves(data: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield all values of JSON data that are neither objects nor lists, with where they are."""
+    if isinstance(data, Mapping | list | tuple):
+        for key, value in data.items() if isinstance(data, Mapping) else enumerate(data):
+            yield from leaves(value, f"{path}.{key}" if path else str(key))
+    else:
+        yield path, data
+
+
+Figure = Annotated[float, Field(ge=-LARGEST, le=LARGEST, allow_inf_nan=False)]
+Amount = Annotated[float, Field(ge=0, le=LARGEST, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, le=LONGEST_RUN, allow_inf_nan=False)]
+Count = Annotated[int, Field(ge=0, le=MOST)]
+Time = Annotated[str, AfterValidator(_is_time)]
+Plain = Annotated[dict[str, Any], AfterValidator(_has_figures)]
+FileName = Annotated[str, Field(pattern=r"^[^/\\]{1,255}$")]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 
 
 class Identity(Model):
@@ -32,7 +86,7 @@ class Identity(Model):
     case: str
     solver: str
     source: str
-    settings: dict[str, Any]
+    settings: Plain
     seed: int | None
     device: str
     dtype: str
@@ -41,23 +95,23 @@ class Identity(Model):
 class Measured(Model):
     """One quantity as measured: SI units, or the case's own."""
 
-    value: float
-    uncertainty: float | None = None
-    extrapolated: float | None = None
+    value: Figure
+    uncertainty: Figure | None = None
+    extrapolated: Figure | None = None
 
 
 class HistoryStep(Model):
     """One entry of the solve's history (see `shellbench.solution.Step`)."""
 
-    iteration: int
-    seconds: float
-    energy: float
-    unknowns: int
-    at: float = 1.0
-    gap: float | None = None
-    quantities: dict[str, float] = Field(default_factory=dict)
+    iteration: Count
+    seconds: Seconds
+    energy: Figure
+    unknowns: Count
+    at: Figure = 1.0
+    gap: Figure | None = None
+    quantities: dict[str, Figure] = Field(default_factory=dict)
     phase: Phase = "solve"
-    iterations: int | None = None
+    iterations: Count | None = None
 
 
 class StateEnergies(Model):
@@ -69,9 +123,9 @@ class StateEnergies(Model):
         The state's mark (see `shellbench.path.Path`).
     """
 
-    at: float
-    membrane: float
-    bending: float
+    at: Figure
+    membrane: Figure
+    bending: Figure
 
 
 class Series(Model):
@@ -91,8 +145,14 @@ class Series(Model):
     quantities: tuple[str, ...] = ()
     unit: str
     description: str = ""
-    marks: tuple[float, ...]
-    values: tuple[float, ...]
+    marks: tuple[Figure, ...]
+    values: tuple[Figure, ...]
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if len(self.marks) != len(self.values):
+            raise ValueError(f"found {len(self.marks)} marks and {len(self.values)} values, but each mark has one")
+        return self
 
 
 class ResolutionStep(Model):
@@ -111,11 +171,11 @@ class ResolutionStep(Model):
         Largest magnitude on the grid's points, m.
     """
 
-    points: int
-    probe_difference: float
-    interpolation_difference: float
-    interpolation_rms: float | None = None
-    largest_displacement: float
+    points: Count
+    probe_difference: Amount
+    interpolation_difference: Amount
+    interpolation_rms: Amount | None = None
+    largest_displacement: Amount
 
 
 class FrameRateStep(Model):
@@ -132,12 +192,12 @@ class FrameRateStep(Model):
         Largest magnitude at the probes, m.
     """
 
-    frames: int
-    frames_per_second: float
-    probe_difference: float
-    interpolation_difference: float
-    interpolation_rms: float
-    largest_displacement: float
+    frames: Count
+    frames_per_second: Amount
+    probe_difference: Amount
+    interpolation_difference: Amount
+    interpolation_rms: Amount
+    largest_displacement: Amount
 
 
 class PrecisionStep(Model):
@@ -156,10 +216,10 @@ class PrecisionStep(Model):
     """
 
     format: Literal["float64", "float32", "float16"]
-    storage_bytes: int
-    largest_difference: float | None = None
-    rms_difference: float | None = None
-    quantities: dict[str, float] = Field(default_factory=dict)
+    storage_bytes: Count
+    largest_difference: Amount | None = None
+    rms_difference: Amount | None = None
+    quantities: dict[str, Figure] = Field(default_factory=dict)
 
 
 class Environment(Model):
@@ -169,8 +229,8 @@ class Environment(Model):
     versions: dict[str, str]
     platform: str
     processor: str
-    cores: int
-    threads: int
+    cores: Count
+    threads: Count
     gpu: str | None = None
     git_sha: str | None = None
     git_dirty: bool | None = None
@@ -183,6 +243,10 @@ class Record(Model):
     ----------
     run_id
         Name of the record's files in the store.
+    created
+        When the run was planned, by the clock of its machine; what is newest is said by `sequence`.
+    sequence
+        From 1, one more than the largest in its store when it was kept; None for records from before.
     case
         The whole case as it was read, prose and tolerances included, so that a report needs nothing else.
     own_case
@@ -210,26 +274,29 @@ class Record(Model):
         linear), `probe_displacements` (j, m, 3) in double precision, metres.
     solution_file
         The solution as its solver keeps it, beside the record.
+    checksums
+        SHA-256 of these two files by name; none for records from before.
     """
 
     schema_version: Literal[1] = 1
     run_id: str
-    created: str
+    created: Time
+    sequence: Annotated[int, Field(ge=1, le=MOST)] | None = None
     identity: Identity
     case_name: str
-    case: dict[str, Any]
+    case: Plain
     own_case: bool = False
-    defaults: dict[str, Any] = Field(default_factory=dict)
+    defaults: Plain = Field(default_factory=dict)
     solver_label: str
     status: Status
-    reason: str | None = None
-    seconds: float
-    peak_memory_bytes: int | None = None
-    idle_memory_bytes: int | None = None
-    parameters: int | None = None
-    storage_bytes: int | None = None
+    reason: Annotated[str, Field(max_length=LONGEST_REASON)] | None = None
+    seconds: Seconds
+    peak_memory_bytes: Count | None = None
+    idle_memory_bytes: Count | None = None
+    parameters: Count | None = None
+    storage_bytes: Count | None = None
     values: dict[str, Measured] = Field(default_factory=dict)
-    diagnostics: dict[str, Any] = Field(default_factory=dict)
+    diagnostics: Plain = Field(default_factory=dict)
     history: tuple[HistoryStep, ...] = ()
     resolution: tuple[ResolutionStep, ...] = ()
     frame_rates: tuple[FrameRateStep, ...] = ()
@@ -237,5 +304,74 @@ class Record(Model):
     energies: tuple[StateEnergies, ...] = ()
     series: tuple[Series, ...] = ()
     environment: Environment
-    fields_file: str | None = None
-    solution_file: str | None = None
+    fields_file: FileName | None = None
+    solution_file: FileName | None = None
+    checksums: dict[str, Digest] = Field(default_factory=dict)
+
+    @property
+    def order(self) -> tuple[int, float, str]:
+        """What records are ordered by, oldest first: the clock tells only those from before from each other."""
+        return self.sequence or 0, datetime.fromisoformat(self.created).timestamp(), self.run_id
+
+
+def document(record: Record) -> bytes:
+    """Return the JSON of a record, sealed if it has its number in a store."""
+    data = json.loads(record.model_dump_json())
+    if record.sequence is not None:
+        data[SEAL] = _seal(data)
+    return (json.dumps(data, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def read_document(text: bytes) -> Record:
+    """Read what `document` wrote.
+
+    Raises
+    ------
+    InputError
+        If it is no whole record, or was changed since it was sealed; as a clause without the name of the file.
+    """
+    if len(text) > LARGEST_RECORD:
+        raise InputError(too_large(len(text)))
+    try:
+        data = json.loads(text)
+        seal = data.pop(SEAL, None) if isinstance(data, dict) else None
+        record = Record.model_validate_json(json.dumps(data), strict=True)
+        intact = seal == (None if record.sequence is None else _seal(data))
+    except ValidationError as error:
+        raise InputError(f"it is no whole record ({one_sentence(error)})") from None
+    except RecursionError:
+        raise InputError("it is no whole record (it is nested too deeply)") from None
+    except ValueError as error:
+        raise InputError(f"it is no whole record ({' '.join(str(error).split())})") from None
+    if not intact:
+        raise InputError("it is damaged: its content is not that of which its checksum was taken")
+    return record
+
+
+def too_large(size: int) -> str:
+    """Say that a file of so many bytes is no record, as a clause."""
+    return f"it has {size} bytes, and a record has at most {LARGEST_RECORD}"
+
+
+def _seal(data: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of JSON data, whatever its layout and the order of its keys."""
+    plain = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(plain.encode()).hexdigest()
+
+
+def readable(record: Record) -> Record:
+    """Return the record; if it could not be read back, what is known of the run without its results."""
+    try:
+        read_document(document(record))
+    except (InputError, ValueError, RecursionError) as error:
+        bare = {name: getattr(record, name) for name, field in Record.model_fields.items() if field.is_required()}
+        why = record.reason or f"what the solver left can't be recorded: {' '.join(str(error).split())}"
+        kept = {"sequence": record.sequence, "own_case": record.own_case, "defaults": record.defaults}
+        return Record(**bare | kept | {"status": "failed", "reason": shortened(why)})
+    return record
+
+
+def shortened(reason: str) -> str:
+    """Return a reason as a record can keep it: so long at most, and without halves of characters."""
+    whole = reason.encode(errors="replace").decode()
+    return whole if len(whole) <= LONGEST_REASON else whole[: LONGEST_REASON - 3] + "..."

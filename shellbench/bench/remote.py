@@ -22,6 +22,7 @@ from shellbench.bench.executor import Ended, Progressed, Started
 from shellbench.bench.identity import current_source
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.process import ServerProcess
+from shellbench.bench.record import document
 from shellbench.bench.registry import find_solver
 from shellbench.bench.store import LOG, Store
 from shellbench.bench.task import Task
@@ -93,7 +94,7 @@ def run_order(text: str) -> dict[str, Any]:
             return packed(run_one(task, processes, Store(Path(folder)), tell))
         except ShellbenchError as error:
             record = task.record(status="failed", reason=f"on its worker: {error}", seconds=0.0)
-            return {"record": record.model_dump_json(), "files": {}}
+            return {"record": document(record).decode(), "files": {}}
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,7 @@ def packed(ended: Ended) -> dict[str, Any]:
         return {"refused": ended.refused}
     names = {LOG, *(name for name in (record.fields_file, record.solution_file) if name)}
     files = {name: (ended.folder / name).read_bytes() for name in names if (ended.folder / name).is_file()}
-    return {"record": record.model_dump_json(), "files": files}
+    return {"record": document(record).decode(), "files": files}
 
 
 def unpack(files: Mapping[str, bytes], folder: Path) -> None:

@@ -83,17 +83,27 @@ def energies_of_states(solution: Solution, case: Case) -> tuple[StateEnergies, .
 
 
 def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ...]:
-    """Look at one solution through grids from coarse to fine."""
+    """Look at one solution through grids from coarse to fine.
+
+    Raises
+    ------
+    ValueError
+        If the field is not finite at all of their points and the probes.
+    """
     domain = case.surface.domain
     probes = np.asarray(domain.lower) + np.asarray(PROBES) * np.asarray(domain.size)
     named = [place.xi for place in case.places.values() if isinstance(place, Point)]
     probes = np.concatenate([probes, np.array(named).reshape(-1, 2)])
     alone = np.stack([solution.displacement(probe[None])[0] for probe in probes])
+    if not np.all(np.isfinite(alone)):
+        raise ValueError(f"its displacement is not finite at the point {_first_lost(probes, alone)}")
     samples: dict[int, Array] = {}
     asked: dict[int, float] = {}
     for n in RESOLUTIONS:
         points = np.concatenate([domain.grid(n, n).reshape(-1, 2), probes])
         displacement = solution.displacement(points)
+        if not np.all(np.isfinite(displacement)):
+            raise ValueError(f"its displacement is not finite at the point {_first_lost(points, displacement)}")
         samples[n] = displacement[: n * n].reshape(n, n, 3)
         asked[n] = _largest(displacement[n * n :] - alone)
     finest = max(RESOLUTIONS)
@@ -110,6 +120,12 @@ def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ..
             )
         )
     return tuple(steps)
+
+
+def _first_lost(points: Array, displacement: Array) -> str:
+    """Return the coordinates of the first point (m, 2) whose displacement (m, 3) is not finite."""
+    lost = points[np.argmin(np.all(np.isfinite(displacement), axis=-1))]
+    return f"({lost[0]:g}, {lost[1]:g})"
 
 
 def bilinear(samples: Array, domain: Domain, points: Array) -> Array:

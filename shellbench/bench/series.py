@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.record import Series
+from shellbench.bench.record import Series, finite
 from shellbench.bench.snapshot import snapshot_of
 from shellbench.bench.task import case_data
 from shellbench.case import Case
@@ -143,8 +143,8 @@ def series_of(solution: Solution, case: Case) -> tuple[Series, ...]:
             if value is None:
                 with contextlib.suppress(*REFUSED):
                     value = measure(snapshot, one.quantity.model_copy(update={"at": mark}))
-            if value is not None and math.isfinite(value):
-                points[one.name][mark] = float(value)
+            if (figure := finite(value)) is not None:
+                points[one.name][mark] = figure
     return tuple(
         Series(
             name=one.name,

@@ -1,28 +1,28 @@
 """The store: a folder of records, written so that a kill at any moment leaves none or a whole one.
 
 A run works in a hidden folder ``.RUN_ID.partial`` inside the store. Committing it moves its files beside the
-records and the record's own JSON last, each by a rename: a record that can be read is whole. Whoever works in
-the store holds a shared lock on it; what dead runs left behind is cleaned by the next one that finds nobody
-else at work.
+records and the record's own JSON last, each by a rename: a record that can be read is whole. It gets the next
+sequence number, by which the newest record is found whatever the clocks say. Whoever works in the store holds a
+shared lock on it; what dead runs left behind is cleaned by the next one that finds nobody else at work.
 """
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import os
 import re
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass
+import stat
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from pydantic import ValidationError
-
+from shellbench import catalog
 from shellbench.bench.identity import run_key
-from shellbench.bench.record import Record
+from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable, too_large
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.model import one_sentence
 
 try:
     import fcntl
@@ -31,9 +31,18 @@ except ImportError:  # pragma: no cover - no such locks outside POSIX; then noth
 
 RECORD = "record.json"
 LOG = "log.txt"
+LOCK = ".lock"
+NUMBERING = ".sequence"  # locked while a record gets its number
 RUN_ID = r"[A-Za-z0-9_-]+-\d{8}T\d{6}-[0-9a-f]{8}"
 LEFT_BEHIND = re.compile(rf"({RUN_ID})\.(?!json$)[A-Za-z0-9.]+")
 PARTIAL = re.compile(rf"\.({RUN_ID})\.partial")
+
+
+Say = Callable[[str], None]  # takes one sentence
+
+
+def silent(sentence: str) -> None:
+    """Say nothing."""
 
 
 class StoreError(ShellbenchError):
@@ -49,7 +58,7 @@ class Contents:
     records
         All whole records, oldest first.
     damaged
-        One sentence for each file that is none.
+        One sentence for each file that is none, or whose content does not match its checksum.
     """
 
     records: tuple[Record, ...]
@@ -71,6 +80,7 @@ class Store:
     """A folder of records."""
 
     folder: Path
+    _numbers: dict[str, int] = field(default_factory=dict, init=False, repr=False, compare=False)  # of files read
 
     def read(self) -> Contents:
         """Read all records; damaged ones are left out, each with a sentence.
@@ -78,25 +88,79 @@ class Store:
         Raises
         ------
         InputError
-            If there is something that is not a folder.
+            If there is something that is not a folder, or it can't be looked into.
         """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(f"store {self.folder}: is not a folder")
         records: list[Record] = []
         damaged: list[str] = []
-        for path in sorted(self.folder.glob("*.json")):
-            if "." in path.stem:  # what lies beside a record, such as a solution that its solver keeps as JSON
-                continue
+        cases = catalog.case_names()
+        for name in self._names():
             try:
-                record = Record.model_validate_json(path.read_bytes())
-            except ValidationError as error:
-                damaged.append(f"{path}: is left out, for it is no whole record ({one_sentence(error)})")
-                continue
-            except OSError as error:
-                damaged.append(f"{path}: is left out, for it can't be read ({error.strerror})")
-                continue
-            records.append(record)
-        return Contents(tuple(sorted(records, key=lambda r: (r.created, r.run_id))), tuple(damaged))
+                records.append(_of_a_case(self._read(name), cases))
+            except InputError as error:
+                damaged.append(f"{self.folder / name}: is left out, for {error}")
+        return Contents(tuple(sorted(records, key=lambda record: record.order)), tuple(damaged))
+
+    def _names(self) -> list[str]:
+        """Return the names of the files that should be records; a second dot is in those that lie beside one."""
+        try:
+            names = [path.name for path in self.folder.iterdir()]
+        except FileNotFoundError:
+            return []
+        except NotADirectoryError:
+            if not self.folder.exists():  # something above it is a file
+                return []
+            raise InputError(f"store {self.folder}: is not a folder") from None
+        except OSError as error:
+            raise InputError(f"store {self.folder}: can't be read ({error.strerror})") from None
+        return sorted(name for name in names if name.endswith(".json") and name.count(".") == 1)
+
+    def _read(self, name: str) -> Record:
+        """Read one record; InputError, as a clause, if it is none or damaged."""
+        path = self.folder / name
+        try:
+            about = path.stat()
+            if not stat.S_ISREG(about.st_mode):
+                raise InputError("it is no regular file")
+            if about.st_size > LARGEST_RECORD:
+                raise InputError(too_large(about.st_size))
+            record = read_document(path.read_bytes())
+        except OSError as error:
+            raise InputError(f"it can't be read ({error.strerror})") from None
+        self._numbers[name] = record.sequence or 0
+        return record
+
+    def last_number(self) -> int:
+        """Return the largest sequence number of the records; 0 if none has one."""
+        for name in self._names():
+            if name not in self._numbers:  # records do not change
+                with contextlib.suppress(InputError):
+                    self._read(name)
+        return max(self._numbers.values(), default=0)
+
+    def check(self, record: Record, name: str | None) -> str | None:
+        """Return why a file beside a record can't be trusted, in one sentence; None if it can, or there is none."""
+        path = self.folder / name if name else None
+        if path is None or name is None or not path.exists():
+            return None
+        if not path.is_file():
+            return f"{path}: is left out, for it is no regular file"
+        try:
+            whole = name not in record.checksums or _digest(path) == record.checksums[name]
+        except OSError as error:
+            return f"{path}: is left out, for it can't be read ({error.strerror})"
+        return None if whole else f"{path}: is left out, for it is damaged: its content does not match its checksum"
+
+    def records_of(self, run_ids: Collection[str | None], say: Say) -> dict[str, Record]:
+        """Return the records of runs by name, to open their fields: a file that is damaged is said and withdrawn."""
+        found: dict[str, Record] = {}
+        for record in self.read().records:
+            if record.run_id in run_ids:
+                damage = self.check(record, record.fields_file)
+                if damage is not None:
+                    say(damage)
+                    record = record.model_copy(update={"fields_file": None})
+                found[record.run_id] = record
+        return found
 
     def file(self, name: str | None) -> Path | None:
         """Return the path of a file beside a record; None if it has none or the file is gone."""
@@ -122,7 +186,7 @@ class Store:
         Returns
         -------
         Record
-            With the names under which its files were kept.
+            With its number, and the names and checksums of its files. What could not be read back is left out of it.
 
         Raises
         ------
@@ -132,18 +196,23 @@ class Store:
         moved: list[Path] = []
         try:
             with said_plainly(self.folder):
-                names: dict[str, str | None] = {}
-                for field, old in (("fields_file", record.fields_file), ("solution_file", record.solution_file)):
-                    names[field] = self._move(partial, old, record.run_id, moved)
+                fields_file = self._move(partial, record.fields_file, record.run_id, moved)
+                solution_file = self._move(partial, record.solution_file, record.run_id, moved)
                 self._move(partial, LOG, record.run_id, moved)
-                whole = record.model_copy(update=names)
-                document = partial / RECORD
-                document.write_text(whole.model_dump_json(indent=1) + "\n", encoding="utf-8")
-                _flush(document)
-                target = self.folder / f"{record.run_id}.json"
-                moved.append(target)
-                document.replace(target)
-                _flush(self.folder)
+                kept = {
+                    "fields_file": fields_file,
+                    "solution_file": solution_file,
+                    "checksums": {name: _digest(self.folder / name) for name in (fields_file, solution_file) if name},
+                }
+                with self._numbering() as number:
+                    whole = readable(record.model_copy(update={**kept, "sequence": number}))
+                    written = partial / RECORD
+                    written.write_bytes(document(whole))
+                    _flush(written)
+                    target = self.folder / f"{record.run_id}.json"
+                    moved.append(target)
+                    written.replace(target)
+                    _flush(self.folder)
         except BaseException:
             for path in reversed(moved):  # the record first: none is better than half of one
                 path.unlink(missing_ok=True)
@@ -151,6 +220,18 @@ class Store:
         finally:
             self.discard(partial)
         return whole
+
+    @contextlib.contextmanager
+    def _numbering(self) -> Iterator[int]:
+        """Give the next sequence number, and let nobody else take one until its record is in the store."""
+        handle = os.open(self.folder / NUMBERING, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            if fcntl is not None:
+                with contextlib.suppress(OSError):  # a file system without locks
+                    fcntl.flock(handle, fcntl.LOCK_EX)
+            yield self.last_number() + 1
+        finally:
+            os.close(handle)
 
     def _move(self, partial: Path, name: str | None, run_id: str, moved: list[Path]) -> str | None:
         """Move a file of a run to ``RUN_ID.`` and its name; a log of nothing is dropped."""
@@ -178,11 +259,10 @@ class Store:
         StoreError
             If the folder can't be made or written.
         """
-        if self.folder.exists() and not self.folder.is_dir():
-            raise InputError(f"store {self.folder}: is not a folder")
+        self._names()
         with said_plainly(self.folder):
             self.folder.mkdir(parents=True, exist_ok=True)
-            handle = os.open(self.folder / ".lock", os.O_RDWR | os.O_CREAT, 0o666)
+            handle = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
@@ -200,6 +280,22 @@ class Store:
                 self.discard(path)
             elif (found := LEFT_BEHIND.fullmatch(path.name)) and not (self.folder / f"{found[1]}.json").exists():
                 path.unlink(missing_ok=True)
+
+
+def _of_a_case(record: Record, cases: Sequence[str]) -> Record:
+    """Return a record of one of the suite's cases, or of a user's own; InputError, as a clause, if it is neither."""
+    found, named = record.case_name[:60], str(record.case.get("name"))[:60]
+    if not record.own_case and record.case_name not in cases:
+        raise InputError(f"there is no case {found!r}")
+    if record.case.get("name") != record.case_name:
+        raise InputError(f"field 'case_name': found {found!r}, but its case is {named!r}")
+    return record
+
+
+def _digest(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _flush(path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import Field
 
-from shellbench.bench.record import Environment, Identity, Record
+from shellbench.bench.record import Environment, Identity, Record, shortened
 from shellbench.case import Case
 from shellbench.model import Model
 
@@ -44,9 +44,10 @@ class Task(Model):
     solver_label: str
     environment: Environment
 
-    def record(self, **result: Any) -> Record:
+    def record(self, reason: str | None = None, **result: Any) -> Record:
         """Return the record of this task with its result."""
         return Record(
+            reason=None if reason is None else shortened(reason),
             run_id=self.run_id,
             created=self.created,
             identity=self.identity,

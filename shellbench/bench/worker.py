@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import psutil
+from pydantic import ValidationError
 
 from shellbench.bench.identity import current_source
-from shellbench.bench.measuring import finite, measured, pass_on_full_disk, said
-from shellbench.bench.record import Record
+from shellbench.bench.measuring import measured, pass_on_full_disk, said
+from shellbench.bench.record import Record, document, finite, readable
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.case import Case
@@ -43,7 +44,7 @@ def work(folder: Path, tell: Tell) -> None:
     task = Task.read(folder)
     try:
         record = run(task, folder, sparing(tell))
-        (folder / RECORD).write_text(record.model_dump_json(), encoding="utf-8")
+        (folder / RECORD).write_bytes(document(readable(record)))
     except InputError as error:
         (folder / REFUSED).write_text(str(error), encoding="utf-8")
     except OSError as error:
@@ -91,7 +92,11 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
     status = "ok" if reason is None else "failed"
-    return task.record(status=status, reason=reason, **result)
+    try:
+        return task.record(status=status, reason=reason, **result)
+    except ValidationError as error:
+        reason = reason or f"what the solver left can't be recorded: {said(error)}"
+        return task.record(status="failed", reason=reason, seconds=seconds)
 
 
 def same_source(task: Task) -> bool:

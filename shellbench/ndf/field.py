@@ -91,6 +91,11 @@ class Field:
     output: Tensor
     rigid: Tensor
 
+    def __post_init__(self) -> None:
+        # as in `shellbench.ndf.network.Network`; solved weights come column by column
+        for name in ("output", "rigid"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
+
     def displacement(self, points: Array) -> Tensor:
         """Return the displacement (N, 3), metres, at points (N, 2)."""
         placement = self.features.placement

@@ -13,7 +13,8 @@ is not said in it, and why:
 - Derivatives are propagated forward, with the same numbers as nested automatic differentiation gives.
 
 The trained field's energy is integrated once more on a fine quadrature; the gap to the last losses is reported. It is
-not gated: with 400 random samples it measures the noise of the loss as well.
+not gated: with 400 random samples it measures the noise of the loss as well. What fails is a training that ends above
+rest, or with less than half of what it had gained (see `published_training.why_collapsed`).
 
 A case in motion is trained in space and time, on a functional, boundary functions and strains of its own: see
 `published_motion`. What is solved for along a static path is declined.
@@ -46,7 +47,7 @@ from shellbench.ndf.published_motion import MotionTraining, load_motion, why_no_
 from shellbench.ndf.published_motion_file import is_motion
 from shellbench.ndf.published_network import InputScale, Siren, check_like, initial_siren
 from shellbench.ndf.published_settings import DTYPES, PublishedSettings, own_checkpoint, training_key
-from shellbench.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train
+from shellbench.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train, why_collapsed
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.resolution import resolution
 from shellbench.ndf.solution import NdfSolution
@@ -87,6 +88,10 @@ class Training(Protocol):
 
     def solution(self, now: Checkpoint, resumed: int) -> Solution:
         """Return the trained field."""
+        ...
+
+    def why_no_answer(self, solution: Solution) -> str | None:
+        """Return why a trained field is no answer, in one sentence; None if nothing speaks against it."""
         ...
 
 
@@ -132,7 +137,8 @@ class PublishedSolver:
         Raises
         ------
         SolveFailure
-            If the loss stops being finite; the field of its last good state comes with it.
+            If the loss stops being finite, or the training has collapsed; the field of its last good state, or of its
+            end, comes with it.
         InputError
             If the case can't be solved with these settings, or `start` does not fit them.
         """
@@ -154,7 +160,10 @@ class PublishedSolver:
             raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate", partial) from None
         if own:
             own.unlink(missing_ok=True)
-        return training.solution(now, resumed)
+        solution = training.solution(now, resumed)
+        if reason := training.why_no_answer(solution):
+            raise SolveFailure(reason, solution)
+        return solution
 
     def _start(self, training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
         if isinstance(start, Path) and is_checkpoint(start):
@@ -281,6 +290,7 @@ class _Training:
                 "energy_gap": gap,
                 "training_energy": trained,
                 "certified_energy": certified,
+                "rest_energy": energies.potential(0.0),
                 "iterations": now.iteration,
                 "resumed_at": resumed,
                 "seconds_per_iteration": now.seconds / now.iteration,
@@ -288,3 +298,9 @@ class _Training:
                 "fine_quadrature_points": len(rule.points),
             },
         )
+
+    def why_no_answer(self, solution: Solution) -> str | None:
+        """See `Training`."""
+        certified, rest = (float(solution.diagnostics[f"{which}_energy"]) for which in ("certified", "rest"))
+        loaded = bool(self.case.loads) and not self.ansatz.lift.moves
+        return why_collapsed(certified, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

@@ -89,8 +89,9 @@ class NdfSolver:
     name: ClassVar[str] = "ndf"
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
-        label="neural field: deep sine network, all weights trained (variable projection, Gauss-Newton); at finite"
-        " strain the output layer follows the path",
+        label="neural field: deep sine network, all weights trained in linear theory (variable projection,"
+        " Gauss-Newton); at finite strain its output layer follows the path, and in motion, buckling and under end"
+        " moments its hidden layers stay as drawn",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings

@@ -13,7 +13,7 @@ import jinja2
 from shellbench import __version__, catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.bench.store import Store
+from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.bibliography import Source, read_bibliography
 from shellbench.report.contents import Tables, tables_of
@@ -48,6 +48,7 @@ def write_report(
     out: Path,
     known: Known = catalog.known_values,
     for_print: bool = True,
+    say: Say = silent,
 ) -> Path:
     """Write the report.
 
@@ -63,6 +64,8 @@ def write_report(
         Known values by name of case.
     for_print
         Whether figures are written as PDF too.
+    say
+        Takes a sentence for each file of a run that is damaged.
 
     Returns
     -------
@@ -74,8 +77,7 @@ def write_report(
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    named = {row.run_id for row in rows}
-    stored = {record.run_id: record for record in store.read().records if record.run_id in named}
+    stored = store.records_of({row.run_id for row in rows}, say)
     rows, by_id = told_apart(rows, stored)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     shown = compared(rows)
@@ -141,13 +143,17 @@ def _facts(
         "solvers": {row.solver: row.solver_label for row in rows if row.solver_label},
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
-        "newest": max((_minute(record.created) for record in records.values()), default=None),
+        "newest": _newest(records.values()),
         "sources": [(key, sources.get(key)) for key in cited],
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
         + [f"{table.name}.csv" for table in tables.apart]
         + [f"{table.name}.csv" for section in sections for table in section.details]
         + ([BIBLIOGRAPHY] if sources else []),
     }
+
+
+def _newest(records: Collection[Record]) -> str | None:
+    return _minute(max(records, key=lambda record: record.order).created) if records else None
 
 
 def _minute(created: str) -> str:

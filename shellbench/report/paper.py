@@ -16,7 +16,7 @@ import jinja2
 from shellbench import __version__, catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.bench.store import Store
+from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
 from shellbench.report.contents import tables_of
@@ -57,7 +57,9 @@ class Chapter:
     exhibits: tuple[Exhibit, ...] = ()
 
 
-def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values) -> Path:
+def write_paper(
+    store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values, say: Say = silent
+) -> Path:
     """Write tables, figures, bibliography and the document that shows them.
 
     Parameters
@@ -70,6 +72,8 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
         Folder to write; made if need be, tables and figures of an older paper are removed.
     known
         Known values by name of case.
+    say
+        Takes a sentence for each file of a run that is damaged.
 
     Returns
     -------
@@ -81,8 +85,7 @@ def write_paper(store: Store, rows: Sequence[Row], out: Path, known: Known = cat
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    named = {row.run_id for row in rows}
-    records = {record.run_id: record for record in store.read().records if record.run_id in named}
+    records = store.records_of({row.run_id for row in rows}, say)
     rows, apart = told_apart(rows, records)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     chapters = _chapters(Evidence(apart, rows, store.folder, known))

@@ -8,6 +8,7 @@ scopes for screen readers.)
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -21,6 +22,8 @@ from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Not
 
 Format = Literal["text", "markdown", "latex", "csv", "html"]
 Cells = list[str]
+FORMULA = re.compile(r"\s*[=+\-@]|[\t\r]")  # as spreadsheets and OWASP's page on CSV injection have it
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 Line = Mapping[str, Any]
 Show = Callable[[Line, Notation], str]
 
@@ -207,9 +210,15 @@ def _cell(column: Column, side: str, line: Line) -> str:
 
 
 def write_csv(table: Table) -> str:
-    """Write the data itself, with all digits that tell doubles apart."""
-    text: str = table.data.to_csv(index=False, lineterminator="\n")
+    """Write the data itself, with all digits that tell doubles apart; text that a spreadsheet would run is quoted."""
+    safe = table.data.map(inert).rename(columns=inert)
+    text: str = safe.to_csv(index=False, lineterminator="\n")
     return text
+
+
+def inert(cell: Any) -> Any:
+    """Return a cell that no spreadsheet takes for a formula: text that begins like one, and is no number, gets a '."""
+    return f"'{cell}" if isinstance(cell, str) and FORMULA.match(cell) and not NUMBER.fullmatch(cell) else cell
 
 
 WRITERS: dict[Format, Callable[[Table], str]] = {

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Literal
 
 from shellbench import catalog
+from shellbench.bench.compare import as_json
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
@@ -44,7 +44,7 @@ def render(
         Holds the records that the rows refer to; without it there is no cross-check.
     """
     if format == "json":
-        return json.dumps([json.loads(row.model_dump_json()) for row in rows], indent=1) + "\n"
+        return as_json(rows) + "\n"
     checked = [] if store is None else cross_checks(rows, store, known)
     rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
     tables = displacement_tables(compared(rows) or rest, known)

@@ -274,7 +274,7 @@ def test_what_is_not_symmetric_is_solved_whole(case):
     assert Part.of(case, graded_mesh(case, (4, 4), 2.0), 7) is None
     whole, part = both(case, (4, 4))
     assert part.images == (1, 1)
-    assert np.array_equal(whole.coefficients, part.coefficients)
+    assert np.abs(whole.coefficients - part.coefficients).max() <= 1e-9 * np.abs(whole.coefficients).max()
 
 
 def test_a_mesh_that_is_not_symmetric_is_solved_whole():
@@ -297,7 +297,7 @@ def test_what_a_file_brings_back_and_what_is_rounded(tmp_path):
     whole, part = both(case, cells)
     back = FemSolver().load(part.save(tmp_path / "part"))
     assert back.images == images
-    assert back.energies() == part.energies()
+    assert back.energies() == pytest.approx(part.energies(), rel=1e-12)
     for short in ("float32", "float16"):
         one, other = (s.rounded(short)[0].energies() for s in (whole, part))
         assert one == pytest.approx(other, rel=1e-2)

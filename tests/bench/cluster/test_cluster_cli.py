@@ -15,8 +15,9 @@ import pytest
 
 from shellbench.bench.scheduler import Scheduler, SchedulerLostError
 from shellbench.bench.store import Store
-from tests.bench.cluster.two_workers import Cluster, until
+from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
+from tests.patience import GUARD, until
 
 pytestmark = pytest.mark.xdist_group("dask")
 
@@ -57,7 +58,7 @@ class Program:
 
     def end(self) -> tuple[int, str, str]:
         """Exit code, standard output and standard error."""
-        out, err = self.process.communicate(timeout=100)
+        out, err = self.process.communicate(timeout=GUARD)
         return self.process.returncode, out, err
 
 
