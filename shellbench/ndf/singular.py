@@ -77,7 +77,7 @@ class FixedFeatures:
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, count) at points (N, 2)."""
-        columns = [constant(placement.tensor(np.ones(len(points))))]
+        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
         if self.foci and self.multipliers:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
             for focus in self.foci:
@@ -85,7 +85,7 @@ class FixedFeatures:
         return torch.stack([columns[k] for k in self.kept], dim=-1)
 
     def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
-        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]))) / focus.reach
+        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
         square = dot(chord, chord)
         v = square[VALUE].clamp_min(AT_THE_POINT)
