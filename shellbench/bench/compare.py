@@ -101,13 +101,13 @@ def beyond(found: Sequence[Row]) -> tuple[str, ...]:
             if name in members[case] and (not run.cases or case in run.cases)
         ]
         left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
-        more += [f"{left} more of suite '{name}'"] if left > 0 else []
+        more += [f"{left} run{'s' if left > 1 else ''} of suite '{name}'"] if left > 0 else []
     others = len(set(catalog.suite_names()) - set(begun))
     if others:
-        more.append(f"{others} suite{'s' if others > 1 else ''} of which none was asked for")
-    if not more:
+        more.append(f"{others} other suite{'s' if others > 1 else ''}")
+    if not more or not found:
         return ()
-    return (f"this is about what was run; there are {' and '.join(more)}: --suite NAME asks for a whole one",)
+    return (f"this is about what was run, beside which there is more: {' and '.join(more)}; --suite NAME shows one",)
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:

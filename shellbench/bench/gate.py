@@ -131,9 +131,10 @@ def check_filled(store: Store) -> None:
     InputError
         In one sentence.
     """
+    contents = store.read()
     if not store.folder.exists():
         raise InputError(f"store {store.folder}: is not there; `shellbench run` makes one")
-    contents, planned = store.read(), read_planned(store)
+    planned = read_planned(store)
     if not (contents.records or contents.damaged or planned.tasks or planned.damaged):
         raise InputError(f"store {store.folder}: is empty; `shellbench run` fills it")
 
