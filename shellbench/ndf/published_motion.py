@@ -32,7 +32,7 @@ from shellbench.ndf.published_motion_file import read_motion
 from shellbench.ndf.published_motion_loss import MotionSampler, SpaceTime, why_not_sampled
 from shellbench.ndf.published_motion_solution import TrainedMotion
 from shellbench.ndf.published_network import Siren, initial_siren
-from shellbench.ndf.published_settings import DTYPES, PublishedSettings, training_key
+from shellbench.ndf.published_settings import PublishedSettings, training_key
 from shellbench.ndf.published_training import why_collapsed
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.quantities import CentreOfMass, DisplacementQuantity, PositionQuantity, ReactionQuantity, TorqueQuantity
@@ -83,7 +83,7 @@ class MotionTraining:
         """Begin a training; InputError if the settings do not fit a motion."""
         if settings.modulus_factor is not None:
             raise InputError("setting modulus_factor belongs to the linear theory; in motion the modulus is the case's")
-        placement = Placement.on(settings.device)._replace(dtype=DTYPES[settings.dtype])
+        placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
         ansatz = Ansatz.of(case, settings.periodic_input)
         shape = (ansatz.count, settings.layers, settings.width, settings.omega0)
         siren = initial_siren(*shape, settings.seed, placement)

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.ndf.choices import MULTIPLIERS
 from shellbench.ndf.jets import D1, VALUE, Array, Placement, compose, constant, dot, from_derivatives, product
 from shellbench.ndf.lengths import Focus
 from shellbench.ndf.mirror import even_columns
@@ -21,9 +22,6 @@ from shellbench.ndf.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
 ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
-# Of {1, t1, t2, r^2, t1 t2, t1^2}. A tangential displacement follows the normal one as its integral, hence t1 and t2:
-# without them the certified energy of a pinched cylinder is 5e-4 short, with them 4e-5; the others gain nothing.
-MULTIPLIERS = 3
 
 
 @dataclass(frozen=True)

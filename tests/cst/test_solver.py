@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from shellbench.bench import registry
-from shellbench.cst.solver import CstSettings, CstSolver, usual_cells
+from shellbench.cst.solver import CstSettings, CstSolver
+from shellbench.cst.solving import usual_cells
 from tests.alike import alike
 from tests.cst.shells import PLATE, cloth, cylinder, plate
 

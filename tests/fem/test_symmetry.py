@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shellbench import catalog
-from shellbench.fem import solver
+from shellbench.fem import solving
 from shellbench.fem.grading import graded_mesh
 from shellbench.fem.reflections import SYMMETRIC
 from shellbench.fem.solver import FemSettings, FemSolver
@@ -317,7 +317,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
     """The comparison above is not blind: an image with a wrong sign differs."""
     case, cells, _ = SYMMETRIC_CASES["clamped_roof_with_edge_loads"]
     whole, _ = both(case, cells)
-    honest = solver.Part.of
+    honest = solving.Part.of
 
     def spoilt(*args):
         part = honest(*args)
@@ -326,7 +326,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
         part.__dict__["images"] = ((first[0], replace(first[1], **change)), second)
         return part
 
-    monkeypatch.setattr(solver.Part, "of", staticmethod(spoilt))
+    monkeypatch.setattr(solving.Part, "of", staticmethod(spoilt))
     spoiled = both(case, cells)[1]
     with pytest.raises(AssertionError):
         agree(whole, spoiled)

@@ -13,11 +13,11 @@ from shellbench.ndf.field import Field
 from shellbench.ndf.jets import D11, D12, D22, VALUE, Placement
 from shellbench.ndf.kinks import unseen_turning
 from shellbench.ndf.network import Network, random_features
-from shellbench.ndf.published import PublishedSettings
+from shellbench.ndf.published_settings import PublishedSettings
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.refusal import Signs, refusal
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors
 from tests.ndf.shells import inner_points, shell, support
 from tests.ndf.trainings import trained

@@ -8,8 +8,8 @@ from shellbench.catalog import known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure_all
 from shellbench.ndf.large_displacement import why_not_followed
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.path import Path
 from tests.alike import REPEATED, alike
 from tests.ndf.shells import FREE, inner_points, shell, support

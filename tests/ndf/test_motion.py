@@ -14,8 +14,8 @@ from shellbench.ndf.jets import Placement
 from shellbench.ndf.mass import scales, widest
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import random_features
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike
 from tests.ndf.shells import shell, support
 

@@ -10,7 +10,7 @@ from shellbench.errors import InputError
 from shellbench.measure import measure_all
 from shellbench.ndf.motion import RTOL
 from shellbench.ndf.motion_solution import Course, quintic
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solution import FIELDS
 from tests.alike import alike, same_tensors
 from tests.ndf.test_motion import GRID, PIN, moving, solve

@@ -14,8 +14,8 @@ from safetensors.torch import load_file, save_file
 from shellbench.errors import InputError
 from shellbench.measure import measure_all
 from shellbench.ndf.path_solution import PathSolution
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solution import FIELDS
 from tests.alike import alike, same_tensors
 from tests.ndf.shells import inner_points, shell, support

@@ -8,9 +8,10 @@ from shellbench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure
 from shellbench.ndf.jets import Placement
-from shellbench.ndf.published import PublishedSettings, PublishedSolver
 from shellbench.ndf.published_loss import Sample, stratified_samples, usual_modulus_factor
 from shellbench.ndf.published_network import InputScale, initial_siren
+from shellbench.ndf.published_settings import PublishedSettings
+from shellbench.ndf.published_solver import PublishedSolver
 from shellbench.ndf.published_training import RECORD, STRETCH, why_collapsed
 from tests.alike import SINGLE, alike, same_tensors
 from tests.ndf.nested import diaphragm_factor, nested_loss, plate_factor

@@ -7,8 +7,8 @@ import torch
 from shellbench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure_all
-from shellbench.ndf.published import PublishedSolver
 from shellbench.ndf.published_motion_loss import SpaceTime
+from shellbench.ndf.published_solver import PublishedSolver
 from shellbench.ndf.published_training import RECORD
 from tests.alike import SINGLE, alike
 from tests.ndf.motions import NAPKIN, SLEEVE, G, gravity, moving

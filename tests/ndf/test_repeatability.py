@@ -15,9 +15,9 @@ from shellbench.ndf import ritz, trainer, training
 from shellbench.ndf.gauss_newton import JITTER as GAUSS_NEWTON
 from shellbench.ndf.quadrature import Rule
 from shellbench.ndf.regularised import IndefiniteError, RegularisedInverse
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.solve import JITTER
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solution import Solution
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes

@@ -14,7 +14,7 @@ from safetensors.torch import load_file, save_file
 from shellbench.catalog import known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure, measure_all
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solution import FIELDS
 from tests.alike import REPEATED, alike, same_tensors
 from tests.ndf.shells import FREE, inner_points, shell, support

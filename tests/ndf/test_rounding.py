@@ -15,7 +15,7 @@ from shellbench.catalog import named_case
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.published_motion_solution import TrainedMotion
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.rounding import rounded_tensors
 from shellbench.ndf.solution import NdfSolution
 from shellbench.rounding import EXPONENT_BYTES

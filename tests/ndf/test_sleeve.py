@@ -20,7 +20,7 @@ from shellbench.ndf.newton import State, equilibrium
 from shellbench.ndf.path_solution import load_solution
 from shellbench.ndf.quadrature import RuleSpec
 from shellbench.ndf.relaxation import NEUTRAL, trust_region_step
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.supports import edge_samples, edge_supports
 from tests.ndf.shells import differences, inner_points, shell, support
 

@@ -18,7 +18,7 @@ from shellbench.ndf.gauss_newton import energy_gradient, quadratic_model
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.network import Network
 from shellbench.ndf.solve import point_constraints
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.ndf.training import Plan, Problem, first_state, train
 from tests.alike import REPEATED, alike, same_tensors
 

@@ -5,10 +5,11 @@ import torch
 from shellbench.errors import SolveFailure
 from shellbench.ndf.build import FieldSpec, build_inputs
 from shellbench.ndf.jets import Placement
-from shellbench.ndf.published import PublishedSettings, PublishedSolver
 from shellbench.ndf.published_factors import published_ansatz
 from shellbench.ndf.published_loss import Sampler, usual_modulus_factor
 from shellbench.ndf.published_network import InputScale, initial_siren
+from shellbench.ndf.published_settings import PublishedSettings
+from shellbench.ndf.published_solver import PublishedSolver
 from shellbench.ndf.quadrature import RuleSpec
 
 PUBLISHED = FieldSpec(stretched=False, multipliers=0)
