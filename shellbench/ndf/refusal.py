@@ -29,7 +29,7 @@ class Signs:
     unseen_turning
         Share of the changes of slope that the second derivatives do not account for.
     jitter_share
-        Energy that what was added to the diagonal takes, as a share of the whole.
+        Work that what was added to the diagonal leaves unbalanced, as a share of the energy.
     """
 
     gap: float
@@ -43,14 +43,13 @@ def taken_up(equations: NormalEquations) -> float:
     return float(equations.load.abs().max()) / equations.uncancelled if equations.uncancelled > 0 else 1.0
 
 
-def jitter_share(equations: NormalEquations, weights: Tensor, jitter: float, rounding: float) -> float:
-    """Return the share of the energy of output weights (3 M,) that a jitter on the scaled diagonal takes.
+def jitter_share(equations: NormalEquations, weights: Tensor, unbalanced: float, rounding: float) -> float:
+    """Return what a jitter on the diagonal has left unbalanced, J, as a share of the energy of output weights (3 M,).
 
     `rounding` is an energy, J, below which there is nothing to take a share of.
     """
-    added = 0.5 * jitter * float(equations.stiffness.diagonal() @ weights**2)
     stored = 0.5 * float(weights @ (equations.stiffness @ weights))
-    return added / (max(stored, 0.0) + abs(equations.constant) + rounding)
+    return unbalanced / (max(stored, 0.0) + abs(equations.constant) + rounding)
 
 
 def rounding_energy(stiffness: float, area: float) -> float:

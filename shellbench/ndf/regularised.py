@@ -4,6 +4,13 @@ Random features are nearly dependent: the least eigenvalues of their Gram matrix
 A level that is raised until a Cholesky factorisation succeeds makes the answer depend on that rounding, and so on the
 processor. Here the level is fixed. Where Cholesky fails all the same, the eigenvalues are found, negative ones are
 called zero, and the same level is added: both ways give the same inverse but for rounding.
+
+What the level takes from combinations that are weak, but not as weak as rounding, iterative refinement gives back. With
+M = A + level I, the residual of M^-1 b is level M^-1 b, so that k refinements add up to
+
+    sum of (level M^-1)^i M^-1 b, i = 0 .. k:   a share 1 - (level / (lambda + level))^(k + 1) of each eigenvector.
+
+The sum needs no residual, whose rounding M^-1 would magnify.
 """
 
 from __future__ import annotations
@@ -13,6 +20,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
 INDEFINITE = 1e-9  # negative eigenvalue, by the largest, that no rounding explains: it leaves 1e-13
 
 
@@ -65,7 +73,7 @@ class RegularisedInverse:
         return cls(level, scale, vectors / values.clamp_min(level).sqrt(), triangular=False)
 
     def half(self, right: Tensor) -> Tensor:
-        """Return H (n, m) with H^T H = right^T A^-1 right, for right-hand sides (n, m)."""
+        """Return H (n, m) with H^T H = right^T A^-1 right, not refined, for right-hand sides (n, m)."""
         scaled = right * self.scale[:, None]
         if not self.triangular:
             return self.factor.T @ scaled
@@ -73,10 +81,16 @@ class RegularisedInverse:
         return result
 
     def __matmul__(self, right: Tensor) -> Tensor:
-        """Return A^-1 right for right-hand sides (n, m)."""
-        scaled = right * self.scale[:, None]
-        solved = (
-            torch.cholesky_solve(scaled, self.factor) if self.triangular else self.factor @ (self.factor.T @ scaled)
-        )
-        result: Tensor = solved * self.scale[:, None]
-        return result
+        """Return A^-1 right, refined, for right-hand sides (n, m)."""
+        step = self._solve(right * self.scale[:, None])
+        total = step
+        for _ in range(REFINEMENTS):
+            step = self.level * self._solve(step)
+            total = total + step
+        return total * self.scale[:, None]
+
+    def _solve(self, scaled: Tensor) -> Tensor:
+        if not self.triangular:
+            return self.factor @ (self.factor.T @ scaled)
+        solved: Tensor = torch.cholesky_solve(scaled, self.factor)
+        return solved

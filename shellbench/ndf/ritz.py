@@ -46,7 +46,7 @@ from shellbench.ndf.resolution import Resolution, resolution, rung, rung_count
 from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.soft import Springs, support_error
 from shellbench.ndf.solution import NdfSolution
-from shellbench.ndf.solve import potential_energy, solve_nested
+from shellbench.ndf.solve import JITTER, potential_energy, solve_nested
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
 from shellbench.solution import Progress, ProgressCallback, Step
@@ -191,12 +191,12 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
         gap=gap,
         taken_up=1.0 if moved else taken_up(equations),
         unseen_turning=unseen_turning(solution.field, chosen.fine, focal),
-        jitter_share=jitter_share(equations, layer.weights, layer.jitter, rounding),
+        jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
     )
     diagnostics = {
         "energy_gap": gap,
         "certified_energy": energies.potential(share),
-        "jitter": layer.jitter,
+        "jitter": JITTER,
         "fixed_weights": network.parameters,
         "neurons": chosen.neurons,
         "quadrature_points": len(rule.points),

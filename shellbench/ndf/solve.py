@@ -28,13 +28,13 @@ class OutputLayer:
         (3 M,).
     reactions
         (k,): the forces that hold the constraints, N.
-    jitter
-        What was added to the scaled diagonal.
+    unbalanced
+        Work of the loads that what was added to the diagonal has left without resistance, J.
     """
 
     weights: Tensor
     reactions: Tensor
-    jitter: float
+    unbalanced: float
 
 
 def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float) -> OutputLayer:
@@ -57,14 +57,15 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     except IndefiniteError:
         raise SolveFailure("the normal matrix of the output layer is not positive definite") from None
     weights = (inverse @ load[:, None])[:, 0]
-    if not len(constraints):
-        return OutputLayer(weights, load.new_zeros(0), JITTER)
-    response = inverse @ constraints.T
-    compliance = constraints @ response
-    multipliers = torch.linalg.solve(compliance, constraints @ weights - targets)
-    weights = weights - response @ multipliers
-    correction = torch.linalg.solve(compliance, constraints @ weights - targets)  # rounding of large weights
-    return OutputLayer(weights - response @ correction, -(multipliers + correction), JITTER)
+    multipliers = load.new_zeros(len(constraints))
+    if len(constraints):
+        response = inverse @ constraints.T
+        compliance = constraints @ response
+        for _ in range(2):  # once more for the rounding of large weights
+            change = torch.linalg.solve(compliance, constraints @ weights - targets)
+            weights, multipliers = weights - response @ change, multipliers + change
+    left = load - constraints.T @ multipliers - matrix @ weights
+    return OutputLayer(weights, -multipliers, 0.5 * abs(float(weights @ left)))
 
 
 def potential_energy(equations: NormalEquations, weights: Tensor) -> float:

@@ -14,7 +14,7 @@ from shellbench.measure import measure
 from shellbench.ndf import ritz, trainer, training
 from shellbench.ndf.gauss_newton import JITTER as GAUSS_NEWTON
 from shellbench.ndf.quadrature import Rule
-from shellbench.ndf.regularised import IndefiniteError, RegularisedInverse
+from shellbench.ndf.regularised import REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.solve import JITTER
 from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
@@ -39,12 +39,22 @@ def test_both_factorisations_give_the_same_inverse(seed: int) -> None:
     values, vectors = torch.linalg.eigh(scaled)
     slow = replace(quick, factor=vectors / values.sqrt(), triangular=False)
     right = torch.as_tensor(np.random.default_rng(seed + 100).standard_normal((60, 3)))
+    refined = sum(1e-6**i / values ** (i + 1) for i in range(1 + REFINEMENTS))
     for inverse in (quick, slow):
-        # both solve (D^-1 A D^-1 + level) D x = D^-1 b
-        solved = scaled @ ((inverse @ right) / inverse.scale[:, None])
-        assert torch.allclose(solved, right * inverse.scale[:, None], atol=1e-9)
+        once = right * inverse.scale[:, None]
+        expected = vectors @ (refined[:, None] * (vectors.T @ once))
+        assert torch.allclose((inverse @ right) / inverse.scale[:, None], expected, rtol=1e-6)
         half = inverse.half(right)
-        assert torch.allclose(half.T @ half, right.T @ (inverse @ right), rtol=1e-7)
+        assert torch.allclose(half.T @ half, once.T @ torch.linalg.solve(scaled, once), rtol=1e-7)
+
+
+def test_refining_gives_weak_combinations_back() -> None:
+    """A combination ten times as stiff as the level has its whole share but for (1/11)^4."""
+    level = 1e-6
+    weak = torch.tensor([[1.0, 1 - 10 * level], [1 - 10 * level, 1.0]], dtype=torch.float64)
+    right = torch.tensor([[1.0], [-1.0]], dtype=torch.float64)  # an eigenvector, of 10 level
+    solved = RegularisedInverse.from_matrix(weak, level) @ right
+    assert torch.allclose(solved, right / (10 * level) * (1 - 11.0 ** -(1 + REFINEMENTS)), rtol=1e-6)
 
 
 def test_where_cholesky_fails_the_level_stays() -> None:
