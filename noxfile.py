@@ -11,10 +11,29 @@ nox.options.reuse_existing_virtualenvs = True
 
 CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
+GATES = ("--regression", "--cost")  # what is reported unless it is asked to be judged
 STUDIES = ("resolution", "thinness", "sampling", "training")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
 ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
+WITHOUT_AVX512 = {
+    "OPENBLAS_CORETYPE": "Haswell",
+    "MKL_CBWR": "AVX2",
+    "ATEN_CPU_CAPABILITY": "avx2",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+}
+OLD_PROCESSOR = {
+    "OPENBLAS_CORETYPE": "Prescott",
+    "MKL_CBWR": "COMPATIBLE",
+    "ATEN_CPU_CAPABILITY": "default",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+}
+CONDITIONS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    "one-thread": (("--threads", "1"), {}),
+    "four-threads": (("--threads", "4"), {}),
+    "without-avx512": ((), WITHOUT_AVX512),
+    "old-processor": ((), OLD_PROCESSOR),
+}
 REPORT = "reports/latest"
 PAPER = "reports/paper"
 
@@ -31,7 +50,10 @@ def engines_here() -> tuple[str, ...]:
 
 @nox.session
 def obstacle_course(session: nox.Session) -> None:
-    """Solve the four classical shells, print the table, write the report, judge. `-- --quick` for a first look."""
+    """Solve the four classical shells, print the table, write the report, judge. `-- --quick` for a first look.
+
+    Judged is accuracy; that figures repeat those of the baseline is judged with `-- --regression`.
+    """
     run_and_judge(session, "obstacle_course")
 
 
@@ -64,6 +86,8 @@ def run_and_judge(
     if "--quick" in arguments:
         arguments.remove("--quick")
         narrowed = quick
+    judged = [option for option in arguments if option in GATES]  # for the gate only
+    arguments = [argument for argument in arguments if argument not in GATES]
     # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
     session.run("shellbench", "run", "--suite", suite, *narrowed, *arguments, success_codes=[0, 1])
     for other in beside:
@@ -71,7 +95,7 @@ def run_and_judge(
     shown = [option for name in (suite, *beside) for option in ("--suite", name)]
     session.run("shellbench", "table", *shown)
     session.run("shellbench", "report", *shown, "--out", REPORT)
-    session.run("shellbench", "gate", "--suite", suite, *narrowed)
+    session.run("shellbench", "gate", "--suite", suite, *narrowed, *judged)
 
 
 @nox.session
@@ -124,7 +148,7 @@ def engines(session: nox.Session) -> None:
 def example(session: nox.Session) -> None:
     """Make the committed examples of the report anew; the published training, which takes long, by its kept records."""
     install(session)
-    for suite in (
+    suites = (
         "obstacle_course",
         "verification",
         "ablations",
@@ -133,11 +157,14 @@ def example(session: nox.Session) -> None:
         "cloth",
         "published_motion",
         *STUDIES,
-    ):
+    )
+    for suite in suites:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
+    shown = [option for name in (*suites, "published") for option in ("--suite", name)]
+    session.run("python", "-m", "tests.ndf.kept_trainings")  # 50 iterations of each: are they still today's training?
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
-    session.run("shellbench", "report", "--no-print", "--out", "reports/example")
+    session.run("shellbench", "report", *shown, "--no-print", "--out", "reports/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines
         cross_checked = ("--suite", "engines", "--suite", "motion_engines")
         out = ("--no-print", "--out", "reports/example_engines")
@@ -182,6 +209,25 @@ def bench(session: nox.Session) -> None:
     """Measure costs side by side in one run: ratios are what counts."""
     install(session, "test")
     session.run("pytest", "tests/benchmarks", "--benchmark-enable", "--benchmark-only", *session.posargs)
+
+
+@nox.session
+def repeatability(session: nox.Session) -> None:
+    """Measure how far gated values move between emulated processors and numbers of threads, and show the new baseline.
+
+    `-- SUITE` for another suite than the obstacle course; `-- --write` moves the baseline. One store a condition.
+    """
+    install(session)
+    arguments = list(session.posargs)
+    write = ("--write",) if "--write" in arguments else ()
+    suite = next((a for a in arguments if a != "--write"), "obstacle_course")
+    session.run("shellbench", "run", "--suite", suite)
+    like: list[str] = []
+    for name, (options, emulated) in CONDITIONS.items():
+        store = f"reports/repeatability/{name}"
+        session.run("shellbench", "run", "--suite", suite, "--store", store, *options, env=emulated)
+        like += ["--like", store]
+    session.run("shellbench", "baseline", "--suite", suite, *like, *write)
 
 
 @nox.session

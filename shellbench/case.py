@@ -22,6 +22,7 @@ from shellbench.conditions import (
     COMPONENTS,
     EdgeLoad,
     Formula,
+    GravityLoad,
     Load,
     MomentLoad,
     Name,
@@ -55,6 +56,7 @@ from shellbench.surface import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+LONGEST_TITLE = 200  # characters
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}
@@ -62,9 +64,12 @@ NOT_PHYSICS_OF_A_QUANTITY = {"description", "unit", "primary", "tolerance", "abs
 
 
 class Picture(Model):
-    """How the report draws the deformed shell."""
+    """How the report draws the deformed shell.
 
-    scale: Finite = Field(1.0, description="factor of the displacement")
+    Without a `scale` the report chooses one by which the largest displacement can be seen.
+    """
+
+    scale: Finite | None = Field(None, description="factor of the displacement")
     direction: tuple[Finite, Finite, Finite] | None = Field(None, description="colour by this component")
     view: tuple[Finite, Finite] = Field((25.0, -60.0), description="elevation and azimuth of the camera, degrees")
     up: Literal["x", "y", "z"] = "z"
@@ -96,7 +101,7 @@ class Case(Model):
 
     name: Name
     kind: Literal["shell"] = "shell"
-    title: str = Field(max_length=200)
+    title: str = Field(max_length=LONGEST_TITLE)
     description: str = ""
     units: str = "SI"
     suites: tuple[Name, ...] = ()
@@ -404,6 +409,16 @@ class Case(Model):
         return self
 
     @model_validator(mode="after")
+    def _gravity_has_a_mass_to_act_on(self) -> Self:
+        density = self.material.areal_density
+        if density <= 0 and any(isinstance(load, GravityLoad) for load in self.loads):
+            raise ValueError(
+                f"field 'material.areal_density': found {density:g}, but it must be given and positive where a load of"
+                " kind 'gravity' acts"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _is_held(self) -> Self:
         if self.dynamics is None:
             check_held(self)
@@ -436,7 +451,8 @@ def build_case(data: Mapping[str, Any], name: str, where: str) -> Case:
     """Make a case of parsed data; `where` stands at the start of error messages."""
     if "name" in data:
         raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+    whole = {**data, "name": name}
     try:
-        return Case.model_validate({**data, "name": name})
+        return Case.model_validate(whole)
     except ValidationError as error:
-        raise InputError(f"{where}: {one_sentence(error)}") from None
+        raise InputError(f"{where}: {one_sentence(error, whole)}") from None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from shellbench.case import Case, read_case
 from shellbench.errors import InputError
+from shellbench.model import read_toml
 from shellbench.reference import KnownValues, read_known_values
 from shellbench.suite import Suite, read_suite
 
@@ -27,6 +28,11 @@ def case_names() -> list[str]:
 def suite_names() -> list[str]:
     """Names of the suites."""
     return sorted(path.stem for path in (data_folder("cases") / "suites").glob("*.toml"))
+
+
+def suites_named_by(name: str) -> tuple[str, ...]:
+    """Return the suites to which one of the suite's own cases says that it belongs; the rest of it is not checked."""
+    return tuple(map(str, read_toml(data_folder("cases") / f"{name}.toml").get("suites", ())))
 
 
 @cache

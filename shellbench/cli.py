@@ -1,8 +1,8 @@
 """The command line: ``shellbench list | run | table | gate | baseline | report | export | check-solver``.
 
 Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
-Every error is one sentence on standard error. Solvers are imported where they are needed only: by `run`,
-`export` and `list`, and by `gate` where a record is missing.
+Every error is one sentence on standard error. Each command imports what it needs when it is called: nothing for
+``--help``. Solvers are imported by `run`, `export` and `list`, and by `gate` where a record is missing.
 """
 
 from __future__ import annotations
@@ -10,24 +10,16 @@ from __future__ import annotations
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
-from rich.console import Console
 
-from shellbench import __version__
-from shellbench.bench import baseline as baselines
-from shellbench.bench import compare, environment, listing, verdicts
-from shellbench.bench.cluster import DaskCluster
-from shellbench.bench.display import display, run_name
-from shellbench.bench.execute import Outcome, execute
-from shellbench.bench.executor import Executor
-from shellbench.bench.gate import Scope, gate, missing_rows, move_baseline
-from shellbench.bench.identity import parse_setting
-from shellbench.bench.local import LocalProcesses
-from shellbench.bench.plan import Plan, Request, make_plan
-from shellbench.bench.store import Store
-from shellbench.errors import ShellbenchError
+from shellbench.errors import InputError, ShellbenchError
+
+if TYPE_CHECKING:
+    from shellbench.bench.execute import Outcome
+    from shellbench.bench.executor import Executor
+    from shellbench.bench.plan import Plan
 
 INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
 LARGEST_SEED = 2**31 - 1
@@ -64,6 +56,9 @@ SeedOption = Annotated[
     list[int] | None,
     typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
 ]
+CasesArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.")
+]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
 ]
@@ -81,6 +76,8 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from shellbench import __version__
+
         typer.echo(f"shellbench {__version__}")
         raise typer.Exit
 
@@ -99,6 +96,8 @@ def list_command(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
     """List the cases, the suites and the solvers, with what each needs."""
+    from shellbench.bench import listing
+
     typer.echo(listing.as_json() if json else listing.as_text())
 
 
@@ -166,6 +165,14 @@ def run(
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
     """
+    from rich.console import Console
+
+    from shellbench.bench.display import display
+    from shellbench.bench.execute import execute
+    from shellbench.bench.identity import parse_setting
+    from shellbench.bench.plan import Request, make_plan
+    from shellbench.bench.store import Store
+
     if timeout is not None and not 0 < timeout < float("inf"):
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
     given: dict[str, dict[str, Any]] = {}
@@ -201,13 +208,20 @@ def run(
 
 def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
     if scheduler is not None:
+        from shellbench.bench.cluster import DaskCluster
+
         return DaskCluster(scheduler, jobs, threads, timeout, _say)
+    from shellbench.bench import environment
+    from shellbench.bench.local import LocalProcesses
+
     each = threads or environment.threads()
     return LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
 
 
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
     """Print how the runs ended, and return the exit code."""
+    from shellbench.bench.display import run_name
+
     refused = [outcome for outcome in outcomes if outcome.record is None]
     bad = [outcome for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
     for outcome in (*refused, *bad):
@@ -227,16 +241,24 @@ def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
 
 @app.command()
 def table(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
 ) -> None:
     """Print the displacements, the known values beside them, the errors and what each answer cost.
 
+    Shown is what was run, each run once; with --suite, all of its runs that there are.
+
     JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
     headline quantity of each case.
     """
-    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    from shellbench.bench import compare
+    from shellbench.bench.gate import check_filled
+    from shellbench.bench.store import Store
+
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
     _warn(notes)
     if format is Format.json:
         typer.echo(compare.as_json(rows))
@@ -244,31 +266,47 @@ def table(
     from shellbench.report import tables
 
     if not rows:
-        _say(f"store {store} has no records that count: make some by `shellbench run`")
-    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store)), nl=False)
+        _say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
+    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
 
 
 @app.command("gate")
 def gate_command(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     suite: SuiteOption = None,
     solver: SolverOption = None,
     seed: SeedOption = None,
     cost: Annotated[bool, typer.Option("--cost", help="Let the cost gate count as well.")] = False,
+    regression: Annotated[bool, typer.Option("--regression", help="Let the regression gate count as well.")] = False,
     baseline: BaselineOption = DEFAULT_BASELINE,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the green rows too.")] = False,
 ) -> None:
     """Judge the records: exit 0 only if every gate holds.
 
-    Accuracy holds each quantity against its known value at the tolerance frozen in the case; a gated row without a
-    record is red. Regression holds it against the baseline. Cost compares seconds, memory and parameters with the
-    baseline's, between runs on like hardware. --suite, --solver and --seed narrow what is judged, and it says so.
+    Judged is what was run; what was planned and did not end is red. With --suite, all that it gates is judged, and a
+    gated row without a record is red. Cases, --solver and --seed narrow what is judged, and it says so. If nothing
+    is judged, the exit code is 2.
+
+    Accuracy holds each quantity against its known value at the tolerance frozen in the case. Regression holds it
+    against the baseline. Cost compares seconds, memory and parameters with the baseline's, between runs on like
+    hardware. The latter two are reported, and count only if asked for.
     """
-    scope = Scope(tuple(suite or ()), tuple(solver or ()), tuple(dict.fromkeys(seed or ())))
-    verdict = gate(Store(store), baselines.read_baseline(baseline), scope)
+    from shellbench.bench import verdicts
+    from shellbench.bench.baseline import read_baseline
+    from shellbench.bench.gate import Scope, gate
+    from shellbench.bench.store import Store
+
+    scope = Scope(
+        tuple(dict.fromkeys(suite or ())),
+        tuple(dict.fromkeys(solver or ())),
+        tuple(dict.fromkeys(seed or ())),
+        tuple(dict.fromkeys(cases or ())),
+    )
+    verdict = gate(Store(store), read_baseline(baseline), scope)
     _warn(verdict.warnings)
-    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose))
-    raise typer.Exit(0 if verdict.good(cost) else 1)
+    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose, regression=regression))
+    raise typer.Exit(0 if verdict.good(cost, regression) else 1)
 
 
 @app.command("baseline")
@@ -280,15 +318,25 @@ def baseline_command(
         bool, typer.Option("--write", help="Move the baseline; without it, only show the changes.")
     ] = False,
     baseline: BaselineOption = DEFAULT_BASELINE,
+    like: Annotated[
+        list[Path] | None,
+        typer.Option("--like", metavar="DIR", help="Store of the same runs from another processor; may be repeated."),
+    ] = None,
 ) -> None:
     """Show how the records differ from the baseline, and with --write make them the new one.
 
     Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
+    What values differ by from those of --like widens what the regression gate allows.
     """
+    from shellbench.bench import baseline as baselines
+    from shellbench.bench import verdicts
+    from shellbench.bench.gate import Scope, move_baseline
+    from shellbench.bench.store import Store
+
     scope = Scope(tuple(suite or ()), tuple(solver or ()))
     where, old = Store(store), baselines.read_baseline(baseline)
     _warn(where.read().damaged)
-    new = move_baseline(where, old, scope)
+    new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
     typer.echo(verdicts.changes(old, new))
     if write:
         baselines.write_baseline(new, baseline)
@@ -297,6 +345,7 @@ def baseline_command(
 
 @app.command()
 def report(
+    cases: CasesArgument = None,
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
@@ -313,21 +362,28 @@ def report(
 ) -> None:
     """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them.
 
-    Records are all it needs: no solver has to be installed.
+    It is about what was run; with --suite, about that suite. Records are all it needs: no solver has to be installed.
     """
+    from shellbench.bench import compare
+    from shellbench.bench.gate import check_filled, missing_rows
+    from shellbench.bench.store import Store
     from shellbench.report import page
 
-    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()))
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
     _warn(notes)
-    rows += missing_rows(Store(store), rows)
+    rows += missing_rows(Store(store), rows, tuple(suite or ()), tuple(cases or ()))
+    if not rows:
+        raise InputError(f"store {store}: holds no records that count of what was asked for")
     if paper is not None:
         if out != DEFAULT_REPORT:
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
-        typer.echo(f"written to {write_paper(Store(store), rows, paper, say=_note)}")
+        typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=_note)}")
         return
-    typer.echo(f"written to {page.write_report(Store(store), rows, out, for_print=for_print, say=_note)}")
+    written = page.write_report(Store(store), rows, out, for_print=for_print, whole=bool(suite), say=_note)
+    typer.echo(f"written to {written}")
 
 
 @app.command()
@@ -361,6 +417,7 @@ def export(
         shellbench export napkin_plane --solver fem --out napkin.obj --at 0.5
     """
     from shellbench.bench import export as exports
+    from shellbench.bench.store import Store
 
     exports.writer_of(out)
     where = Store(store)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from shellbench.solution import Step
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -65,7 +67,7 @@ class Curve:
         largest = np.abs(points).max(axis=0)
         steps = np.diff(points / np.where(largest > 0, largest, 1.0), axis=0)
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(steps, axis=1))])
-        return CubicSpline(lengths, points)
+        return _cubic_spline(lengths, points)
 
     def factor_at(self, displacement: float) -> float:
         """Return the load factor where the displacement first has a value.
@@ -81,7 +83,7 @@ class Curve:
             raise ValueError(f"the path does not reach the displacement {displacement:g}")
         if abs(self.displacements[end] - displacement) <= ROUNDING * abs(displacement):
             return float(self.factors[end])
-        shifted = CubicSpline(spline.x, self.displacements - displacement)
+        shifted = _cubic_spline(spline.x, self.displacements - displacement)
         root = next(r for r in shifted.roots(extrapolate=False) if spline.x[end - 1] <= r <= spline.x[end])
         return float(spline(root)[0])
 
@@ -95,7 +97,7 @@ class Curve:
         """
         values = self.factors if of == "load" else self.displacements
         lengths, trend = self._spline.x, np.sign(np.diff(values))
-        own = CubicSpline(lengths, values)
+        own = _cubic_spline(lengths, values)
         roots = []
         for root in own.derivative().roots(extrapolate=False):
             span = min(int(np.searchsorted(lengths, root, side="right")) - 1, len(trend) - 1)
@@ -106,3 +108,9 @@ class Curve:
             raise ValueError(f"the path has {len(roots)} turning points of the {of}, not {number}")
         factor, displacement = self._spline(sorted(roots)[number - 1])
         return float(factor), float(displacement)
+
+
+def _cubic_spline(x: Array, y: Array) -> CubicSpline:
+    from scipy.interpolate import CubicSpline  # here, for what draws no curve should not wait for its import
+
+    return CubicSpline(x, y)

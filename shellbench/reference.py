@@ -117,7 +117,8 @@ def read_known_values(path: Path) -> KnownValues:
     InputError
         In one sentence with the file and the field.
     """
+    data = read_toml(path)
     try:
-        return KnownValues.model_validate(read_toml(path))
+        return KnownValues.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {one_sentence(error)}") from None
+        raise InputError(f"{path}: {one_sentence(error, data)}") from None

@@ -65,9 +65,10 @@ def read_suite(path: Path) -> Suite:
     try:
         if isinstance(data.get("runs"), list):
             data["runs"] = [line for number, run in enumerate(data["runs"]) for line in swept(run, f"runs.{number}")]
-        return Suite.model_validate({**data, "name": path.stem})
+        data["name"] = path.stem
+        return Suite.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path}: {one_sentence(error)}") from None
+        raise InputError(f"{path}: {one_sentence(error, data)}") from None
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 

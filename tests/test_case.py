@@ -384,3 +384,12 @@ def test_a_load_that_is_infinite_on_the_way_is_one_sentence():
     data["loads"] = [{"kind": "area", "vector": [0, 0, "t/(t-0.25)"]}]
     with pytest.raises(InputError, match=r"kind 'area' is not finite at t = 0\.25, on the way to 1"):
         build_case(data, "pole", "case.toml")
+
+
+def test_gravity_needs_a_mass_to_act_on():
+    pull = [{"kind": "gravity", "acceleration": [0, 0, -9.8]}]
+    for density in ({}, {"areal_density": 0}):
+        message = refusal(lambda d, rho=density: (d.update(loads=pull), d["material"].update(rho)))
+        assert "'material.areal_density': found 0" in message
+        assert "kind 'gravity'" in message
+    build_case(changed(lambda d: (d.update(loads=pull), d["material"].update(areal_density=0.1))), "plate", "case.toml")

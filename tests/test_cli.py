@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.conftest import own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_compare import CONTRACT, edit
+from tests.patience import COMMAND_LINE, GUARD, until
 
 
 @pytest.fixture
@@ -200,7 +200,7 @@ def test_list_says_what_there_is(shellbench) -> None:
     assert solvers["toy"]["available"]
     assert not solvers["toy"]["seeded"]
     assert solvers["toy-noisy"]["seeded"]
-    assert {s["name"] for s in solvers["toy"]["settings"]} == {"behaviour", "factor", "seconds", "dtype"}
+    assert {s["name"] for s in solvers["toy"]["settings"]} == {"behaviour", "factor", "gate", "seconds", "dtype"}
     assert "No module named" in solvers["toy-broken"]["reason"]
     text = shellbench("list")[1]
     assert all(word in text for word in ("strip", "toys", "toy-noisy", "closed form of a strip"))
@@ -224,15 +224,14 @@ def test_version_and_help(shellbench) -> None:
 
 
 def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
-    command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
+    command = [sys.executable, "-c", COMMAND_LINE, "run", str(own_case), "--store", str(store.folder)]
     command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
     environment = os.environ | {"PYTHONPATH": str(plugin)}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not list(store.folder.glob(".*.partial/log.txt")):
-        assert process.poll() is None
-        time.sleep(0.05)
+    until(lambda: list(store.folder.glob(".*.partial/log.txt")) or process.poll() is not None)
+    assert process.poll() is None
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=GUARD)
     assert process.returncode == cli.INTERRUPTED
     assert out == ""
     assert err.startswith("shellbench: interrupted")

@@ -34,7 +34,7 @@ from shellbench.ndf.field import Ansatz, Factors
 from shellbench.ndf.jets import VALUE
 from shellbench.ndf.mass import widest
 from shellbench.ndf.quadrature import RuleSpec
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 

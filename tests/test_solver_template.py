@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.patience import GUARD
+
 ROOT = Path(__file__).resolve().parent.parent
 TEMPLATE = ROOT / "examples" / "solver_template"
 GATE = ("-m", "pytest", "--shellbench=obstacle_course", "-m", "shellbench", "-p", "no:cacheprovider")
 FOREIGN = ("scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")  # the course beside the plate
-PATIENCE = 300  # seconds for one command, on a machine with much else to do
 
 NU_IGNORED = ("reading.py", "poissons_ratio=case.material.poissons_ratio", "poissons_ratio=0.0")
 STIFFNESS_WITHOUT_NU = (
@@ -49,7 +50,7 @@ def python(*arguments: str, site: Path, folder: Path) -> subprocess.CompletedPro
         env={**os.environ, "PYTHONPATH": path, "COLUMNS": "200"},
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
+        timeout=GUARD,
         check=False,
     )
 
@@ -74,7 +75,7 @@ def site(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("needs pip")
     here = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
     install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", *here, "--target", str(target)]
-    subprocess.run([*install, str(project)], check=True, capture_output=True, timeout=PATIENCE)
+    subprocess.run([*install, str(project)], check=True, capture_output=True, timeout=GUARD)
     return target
 
 

@@ -1,14 +1,14 @@
 """The baseline: what the suite answered when it was last moved, deliberately and by a commit.
 
-A deterministic solver must repeat its value to `REPEATS`. A seeded one must stay within `DEVIATIONS` standard
-deviations (over the baseline's seeds) of their mean, or within `REPEATS` of it where the seeds agree better
-than that. Costs are compared only between runs on the same processor with as many threads.
+A value must stay within the widest of three bands: `DEVIATIONS` standard deviations over the baseline's seeds,
+`ROOM` times what was measured between processors (real or emulated) and numbers of threads, and `REPEATS`.
+Costs are compared only between runs on the same processor with as many threads.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated, Literal
@@ -24,20 +24,30 @@ from shellbench.errors import InputError
 from shellbench.model import Finite, Model, one_sentence
 
 REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
+ROOM = 5.0  # of the measured spread: a handful of conditions does not show the worst one
 DEVIATIONS = 5.0  # with three seeds the deviation itself is known to a factor of about two
 SLOWER = 1.5  # seconds of a run on the same processor vary by some ten per cent
 LARGER = 1.2  # likewise memory
 LARGEST_FILE = 20_000_000  # bytes
 
+Key = tuple[str, str, str, float | None]  # case, solver, quantity, mark
+
 
 class BaselineValue(Model):
-    """The values of one quantity of one solver with default settings, by seed ("none" for a deterministic one)."""
+    """The values of one quantity of one solver with default settings, by seed ("none" for a deterministic one).
+
+    Attributes
+    ----------
+    spread
+        Largest difference of one seed's value between processors and numbers of threads, in the quantity's unit.
+    """
 
     case: Name
     solver: str
     quantity: Name
     at: Finite | None
     values: Annotated[dict[str, Finite], Field(min_length=1)]
+    spread: Annotated[Finite, Field(ge=0)] = 0.0
 
     @property
     def mean(self) -> float:
@@ -47,8 +57,8 @@ class BaselineValue(Model):
     @property
     def band(self) -> float:
         """Half width of what is admissible around the mean."""
-        spread = stdev(self.values.values()) if len(self.values) > 1 else 0.0
-        return max(DEVIATIONS * spread, REPEATS * abs(self.mean))
+        between_seeds = stdev(self.values.values()) if len(self.values) > 1 else 0.0
+        return max(DEVIATIONS * between_seeds, ROOM * self.spread, REPEATS * abs(self.mean))
 
 
 class BaselineCost(Model):
@@ -106,7 +116,9 @@ def write_baseline(baseline: Baseline, path: Path) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline | None = None) -> Baseline:
+def make_baseline(
+    rows: Sequence[Row], records: Sequence[Record], old: Baseline | None = None, like: Sequence[Row] = ()
+) -> Baseline:
     """Make a baseline of gated rows and their records; what `old` knows of other runs stays.
 
     Parameters
@@ -115,13 +127,18 @@ def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline 
         Gated rows, all with a value.
     records
         The records behind them.
+    like
+        The same rows from other processors and numbers of threads. Without any, the old spread stays.
     """
-    values: dict[tuple[str, str, str, float | None], dict[str, float]] = {}
+    values: dict[Key, dict[str, float]] = {}
     for row in rows:
         if row.value is not None:
-            seed = "none" if row.seed is None else str(row.seed)
-            values.setdefault((row.case, row.solver, row.quantity, row.at), {})[seed] = row.value
-    new = [BaselineValue(case=c, solver=s, quantity=q, at=at, values=v) for (c, s, q, at), v in values.items()]
+            values.setdefault(_key(row), {})[_seed(row)] = row.value
+    spreads = _spreads(values, like) if like else {_key(v): v.spread for v in (old.values if old else ())}
+    new = [
+        BaselineValue(case=c, solver=s, quantity=q, at=at, values=v, spread=spreads.get((c, s, q, at), 0.0))
+        for (c, s, q, at), v in values.items()
+    ]
     costs = {(r.case_name, r.identity.solver): _cost(r, records) for r in records}
     moved = {(v.case, v.solver) for v in new}
     kept_values = [v for v in (old.values if old else ()) if (v.case, v.solver) not in moved]
@@ -130,6 +147,24 @@ def make_baseline(rows: Sequence[Row], records: Sequence[Record], old: Baseline 
         values=tuple(sorted((*kept_values, *new), key=lambda v: (v.case, v.solver, v.quantity))),
         costs=tuple(sorted((*kept_costs, *costs.values()), key=lambda c: (c.case, c.solver))),
     )
+
+
+def _key(of: Row | BaselineValue) -> Key:
+    return of.case, of.solver, of.quantity, of.at
+
+
+def _seed(row: Row) -> str:
+    return "none" if row.seed is None else str(row.seed)
+
+
+def _spreads(values: Mapping[Key, Mapping[str, float]], like: Sequence[Row]) -> dict[Key, float]:
+    """Return the largest distance of each value from the same seed's in other rows."""
+    spreads: dict[Key, float] = {}
+    for row in like:
+        here = values.get(_key(row), {}).get(_seed(row))
+        if here is not None and row.value is not None:
+            spreads[_key(row)] = max(spreads.get(_key(row), 0.0), abs(row.value - here))
+    return spreads
 
 
 def _cost(record: Record, records: Sequence[Record]) -> BaselineCost:

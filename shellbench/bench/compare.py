@@ -11,23 +11,32 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from statistics import median
-from typing import Any
+from typing import Any, Literal
 
 from shellbench import catalog
-from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
-from shellbench.bench.identity import GATED_DTYPE
+from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs
+from shellbench.bench.identity import GATED_DTYPE, difference
 from shellbench.bench.marks import mark_of, telling_mark
+from shellbench.bench.plan import is_own
+from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
+from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
-from shellbench.case import Case
+from shellbench.bench.task import Task
+from shellbench.case import LONGEST_TITLE, Case
+from shellbench.errors import InputError
 from shellbench.quantities import QuantityModel
 from shellbench.reference import KnownValue, KnownValues
+
+SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
 
 __all__ = ["Row", "as_json", "near_zero", "rows", "rows_of", "verdict"]
 
 
-def rows(store: Store, suites: Sequence[str] = ()) -> list[Row]:
+def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
     """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
+
+    Runs that were planned and did not end have rows without a value.
 
     Parameters
     ----------
@@ -35,37 +44,175 @@ def rows(store: Store, suites: Sequence[str] = ()) -> list[Row]:
         Where the records are.
     suites
         Names of suites to look at; all, and what belongs to none, if empty.
+    cases
+        Names of cases, or paths to case files, to look at; all if empty.
 
     Raises
     ------
     InputError
-        If a suite is unknown.
+        If a suite or case is unknown, or a case is in none of the suites.
     """
-    return rows_and_notes(store, suites)[0]
+    return rows_and_notes(store, suites, cases)[0]
 
 
-def rows_and_notes(store: Store, suites: Sequence[str] = ()) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for whatever was left out."""
-    for name in suites:
-        catalog.find_suite(name)
-    current = current_runs(store.read())
-    found = rows_of(current)
+def rows_and_notes(
+    store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()
+) -> tuple[list[Row], tuple[str, ...]]:
+    """Return the rows of `rows`, and a sentence for whatever was left out or is more than was run."""
+    wanted = asked_cases(cases, suites)
+    current, planned = current_runs(store.read()), read_planned(store)
+    found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
+    more = () if suites else beyond(found)
     if suites:
         asked = [(row, tuple(name for name in row.suites if name in suites)) for row in found]
         found = [row.model_copy(update={"suite": kept[0], "suites": kept}) for row, kept in asked if kept]
-    return found, current.notes
+    if cases:
+        found = [row for row in found if (row.case, row.own_case) in wanted]
+    return found, (*current.notes, *planned.damaged, *more)
 
 
-def rows_of(current: CurrentRuns) -> list[Row]:
-    """Return the rows of runs that count."""
+def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
+    """Return name, and whether it is a user's own, of the cases that were asked for.
+
+    Raises
+    ------
+    InputError
+        If a suite or case is unknown, or a case is in none of the suites.
+    """
+    found = [catalog.find_case(text) for text in cases]
+    members = {case.name for suite in suites for case in catalog.cases_of(suite)}
+    for case in found if suites else ():
+        if is_own(case) or case.name not in members:
+            raise InputError(f"case '{case.name}' is not in suite {' or '.join(map(repr, suites))}")
+    return {(case.name, is_own(case)) for case in found}
+
+
+def beyond(found: Sequence[Row]) -> tuple[str, ...]:
+    """Say in one sentence what the suites declare beside the runs of the rows; nothing if there is no more."""
+    runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
+    begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
+    members = {name: catalog.suites_named_by(name) for name in catalog.case_names()} if begun else {}
+    more = []
+    for name in begun:
+        lines = [
+            run
+            for run in catalog.find_suite(name).runs
+            for case in members
+            if name in members[case] and (not run.cases or case in run.cases)
+        ]
+        left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
+        more += [f"{left} run{'s' if left > 1 else ''} of suite '{name}'"] if left > 0 else []
+    others = len(set(catalog.suite_names()) - set(begun))
+    if others:
+        more.append(f"{others} other suite{'s' if others > 1 else ''}")
+    if not more or not found:
+        return ()
+    return (f"this is about what was run, beside which there is more: {' and '.join(more)}; --suite NAME shows one",)
+
+
+def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
+    """Return the rows of runs that count, and of runs that were planned and did not end."""
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
     order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
-    return sorted(held_against_each_other(found), key=lambda row: _position(row, order[row.case, row.quantity]))
+    for task in planned:
+        rows_of_task = planned_rows(task)
+        found += rows_of_task
+        order |= {
+            (row.case, row.quantity): i for i, row in enumerate(rows_of_task) if (row.case, row.quantity) not in order
+        }
+    found = with_distinct_titles(found)
+    suites = {row.suite for row in found}.intersection(catalog.suite_names())
+    members = {suite: [case.name for case in catalog.cases_of(suite)] for suite in suites if suite is not None}
+    return sorted(
+        held_against_each_other(found),
+        key=lambda row: _position(row, order[row.case, row.quantity], members.get(row.suite or "", [])),
+    )
 
 
-def _position(row: Row, quantity: int) -> tuple[object, ...]:
+def with_distinct_titles(found: Sequence[Row]) -> list[Row]:
+    """Return the rows, users' own cases whose title another case has with the name of their file in it."""
+    of_title: dict[str, set[tuple[str, bool]]] = {}
+    for row in found:
+        of_title.setdefault(row.case_title, set()).add((row.case, row.own_case))
+    return [
+        row.model_copy(update={"case_title": f"{row.case_title[: LONGEST_TITLE - len(file)]}{file}"})
+        if row.own_case and len(of_title[row.case_title]) > 1 and (file := f" ({row.case}.toml)")
+        else row
+        for row in found
+    ]
+
+
+def planned_rows(task: Task) -> list[Row]:
+    """Return red rows for a run that was planned and did not end: what is gated of it, or else its headline."""
+    known = case_of_planned(task)
+    if known is None:
+        return []
+    case, declared_by = known
+    overrides = difference(task.defaults, task.identity.settings)
+    gated = [
+        quantity
+        for quantity in case.quantities
+        if not overrides and not task.own_case and gates(quantity, task.identity.solver)
+    ]
+    suites = tuple(declared_by) or (() if task.own_case else case.suites)
+    more = {
+        "settings": task.identity.settings,
+        "own_case": task.own_case,
+        "declared": bool(declared_by),
+        "solver_label": task.solver_label,
+        "label": next(filter(None, declared_by.values()), ""),
+        "overrides": overrides,
+        "default_settings": not overrides,
+        "device": task.identity.device,
+        "dtype": task.identity.dtype,
+    }
+    return [
+        empty_row(case, quantity, task.identity.solver, task.identity.seed, suites, DID_NOT_END).model_copy(update=more)
+        for quantity in gated or [case.primary]
+    ]
+
+
+def gates(quantity: QuantityModel, solver: str) -> bool:
+    """Whether a quantity has a tolerance, or an open finding, for a solver."""
+    return solver in quantity.tolerance or solver in quantity.open_finding
+
+
+def empty_row(
+    case: Case,
+    quantity: QuantityModel,
+    solver: str,
+    seed: int | None,
+    suites: tuple[str, ...],
+    reason: str,
+    status: Literal["missing", "declined"] = "missing",
+) -> Row:
+    """Return a row that was asked for and has no record, which is red."""
+    return Row(
+        case=case.name,
+        suite=suites[0] if suites else None,
+        solver=solver,
+        settings={},
+        seed=seed,
+        quantity=quantity.name,
+        primary=quantity.primary,
+        at=mark_of(quantity),
+        value=None,
+        status=status,
+        tolerance=quantity.tolerance.get(solver),
+        passed=False,
+        case_title=case.title,
+        suites=suites,
+        declared=True,
+        unit=quantity.unit,
+        description=quantity.description,
+        mark=telling_mark(case, quantity),
+        open_finding=quantity.open_finding.get(solver),
+        reason=reason,
+    )
+
+
+def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, ...]:
     suite = (1, "") if row.suite is None else (0, row.suite)
-    members = [case.name for case in catalog.cases_of(row.suite)] if row.suite in catalog.suite_names() else []
     case = members.index(row.case) if row.case in members else len(members)
     settings = json.dumps(row.overrides, sort_keys=True)
     return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
@@ -110,12 +257,19 @@ def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:
         mark=telling_mark(run.case, quantity),
         uncertainty=measured.uncertainty if measured else None,
         extrapolated=measured.extrapolated if measured else None,
+        converged=_converged(record),
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
         idle_memory_bytes=record.idle_memory_bytes,
         reason=record.reason,
     )
     known = KnownValues() if own else catalog.known_values(record.case_name)
     return judged(with_known_values(row, known, run.case, quantity), quantity)
+
+
+def _converged(record: Record) -> bool | None:
+    """Whether a solver says that its answer settled; None if it does not say."""
+    said = [record.diagnostics[name] for name in SAID_OF_CONVERGENCE if name in record.diagnostics]
+    return all(said) if said and all(isinstance(one, bool) for one in said) else None
 
 
 def with_known_values(row: Row, known: KnownValues, case: Case, quantity: QuantityModel) -> Row:
@@ -189,24 +343,25 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
     A deterministic solver is what the others are held against; if there is none, or several, the median of all.
     """
     listed = list(found)
-    result: list[Row] = []
+    peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
-        peers = [
-            other
-            for other in listed
-            if (other.case, other.own_case, other.quantity, other.at) == (row.case, row.own_case, row.quantity, row.at)
-            and other.default_settings
-            and other.status == "ok"
-            and other.value is not None
-        ]
-        if row.reference is None and row.value is not None and len({other.solver for other in peers}) > 1:
-            value, name = _yardstick(peers)
-            if row.solver != name and value:
-                row = row.model_copy(
-                    update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name}
-                )
-        result.append(row)
-    return result
+        if row.default_settings and row.status == "ok" and row.value is not None:
+            peers.setdefault(_asked(row), []).append(row)
+    yardsticks = {
+        asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
+    }
+    return [_held_against(row, *yardsticks[_asked(row)]) if _asked(row) in yardsticks else row for row in listed]
+
+
+def _asked(row: Row) -> tuple[object, ...]:
+    """Return what a row answers: rows that are alike in it can be held against each other."""
+    return row.case, row.own_case, row.quantity, row.at
+
+
+def _held_against(row: Row, value: float, name: str) -> Row:
+    if row.reference is not None or row.value is None or row.solver == name or not value:
+        return row
+    return row.model_copy(update={"disagreement": (row.value - value) / abs(value), "disagreement_with": name})
 
 
 def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:

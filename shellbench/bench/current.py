@@ -21,6 +21,7 @@ from shellbench.bench.plan import declared_runs
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
 from shellbench.bench.store import Contents, newest
+from shellbench.bench.task import Task
 from shellbench.case import Case
 from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
@@ -160,8 +161,10 @@ def _runs(count: int) -> str:
     return "run is" if count == 1 else "runs are"
 
 
-def _todays_case(record: Record) -> Case:
-    return Case.model_validate(record.case) if record.own_case else catalog.named_case(record.case_name)
+def _todays_case(record: Record | Task) -> Case:
+    if not record.own_case and record.case_name in catalog.case_names():
+        return catalog.named_case(record.case_name)
+    return Case.model_validate(record.case)
 
 
 def _current_sources(solvers: Iterable[str]) -> dict[str, str]:
@@ -190,7 +193,7 @@ def _changed_engine(settings: Mapping[str, Any]) -> str | None:
     return f"its engine has changed since: {settings[ENGINE]}, now {installed.removeprefix(f'{engine} ')}"
 
 
-def _declared_by(record: Record, case: Case) -> dict[str, str]:
+def _declared_by(record: Record | Task, case: Case) -> dict[str, str]:
     if record.own_case:
         return {}
     found: dict[str, str] = {}
@@ -203,7 +206,16 @@ def _declared_by(record: Record, case: Case) -> dict[str, str]:
     return found
 
 
-def is_answer(record: Record, run: SuiteRun) -> bool:
+def case_of_planned(task: Task) -> tuple[Case, dict[str, str]] | None:
+    """Return today's case of a planned run and the suites that declare it; None if it can't be read any more."""
+    try:
+        case = _todays_case(task)
+    except ValidationError:
+        return None
+    return case, _declared_by(task, case)
+
+
+def is_answer(record: Record | Task, run: SuiteRun) -> bool:
     """Tell whether a record of the right case is one of those that a line of a suite declares."""
     identity = record.identity
     return (

@@ -1,13 +1,15 @@
-"""Showing runs as they go by: bars on a terminal, nothing elsewhere."""
+"""Showing runs as they go by: bars on a terminal, one plain line a run elsewhere."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from typing import IO
 
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from shellbench import solution
 from shellbench.bench.execute import Observer, Outcome
@@ -28,6 +30,25 @@ class Silent:
 
     def ended(self, outcome: Outcome) -> None:
         """Show nothing."""
+
+
+class Lines:
+    """Prints a line for each run that has ended, and nothing else: for pipes and files."""
+
+    def __init__(self, file: IO[str]) -> None:
+        self.file = file
+
+    def started(self, task: Task) -> None:
+        """Print nothing."""
+
+    def progressed(self, task: Task, progress: solution.Progress) -> None:
+        """Print nothing."""
+
+    def ended(self, outcome: Outcome) -> None:
+        """Print the line at once: who reads a pipe wants to know how far the runs are."""
+        words = Text.from_markup(_line(outcome)).plain
+        shown = "".join(letter if letter.isprintable() else " " for letter in words)
+        print(" ".join(shown.split()), file=self.file, flush=True)
 
 
 class Bars:
@@ -59,9 +80,12 @@ class Bars:
 
 @contextlib.contextmanager
 def display(console: Console, total: int) -> Iterator[Observer]:
-    """Show so many runs on a terminal; nothing if the console is none."""
-    if not console.is_terminal or not total:
+    """Show so many runs: bars on a terminal, plain lines where the console writes to none."""
+    if not total:
         yield Silent()
+        return
+    if not console.file.isatty():  # whatever variables like FORCE_COLOR say: a pipe is a pipe
+        yield Lines(console.file)
         return
     columns = (
         SpinnerColumn(),

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from shellbench.bench.executor import Ended, Executor, Progressed, Started
+from shellbench.bench.planned import note_ended, note_planned
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
+from shellbench.errors import InputError
 from shellbench.solution import Progress
 
 
@@ -48,7 +50,7 @@ class Observer(Protocol):
 
 
 def execute(tasks: Sequence[Task], store: Store, observer: Observer, executor: Executor) -> list[Outcome]:
-    """Make runs, and keep each in the store as soon as it has ended.
+    """Make runs, and keep each in the store as soon as it has ended; until then the store says that it is planned.
 
     Parameters
     ----------
@@ -72,16 +74,24 @@ def execute(tasks: Sequence[Task], store: Store, observer: Observer, executor: E
     outcomes: list[Outcome] = []
     if not tasks:
         return outcomes
-    with store.at_work(), contextlib.closing(executor.run(tasks, store)) as events:
-        for event in events:
-            match event:
-                case Started(task):
-                    observer.started(task)
-                case Progressed(task, progress):
-                    observer.progressed(task, progress)
-                case Ended():
-                    outcomes.append(kept(event, store))
-                    observer.ended(outcomes[-1])
+    with store.at_work():
+        note_planned(tasks, store)
+        try:
+            with contextlib.closing(executor.run(tasks, store)) as events:
+                for event in events:
+                    match event:
+                        case Started(task):
+                            observer.started(task)
+                        case Progressed(task, progress):
+                            observer.progressed(task, progress)
+                        case Ended():
+                            outcomes.append(kept(event, store))
+                            note_ended(event.task, store)
+                            observer.ended(outcomes[-1])
+        except InputError:  # what can't be begun at all is bad input, and no plan
+            for task in tasks:
+                note_ended(task, store)
+            raise
     return outcomes
 
 

@@ -1,23 +1,25 @@
 """Three gates, kept apart: accuracy, regression and cost.
 
-Accuracy holds every run that a suite declares with default settings against the known values; a gated row
-without a record that counts is red, and says why. Regression holds the same rows against the baseline, cost
+Accuracy holds every run with default settings against the known values: every one that was run, or that the suites
+declare that are named. A gated row without a record that counts is red, and says why, as is a run that was planned and
+did not end. Regression holds the same rows against the baseline, cost
 compares what they took with what they took then; see `shellbench.bench.baseline`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from shellbench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import row_of
-from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs
+from shellbench.bench.compare import asked_cases, empty_row, gates, row_of, rows_and_notes
+from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
 from shellbench.bench.finding import Finding
-from shellbench.bench.marks import mark_of, telling_mark
+from shellbench.bench.identity import difference
 from shellbench.bench.plan import declared_runs, declines
+from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
@@ -31,18 +33,24 @@ NOTHING_LACKS: Lack = ("missing", "")
 
 @dataclass(frozen=True)
 class Scope:
-    """What a gate looks at; all that is declared where empty."""
+    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
 
     suites: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
     seeds: tuple[int, ...] = ()
+    cases: tuple[str, ...] = ()
 
     @property
     def narrowed(self) -> str:
         """What is left out, in words; empty if nothing is."""
         parts = [
             f"{what} {', '.join(map(str, names))} only"
-            for what, names in (("suites", self.suites), ("solvers", self.solvers), ("seeds", self.seeds))
+            for what, names in (
+                ("cases", self.cases),
+                ("suites", self.suites),
+                ("solvers", self.solvers),
+                ("seeds", self.seeds),
+            )
             if names
         ]
         return ", ".join(parts)
@@ -71,33 +79,148 @@ class Verdict:
     baseline: bool
     warnings: tuple[str, ...] = ()
 
-    def good(self, cost: bool = False) -> bool:
-        """Tell whether nothing is red; in the cost gate only if it is asked for."""
-        judged = (*self.accuracy, *self.regression, *(self.cost if cost else ()))
+    def good(self, cost: bool = False, regression: bool = False) -> bool:
+        """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
+        judged = (*self.accuracy, *(self.regression if regression else ()), *(self.cost if cost else ()))
         return not any(finding.colour == "red" for finding in judged)
 
 
 def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     """Judge the records of a store.
 
+    Without suites, what was run or planned is judged; with suites, all that they gate.
+
     Raises
     ------
     InputError
-        If a suite or solver of the scope is unknown.
+        If the store is empty or not there, a name of the scope is unknown, or nothing of it is gated.
     """
+    cases = asked_cases(scope.cases, scope.suites)
+    for solver in scope.solvers:
+        find_solver(solver)
+    check_filled(store)
     current = current_runs(store.read())
-    runs = list(_expected(scope, current))
-    rows = [row for expected in runs for row in expected.rows()]
-    regression = [f for row in rows if baseline and (f := regression_finding(baseline, row))]
-    cost = cost_findings(baseline, [e.run.record for e in runs if e.run]) if baseline else []
+    found, notes = rows_and_notes(store, scope.suites)
+    unfinished = [row for row in found if _is_unfinished(row)]
+    if scope.suites:
+        others = [row for expected in _expected(scope, current) for row in expected.rows()]
+    else:
+        known = {run.record.run_id for run in current.runs if run.installed}
+        others = [row for row in found if _is_gated(row) and row.run_id in known]
+        others += _beside(others, stale_rows(current))
+    found = [*unfinished, *_beside(unfinished, others)]
+    rows = [row for row in found if _in_scope(row, scope, cases)]
+    _check_judged(rows, scope, cases)
+    by_id = {run.record.run_id: run.record for run in current.runs}
+    records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
     return Verdict(
         accuracy=tuple(map(accuracy_finding, rows)),
-        regression=tuple(regression),
-        cost=tuple(cost),
+        regression=tuple(f for row in rows if baseline and (f := regression_finding(baseline, row))),
+        cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
         baseline=baseline is not None,
-        warnings=current.notes,
+        warnings=notes,
     )
+
+
+def check_filled(store: Store) -> None:
+    """Refuse a store that is not there, or holds nothing.
+
+    Raises
+    ------
+    InputError
+        In one sentence.
+    """
+    contents = store.read()
+    if not store.folder.exists():
+        raise InputError(f"store {store.folder}: is not there; `shellbench run` makes one")
+    planned = read_planned(store)
+    if not (contents.records or contents.damaged or planned.tasks or planned.damaged):
+        raise InputError(f"store {store.folder}: is empty; `shellbench run` fills it")
+
+
+def _is_unfinished(row: Row) -> bool:
+    return row.run_id is None and row.reason == DID_NOT_END
+
+
+def _is_gated(row: Row) -> bool:
+    return row.passed is not None or row.open_finding is not None
+
+
+def _question(row: Row) -> tuple[object, ...]:
+    return row.case, row.own_case, row.solver, repr(sorted(row.overrides.items()))
+
+
+def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
+    """Return those of other rows whose runs are not among the rows found; no seed answers for every seed."""
+    known: dict[tuple[object, ...], set[int | None]] = {}
+    for row in found:
+        known.setdefault(_question(row), set()).add(row.seed)
+    return [
+        row
+        for row in others
+        if not (seeds := known.get(_question(row), set())) or (row.seed is not None and not seeds & {row.seed, None})
+    ]
+
+
+def stale_rows(current: CurrentRuns) -> list[Row]:
+    """Return red rows for what is gated of runs whose records do not count any more."""
+    rows: dict[tuple[object, ...], list[Row]] = {}
+    for record, reason in current.stale.values():
+        solver, seed = record.identity.solver, record.identity.seed
+        own = record.own_case or record.case_name not in catalog.case_names()
+        if own or difference(record.defaults, record.identity.settings):
+            continue
+        case = catalog.named_case(record.case_name)
+        suites = tuple(
+            name
+            for name in case.suites
+            if name in catalog.suite_names()
+            and any(is_answer(record, run) for run in declared_runs(catalog.find_suite(name).runs, case))
+        )
+        rows[case.name, solver, seed] = [
+            empty_row(case, quantity, solver, seed, suites or case.suites, f"no record that counts: {reason}")
+            for quantity in case.quantities
+            if gates(quantity, solver)
+        ]
+    return [row for of_run in rows.values() for row in of_run]
+
+
+def _in_scope(row: Row, scope: Scope, cases: set[tuple[str, bool]]) -> bool:
+    return (
+        (not scope.solvers or row.solver in scope.solvers)
+        and (not scope.seeds or row.seed is None or row.seed in scope.seeds)
+        and (not scope.cases or (row.case, row.own_case) in cases)
+    )
+
+
+def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]]) -> None:
+    """Refuse a scope of which a part judges nothing: a gate that can't fail is none.
+
+    Raises
+    ------
+    InputError
+        In one sentence that names the part.
+    """
+    begin = "nothing was judged"
+    if not rows and scope.narrowed:
+        raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}")
+    if not rows:
+        raise InputError(f"{begin}: nothing that was run is gated; `shellbench list` says what is")
+    for solver in scope.solvers:
+        if solver not in {row.solver for row in rows}:
+            raise InputError(f"{begin} of solver '{solver}': no case that was asked for or run gates it")
+    for name, own in cases:
+        if (name, own) not in {(row.case, row.own_case) for row in rows}:
+            raise InputError(f"{begin} of case '{name}': it gates no solver that was asked for or run")
+    for suite in scope.suites:
+        members = {case.name for case in catalog.cases_of(suite)}
+        solvers = {run.solver for run in catalog.find_suite(suite).runs}
+        if not any(row.case in members and row.solver in solvers for row in rows):
+            raise InputError(f"{begin} of suite '{suite}': it gates nothing that was asked for")
+    for seed in scope.seeds:
+        if not any(row.seed in {seed, None} for row in rows):
+            raise InputError(f"{begin} of seed {seed}: no run of it is gated")
 
 
 def accuracy_finding(row: Row) -> Finding:
@@ -113,28 +236,36 @@ def accuracy_finding(row: Row) -> Finding:
     return Finding(row=row, colour=colour, sentence=sentence)
 
 
-def missing_rows(store: Store, rows: Sequence[Row]) -> list[Row]:
-    """Return gated rows without a record that counts, of the suites, solvers and seeds that `rows` have records of.
+def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
+    """Return gated rows without a record that counts, beside the rows of a report.
 
-    No solver is imported: reports are made where none is installed.
+    Of the suites, if some are named, those of the solvers and seeds that `rows` have; else those whose records do not
+    count any more.
     """
-    begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
-    suites = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
-    if not suites:
-        return []
-    lacking = [e for e in _expected(Scope(suites), current_runs(store.read()), ask=False) if e.run is None]
-    wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
-    return [row for expected in wanted for row in expected.rows()]
+    current = current_runs(store.read())
+    asked = asked_cases(cases, suites)
+    if suites:
+        begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
+        names = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
+        lacking = [e for e in _expected(Scope(names), current, ask=False) if e.run is None] if names else []
+        wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
+        missing = [row for expected in wanted for row in expected.rows()]
+    else:
+        missing = stale_rows(current)
+    return [row for row in _beside(rows, missing) if not cases or (row.case, row.own_case) in asked]
 
 
-def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:
+def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequence[Store] = ()) -> Baseline:
     """Return a baseline of the runs of a scope; what the old one knows of others stays.
+
+    `like` are stores of the same runs from other processors and numbers of threads.
 
     Raises
     ------
     ShellbenchError
         If a gated row is red in accuracy: a baseline remembers good answers only.
     """
+    check_filled(store)
     runs = list(_expected(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
     red = [finding for finding in map(accuracy_finding, rows) if finding.colour == "red"]
@@ -144,9 +275,11 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope) -> Baseline:
             f"the baseline is not moved, for {len(red)} of {len(rows)} gated rows are red: "
             f"first {first.case}, {first.solver}, {first.quantity} ({red[0].sentence})"
         )
+    elsewhere = [row for other in like for e in _expected(scope, current_runs(other.read())) for row in e.rows()]
     gated = {row.run_id for row in rows}
     records = [e.run.record for e in runs if e.run and e.run.record.run_id in gated]
-    return make_baseline([row for row in rows if row.status == "ok"], [r for r in records if r.status == "ok"], old)
+    good = [row for row in rows if row.status == "ok"]
+    return make_baseline(good, [r for r in records if r.status == "ok"], old, elsewhere)
 
 
 @dataclass(frozen=True)
@@ -162,34 +295,12 @@ class _Expected:
 
     def rows(self) -> Iterator[Row]:
         for quantity in self.case.quantities:
-            if self.solver in quantity.tolerance or self.solver in quantity.open_finding:
+            if gates(quantity, self.solver):
                 yield row_of(self.run, quantity) if self.run else self._empty(quantity)
 
     def _empty(self, quantity: QuantityModel) -> Row:
         status, reason = self.lack
-        finding = quantity.open_finding.get(self.solver)
-        return Row(
-            case=self.case.name,
-            suite=self.suite,
-            solver=self.solver,
-            settings={},
-            seed=self.seed,
-            quantity=quantity.name,
-            primary=quantity.primary,
-            at=mark_of(quantity),
-            value=None,
-            status=status,
-            tolerance=quantity.tolerance.get(self.solver),
-            passed=False,
-            case_title=self.case.title,
-            suites=(self.suite,),
-            declared=True,
-            unit=quantity.unit,
-            description=quantity.description,
-            mark=telling_mark(self.case, quantity),
-            open_finding=finding,
-            reason=reason,
-        )
+        return empty_row(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
 
 
 def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[_Expected]:

@@ -61,6 +61,8 @@ class Row(Model):
         What a suite calls the run beside the solver's name, such as "GELU".
     uncertainty, extrapolated
         The solver's own estimate of its error, and the value extrapolated from its history, in the unit.
+    converged
+        Whether the solver says that its answer settled within what it was asked for; None if it does not say.
     disagreement, disagreement_with
         With no known value: signed relative difference to another solver's value, and which.
     energy_gap
@@ -115,6 +117,7 @@ class Row(Model):
     published_source: str | None = None
     uncertainty: float | None = None
     extrapolated: float | None = None
+    converged: bool | None = None
     disagreement: float | None = None
     disagreement_with: str | None = None
     energy_gap: float | None = None

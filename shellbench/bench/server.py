@@ -30,7 +30,7 @@ from typing import Any, NoReturn
 
 from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
-from shellbench.bench.source import source_digest
+from shellbench.bench.source import import_closure, source_digest
 from shellbench.bench.store import LOG
 from shellbench.solution import Progress
 
@@ -43,15 +43,25 @@ def main(target: str) -> None:
     events = os.dup(1)
     os.dup2(2, 1)  # whatever an import prints is no event
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
+    module = target.partition(":")[0]
     with contextlib.suppress(Exception):  # the run will say what is wrong with it
-        import_module(target.partition(":")[0])
-        source_digest([target.partition(":")[0], MEASURING])  # remembered: each run looks whether it has changed
+        import_module(module)
+        source_digest([module, MEASURING])  # remembered: each run looks whether it has changed
+    import_what_solves(module)
     say(events, event="ready")
     waiting = b""
     while chunk := os.read(0, 65536):
         *lines, waiting = (waiting + chunk).split(b"\n")
         for line in lines:
             serve(Path(json.loads(line)), events)
+
+
+def import_what_solves(module: str) -> None:
+    """Import what a solver of ours imports when it is called, so that no run waits for it."""
+    if module.partition(".")[0] == "shellbench":  # what a plug-in imports late may have a reason
+        for name in import_closure(module):
+            with contextlib.suppress(Exception):
+                import_module(name)
 
 
 def say(events: int, **event: Any) -> None:

@@ -13,12 +13,16 @@ import hashlib
 import io
 import tokenize
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
 from shellbench.errors import InputError
 
+IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
+TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
+BLOCKS = (ast.stmt, ast.excepthandler, ast.match_case)  # what has statements, or is one
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -33,7 +37,7 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     closure: dict[str, Path] = {}
     for module in modules:
         closure |= import_closure(module)
-    lines = [f"{name} {_digest_of_file(path, *_stamp(path))}" for name, path in sorted(closure.items())]
+    lines = [f"{name} {_looked_at(path, _package(name, path)).digest}" for name, path in sorted(closure.items())]
     return hashlib.sha256("\n".join([*lines, *more]).encode()).hexdigest()
 
 
@@ -50,12 +54,13 @@ def import_closure(module: str) -> dict[str, Path]:
             continue
         closure[name] = path
         waiting.append(name.rpartition(".")[0] or name)
-        if path.suffix == ".py":
-            package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-            top = module.partition(".")[0]
-            found = _imports_of(path, package, *_stamp(path))
-            waiting.extend(n for n in found if n.partition(".")[0] == top)
+        top = module.partition(".")[0]
+        waiting.extend(n for n in _looked_at(path, _package(name, path)).imports if n.partition(".")[0] == top)
     return closure
+
+
+def _package(module: str, path: Path) -> str:
+    return module if path.name == "__init__.py" else module.rpartition(".")[0]
 
 
 def locate(module: str) -> Path | None:
@@ -72,46 +77,99 @@ def locate(module: str) -> Path | None:
         return Path(spec.origin) if spec.origin and Path(spec.origin).is_file() else None
     for folder in folders:
         stem = folder.joinpath(*rest)
-        compiled = sorted(stem.parent.glob(f"{stem.name}.*.so"))
-        for path in (stem / "__init__.py", stem.with_name(stem.name + ".py"), *compiled):
+        if not stem.parent.is_dir():  # what is imported from a module: no module
+            continue
+        for path in (stem / "__init__.py", stem.with_name(stem.name + ".py")):
             if path.is_file():
                 return path
+        compiled = sorted(path for path in stem.parent.glob(f"{stem.name}.*.so") if path.is_file())
+        if compiled:
+            return compiled[0]
     return None
 
 
-def _stamp(path: Path) -> tuple[int, int]:
+@dataclass(frozen=True)
+class _File:
+    """What is taken from a file: the digest of its code, and names that may be modules."""
+
+    digest: str
+    imports: tuple[str, ...] = ()
+
+
+def _looked_at(path: Path, package: str) -> _File:
     status = path.stat()
-    return status.st_mtime_ns, status.st_size
+    return _look_at(path, package, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=4096)
-def _digest_of_file(path: Path, changed: int, size: int) -> str:
+def _look_at(path: Path, package: str, changed: int, size: int) -> _File:
     data = path.read_bytes()
-    if path.suffix == ".py":
-        data = code_only(data.decode("utf-8")).encode()
-    return hashlib.sha256(data).hexdigest()
+    if path.suffix != ".py":
+        return _File(hashlib.sha256(data).hexdigest())
+    source, tree = data.decode("utf-8"), ast.parse(data)
+    digest = hashlib.sha256(_code_of(source, tree).encode()).hexdigest()
+    by_name = any(name in source for name in IMPORTERS)
+    return _File(digest, tuple(dict.fromkeys(_imported(tree, package, by_name))))
 
 
 def code_only(source: str) -> str:
     """Return Python source without comments, docstrings, blank lines and trailing blanks."""
+    return _code_of(source, ast.parse(source))
+
+
+def _code_of(source: str, tree: ast.Module) -> str:
+    """Return the code of `code_only`.
+
+    Tokens are looked at in those statements of the module only that may have comments or strings over several lines:
+    Python's tokenizer takes longer than all else.
+    """
     lines = source.splitlines()
+    for row in list(_docstring_rows(lines, tree)):
+        lines[row - 1] = ""
     verbatim: set[int] = set()  # rows of strings that go over several lines: blanks count there
-    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+    end = 0
+    for first, last in _rows_of_statements(tree):
+        for row in range(end + 1, first):
+            lines[row - 1] = ""  # between statements there are comments only
+        end = max(end, last)
+        text = lines[first - 1 : last]
+        if any(sign in line for line in text for sign in TO_BE_LOOKED_INTO):
+            verbatim |= {first - 1 + row for row in _strip_comments(text)}
+            lines[first - 1 : last] = text
+    rows = range(1, end + 1)
+    stripped = (lines[row - 1] if row in verbatim else lines[row - 1].rstrip() for row in rows)
+    return "\n".join(line for row, line in zip(rows, stripped, strict=True) if line or row in verbatim)
+
+
+def _rows_of_statements(tree: ast.Module) -> Iterator[tuple[int, int]]:
+    """Yield first and last row of each statement of a module, decorators included; those that share a row are one."""
+    first, last = 0, -1
+    for node in tree.body:
+        begin = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", ()))])
+        if begin > last and last > 0:
+            yield first, last
+        if begin > last:
+            first = begin
+        last = max(last, node.end_lineno or node.lineno)
+    if last > 0:
+        yield first, last
+
+
+def _strip_comments(lines: list[str]) -> set[int]:
+    """Take the comments out of rows of whole statements; return the rows, from one, of strings over several lines."""
+    verbatim: set[int] = set()
+    text = "".join(f"{line}\n" for line in lines)
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
         (row, column), (last, _) = token.start, token.end
         if token.type == tokenize.COMMENT:
             lines[row - 1] = lines[row - 1][:column]
         elif last > row:
             verbatim |= set(range(row, last + 1))
-    for row in _docstring_rows(source):
-        lines[row - 1] = ""
-        verbatim.discard(row)
-    kept = (line if row in verbatim else line.rstrip() for row, line in enumerate(lines, start=1))
-    return "\n".join(line for row, line in enumerate(kept, start=1) if line or row in verbatim)
+    return verbatim
 
 
-def _docstring_rows(source: str) -> Iterator[int]:
-    lines = source.splitlines()
-    for node in ast.walk(ast.parse(source)):
+def _docstring_rows(lines: list[str], tree: ast.Module) -> Iterator[int]:
+    for node in _statements(tree):
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             text = node.body[0]
             last = text.end_lineno or text.lineno
@@ -121,17 +179,25 @@ def _docstring_rows(source: str) -> Iterator[int]:
                 yield from range(text.lineno, last + 1)
 
 
-@lru_cache(maxsize=4096)
-def _imports_of(path: Path, package: str, changed: int, size: int) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(_imported(ast.parse(path.read_bytes()), package)))
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield a module or statement and all statements in it."""
+    yield node
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, BLOCKS):
+            yield from _statements(child)
 
 
-def _imported(tree: ast.AST, package: str) -> Iterator[str]:
-    """Yield names that may be modules: a name of `from p import n` may be one, or an attribute of p."""
+def _imported(tree: ast.AST, package: str, by_name: bool) -> Iterator[str]:
+    """Yield names that may be modules: a name of `from p import n` may be one, or an attribute of p.
+
+    `by_name` looks into expressions as well, for calls that import a module.
+    """
     for node in ast.iter_child_nodes(tree):
+        if not (by_name or isinstance(node, BLOCKS)):
+            continue
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             for other in node.orelse:
-                yield from _imported(other, package)
+                yield from _imported(other, package, by_name)
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -139,9 +205,9 @@ def _imported(tree: ast.AST, package: str) -> Iterator[str]:
             base = _absolute(node, package)
             yield base
             yield from (f"{base}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Call) and _called(node) in {"import_module", "__import__"}:
+        elif isinstance(node, ast.Call) and _called(node) in IMPORTERS:
             yield from (str(a.value) for a in node.args[:1] if isinstance(a, ast.Constant))
-        yield from _imported(node, package)
+        yield from _imported(node, package, by_name)
 
 
 def _called(node: ast.Call) -> str:

@@ -12,27 +12,30 @@ from shellbench.bench.row import Row
 MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
 
 
-def as_text(verdict: Verdict, baseline: str, cost: bool = False, verbose: bool = False) -> str:
+def as_text(
+    verdict: Verdict, baseline: str, cost: bool = False, verbose: bool = False, regression: bool = False
+) -> str:
     """Return what the gates found as text: a line for each gate, and for each row that is not green."""
     lines = [f"narrowed to {verdict.scope.narrowed}"] if verdict.scope.narrowed else []
     lines += _gate("accuracy", verdict.accuracy, verbose)
     if verdict.baseline:
-        lines += _gate("regression", verdict.regression, verbose)
-        lines += _gate("cost" if cost else "cost (reported only)", verdict.cost, verbose)
+        lines += _gate("regression", verdict.regression, verbose, judged=regression)
+        lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
-    lines.append("every gate holds" if verdict.good(cost) else "a gate fell short")
+    lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")
     return "\n".join(lines)
 
 
-def _gate(name: str, findings: Sequence[Finding], verbose: bool) -> Iterator[str]:
-    counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in MARKS.items()}
-    said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing is gated"
-    yield f"{name}: {said}"
+def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True) -> Iterator[str]:
+    marks = MARKS if judged else MARKS | {"red": "changed"}  # what is reported only is no verdict
+    counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
+    said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
+    yield f"{name}{'' if judged else ' (reported only)'}: {said}"
     shown = [f for f in findings if verbose or f.colour in {"red", "expected failure"}]
     alike: dict[tuple[str, str, str, str], list[Row]] = {}
-    for finding in sorted(shown, key=lambda f: list(MARKS).index(f.colour)):
-        key = (MARKS[finding.colour], finding.row.case, finding.row.solver, finding.sentence)
+    for finding in sorted(shown, key=lambda f: list(marks).index(f.colour)):
+        key = (marks[finding.colour], finding.row.case, finding.row.solver, finding.sentence)
         alike.setdefault(key, []).append(finding.row)
     for (mark, case, solver, sentence), rows in alike.items():
         yield f"  {mark:<4} {case} {solver}{_seeds(rows)} {_listed(row.quantity for row in rows)}: {sentence}"

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshTri
 
+from shellbench.cst.choices import Diagonal
 from shellbench.places import Edge
 from shellbench.surface import Domain
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Diagonal = Literal["right", "left", "alternating"]
 
 FEWEST_PERIODIC = 4  # cells around a closed coordinate; with fewer, two triangles can share two edges
 ON_VERTEX = 1e-9  # of a cell: how far a vertex may lie from a point that it stands for

@@ -17,6 +17,7 @@ from shellbench.fem.assembly import (
     Quadrature,
     stiffness,
 )
+from shellbench.fem.choices import Method
 from shellbench.fem.clamping import clamped_edges
 from shellbench.fem.constraints import Ties
 from shellbench.fem.hermite import KINDS
@@ -52,9 +53,7 @@ class Equilibrium:
     correction: float
 
 
-def solve(
-    case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_order: int, method: linear_solve.Method
-) -> Equilibrium:
+def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_order: int, method: Method) -> Equilibrium:
     """Solve a linear case on a mesh at the times or load factors `states`.
 
     Raises

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
@@ -17,11 +16,11 @@ from scipy.sparse.linalg import splu
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.fem.assembly import BlockMatrix
+from shellbench.fem.choices import Method
 from shellbench.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
 from shellbench.fem.mesh import TensorMesh
 
 Array = NDArray[np.float64]
-Method = Literal["auto", "dissection", "superlu", "pardiso"]
 Solve = Callable[[Array], Array]
 
 REFINEMENTS = 2  # steps of iterative refinement after the first solve

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -10,21 +10,17 @@ from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.model import Model, Positive
+from shellbench.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, StrainName, Supports
 from shellbench.ndf.factors import BoundaryFactors
 from shellbench.ndf.field import Ansatz, Features
-from shellbench.ndf.inputs import Inputs, PeriodicInput, mirrored_axes
+from shellbench.ndf.inputs import Inputs, mirrored_axes
 from shellbench.ndf.jets import Array, Placement
-from shellbench.ndf.lengths import LAYER, edge_layers, foci
+from shellbench.ndf.lengths import edge_layers, foci
 from shellbench.ndf.lift import Lift
 from shellbench.ndf.network import Network
-from shellbench.ndf.singular import MULTIPLIERS, FixedFeatures
+from shellbench.ndf.singular import FixedFeatures
 from shellbench.ndf.soft import NoFactors, NoLift
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.turning import TurnedFactors, Turning, turns
-
-Components = Literal["cartesian", "covariant"]
-Supports = Literal["hard", "soft"]
-"""Whether boundary factors hold the supports exactly, or springs about."""
 
 
 def _from_bool(value: Any) -> Any:

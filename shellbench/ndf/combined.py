@@ -11,7 +11,7 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.ndf.jets import Array, Placement
 
-DEPENDENT = 1e-13  # combinations less stiff than this share of the stiffest are rounding
+DEPENDENT = 1e-12  # combinations less stiff than this share of the stiffest are rounding, with ten times its room
 
 
 class FeatureSet(Protocol):
@@ -42,6 +42,10 @@ class Combined:
 
     features: FeatureSet
     combine: Tensor
+
+    def __post_init__(self) -> None:
+        # as in `shellbench.ndf.network.Network`; eigenvectors come column by column
+        object.__setattr__(self, "combine", self.combine.contiguous())
 
     @property
     def count(self) -> int:

@@ -48,7 +48,7 @@ def edge_factor(domain: Domain, edges: set[Edge], even: Sides, points: Array, pl
 
     At a bound where inputs are even, and which it does not hold, the factor is even too.
     """
-    factor = constant(placement.tensor(np.ones(len(points))))
+    factor = constant(placement.tensor(np.ones(len(points))), placement.planes)
     for axis in (0, 1):
         held = [any(e.axis == axis and e.side == side for e in edges) for side in SIDES]
         if not any(held):

@@ -69,8 +69,9 @@ class Features:
 
     def values(self, points: Array) -> Tensor:
         """Return the values (N, M) at points (N, 2), at a sixth of the cost of the jets."""
-        hidden = self.network.values(self.inputs.jets(points, self.placement)[VALUE])
-        return torch.cat([hidden, self.fixed.jets(points, self.placement)[VALUE]], dim=-1)
+        placement = self.placement.of_values
+        hidden = self.network.values(self.inputs.jets(points, placement)[VALUE])
+        return torch.cat([hidden, self.fixed.jets(points, placement)[VALUE]], dim=-1)
 
 
 @dataclass(frozen=True)
@@ -90,11 +91,16 @@ class Field:
     output: Tensor
     rigid: Tensor
 
+    def __post_init__(self) -> None:
+        # as in `shellbench.ndf.network.Network`; solved weights come column by column
+        for name in ("output", "rigid"):
+            object.__setattr__(self, name, getattr(self, name).contiguous())
+
     def displacement(self, points: Array) -> Tensor:
         """Return the displacement (N, 3), metres, at points (N, 2)."""
         placement = self.features.placement
         free = self.features.values(points) @ self.output.T
-        u = (self.ansatz.factors.matrix(points, placement)[VALUE] @ free[..., None])[..., 0]
+        u = (self.ansatz.factors.matrix(points, placement.of_values)[VALUE] @ free[..., None])[..., 0]
         u = u + self.ansatz.lift.jet(points, placement)[VALUE]
         if bool((self.rigid != 0).any()):
             modes = rigid_modes(self.ansatz.case.surface, points)[0, 0]

@@ -18,14 +18,12 @@ from shellbench.ndf.backward import forward, gradient, jacobian
 from shellbench.ndf.energy import add_gram, mirrored, strain_matrix
 from shellbench.ndf.jets import VALUE
 from shellbench.ndf.network import Network
+from shellbench.ndf.regularised import IndefiniteError, RegularisedInverse
 from shellbench.ndf.sample import Sample, Tips
 from shellbench.ndf.strain import apply_rows
 
 JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse
-MAX_JITTER = 1e-3  # beyond this the projection would be the jitter's
-FLOOR = (
-    1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces do not run off
-)
+FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights that the output layer replaces stay
 
 
 @dataclass(frozen=True)
@@ -84,7 +82,7 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
     Raises
     ------
     SolveFailure
-        If the features' strains are not finite or depend on each other.
+        If the features' strains are not finite.
     """
     unknowns = output.numel()
     joint = output.new_zeros((unknowns + network.parameters,) * 2)
@@ -98,14 +96,8 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
     joint = mirrored(joint)
     own, cross, matrix = joint[:unknowns, :unknowns], joint[:unknowns, unknowns:], joint[unknowns:, unknowns:]
     own = own + anchors.T @ anchors
-    scale = own.diagonal().clamp_min(torch.finfo(own.dtype).tiny).sqrt()
-    scaled, jitter = own / scale[:, None] / scale, JITTER
-    while jitter < MAX_JITTER:
-        scaled.diagonal().fill_(1 + jitter)
-        factor, info = torch.linalg.cholesky_ex(scaled)
-        if int(info) == 0:
-            half = torch.linalg.solve_triangular(factor, cross / scale[:, None], upper=False)
-            projected = matrix - half.T @ half
-            return Quadratic(energy_gradient(sample, tips, network, output), projected, matrix.diagonal().clone())
-        jitter *= 10
-    raise SolveFailure("the Gauss-Newton matrix is not positive definite: the features' strains depend on each other")
+    try:
+        half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
+    except IndefiniteError:
+        raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None
+    return Quadratic(energy_gradient(sample, tips, network, output), matrix - half.T @ half, matrix.diagonal().clone())

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.ndf.choices import PeriodicInput
 from shellbench.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
 from shellbench.ndf.lengths import Focus
 from shellbench.ndf.mirror import even_columns
@@ -29,8 +29,6 @@ SAMPLES = 24  # points a side of the grid on which inputs are tested for linear 
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
 
 Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
-PeriodicInput = Literal["both", "cosine", "none"]
-"""How a periodic coordinate enters: as (cos, sin), as cos alone, or as it is (Kairanda et al., figure II)."""
 
 
 def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:

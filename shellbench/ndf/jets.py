@@ -7,6 +7,9 @@ chain rule. Nested reverse differentiation gives the same numbers at several tim
     >>> xi1, xi2 = coordinates(np.array([[2.0, 3.0]]), Placement())
     >>> product(xi1, xi2)[:, 0].tolist()
     [6.0, 3.0, 2.0, 0.0, 1.0, 0.0]
+
+Where values are all that is asked for, jets of one plane (1, N, ...) take their place: a product of jets is as long as
+the shorter one, and a composition as its argument.
 """
 
 from __future__ import annotations
@@ -30,10 +33,16 @@ PLANES: tuple[tuple[int, int], ...] = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (
 
 
 class Placement(NamedTuple):
-    """Where tensors live and in what precision."""
+    """Where tensors live, in what precision, and how many planes the jets have that are made there."""
 
     device: torch.device = torch.device("cpu")
     dtype: torch.dtype = torch.float64
+    planes: int = 6
+
+    @property
+    def of_values(self) -> Placement:
+        """The same place for jets of values alone."""
+        return self._replace(planes=1)
 
     def tensor(self, values: Array) -> Tensor:
         """Bring an array here."""
@@ -53,17 +62,18 @@ class Placement(NamedTuple):
         return cls(torch.device(device), torch.float64)
 
 
-def constant(values: Tensor) -> Tensor:
+def constant(values: Tensor, planes: int = 6) -> Tensor:
     """Return the jet (6, N, ...) of functions that do not vary, from their values (N, ...)."""
-    jet = values.new_zeros((6, *values.shape))
+    jet = values.new_zeros((planes, *values.shape))
     jet[VALUE] = values
     return jet
 
 
 def coordinates(points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
     """Return the jets (6, N) of xi1 and xi2 at points (N, 2)."""
-    first, second = (constant(placement.tensor(points[:, axis])) for axis in (0, 1))
-    first[D1], second[D2] = 1.0, 1.0
+    first, second = (constant(placement.tensor(points[:, axis]), placement.planes) for axis in (0, 1))
+    if placement.planes > 1:
+        first[D1], second[D2] = 1.0, 1.0
     return first, second
 
 
@@ -74,7 +84,7 @@ def from_derivatives(
 
     `shift` = (1, 0) makes the jet of the first derivative in xi1, and so on.
     """
-    planes = [derivatives[i + shift[0], j + shift[1]] for i, j in PLANES]
+    planes = [derivatives[i + shift[0], j + shift[1]] for i, j in PLANES[: placement.planes]]
     return placement.tensor(np.stack(planes))
 
 
@@ -83,6 +93,8 @@ Bilinear = Callable[[Tensor, Tensor], Tensor]
 
 def bilinear(operation: Bilinear, a: Tensor, b: Tensor) -> Tensor:
     """Return the jet of any product of two jets that is linear in each (the product rule)."""
+    if len(a) == 1 or len(b) == 1:
+        return operation(a[VALUE], b[VALUE])[None]
     a0, a1, a2, a11, a12, a22 = a.unbind(0)
     b0, b1, b2, b11, b12, b22 = b.unbind(0)
     return torch.stack(
@@ -119,6 +131,8 @@ def cross(a: Tensor, b: Tensor) -> Tensor:
 
 def compose(derivatives: Sequence[Tensor], z: Tensor) -> Tensor:
     """Return the jet of f(z), given f, f', f'' at z's values (the chain rule)."""
+    if len(z) == 1:
+        return derivatives[0][None]
     f0, f1, f2 = derivatives[:3]
     z1, z2 = z[D1], z[D2]
     if torch.is_grad_enabled() and (z.requires_grad or f0.requires_grad):
@@ -150,12 +164,16 @@ Activation = Callable[[Tensor, int], tuple[Tensor, ...]]
 
 def sine(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
     """Return sin z and its derivatives (Sitzmann et al., SIREN)."""
+    if order == 0:
+        return (torch.sin(z),)
     s, c = torch.sin(z), torch.cos(z)
-    return (s, c, -s, -c)[: order + 1]
+    return (s, c, *(-f for f in (s, c)[: order - 1]))
 
 
 def cosine(z: Tensor, order: int = 2) -> tuple[Tensor, ...]:
     """Return cos z and its derivatives."""
+    if order == 0:
+        return (torch.cos(z),)
     s, c = torch.sin(z), torch.cos(z)
     return (c, -s, -c, s)[: order + 1]
 

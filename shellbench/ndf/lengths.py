@@ -12,12 +12,13 @@ import numpy as np
 
 from shellbench.case import Case
 from shellbench.conditions import PointLoad
+from shellbench.ndf.choices import LAYER
 from shellbench.ndf.jets import Array
 from shellbench.ndf.supports import point_supports
 from shellbench.places import Point
 
 SAMPLES = 9  # points a side of the grid on which a surface is looked at
-LAYER = 1.2  # l in sqrt(h R) around a force; .12 R for R / h = 100, the best by certified energy on pinched cylinders
+
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
 CURVED = 1e-9  # a principal curvature times the size below this is flat: rounding of the shape operator

@@ -29,6 +29,11 @@ class Network:
     biases: tuple[Tensor, ...]
     activation: str = "sine"
 
+    def __post_init__(self) -> None:
+        # Rows behind each other, as in a file: products of other layouts round differently, so a loaded field would.
+        for name in ("weights", "biases"):
+            object.__setattr__(self, name, tuple(t.contiguous() for t in getattr(self, name)))
+
     def features(self, inputs: Tensor) -> Tensor:
         """Return the jets (6, N, M) of the last hidden layer from the jets (6, N, n) of the inputs."""
         function, h = activation(self.activation), inputs

@@ -13,7 +13,8 @@ is not said in it, and why:
 - Derivatives are propagated forward, with the same numbers as nested automatic differentiation gives.
 
 The trained field's energy is integrated once more on a fine quadrature; the gap to the last losses is reported. It is
-not gated: with 400 random samples it measures the noise of the loss as well.
+not gated: with 400 random samples it measures the noise of the loss as well. What fails is a training that ends above
+rest, or with less than half of what it had gained (see `published_training.why_collapsed`).
 
 A case in motion is trained in space and time, on a functional, boundary functions and strains of its own: see
 `published_motion`. What is solved for along a static path is declined.
@@ -23,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import torch
 
@@ -45,14 +46,15 @@ from shellbench.ndf.published_loss import Sampler, usual_modulus_factor
 from shellbench.ndf.published_motion import MotionTraining, load_motion, why_no_motion
 from shellbench.ndf.published_motion_file import is_motion
 from shellbench.ndf.published_network import InputScale, Siren, check_like, initial_siren
-from shellbench.ndf.published_settings import DTYPES, PublishedSettings, own_checkpoint, training_key
-from shellbench.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train
+from shellbench.ndf.published_settings import PublishedSettings, own_checkpoint, training_key
+from shellbench.ndf.published_solver import PublishedSolver
+from shellbench.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train, why_collapsed
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.resolution import resolution
 from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
-from shellbench.solution import Capabilities, ProgressCallback, Solution
+from shellbench.solution import ProgressCallback, Solution
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
@@ -89,90 +91,71 @@ class Training(Protocol):
         """Return the trained field."""
         ...
 
+    def why_no_answer(self, solution: Solution) -> str | None:
+        """Return why a trained field is no answer, in one sentence; None if nothing speaks against it."""
+        ...
 
-@dataclass(frozen=True)
-class PublishedSolver:
-    """The paper's training; see `shellbench.solution.Solver`."""
 
-    name: ClassVar[str] = "ndf-published"
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
-        label="neural field: the published training (SIREN, stratified samples, Adam)",
-        devices=("cpu", "cuda"),
-    )
-    settings_type: ClassVar[type[PublishedSettings]] = PublishedSettings
+def why_not(case: Case) -> str | None:
+    """Return why the published boundary functions can't hold a case, as one clause, or None if they can."""
+    if case.dynamics is not None:
+        return why_no_motion(case)
+    if not case.linear:
+        return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"
+    if point_supports(case):
+        return "its boundary functions hold edges, not single points"
+    return why_declined(case)
 
-    def declines(self, case: Case) -> str | None:
-        """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
-        if case.dynamics is not None:
-            return why_no_motion(case)
-        if not case.linear:
-            return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"
-        if point_supports(case):
-            return "its boundary functions hold edges, not single points"
-        return why_declined(case)
 
-    def load(self, path: Path) -> Solution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
-        return load_motion(path, self.name) if is_motion(path) else load_solution(path, self.name, published_ansatz)
+def load(path: Path, solver: str) -> Solution:
+    """Read a solution of a solver of this recipe; InputError in one sentence if it is none."""
+    return load_motion(path, solver) if is_motion(path) else load_solution(path, solver, published_ansatz)
 
-    def solve(
-        self,
-        case: Case,
-        settings: PublishedSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> Solution:
-        """Train a field.
 
-        A checkpoint as `start` is gone on from as if there had been no interruption; an earlier solution of this recipe
-        lends its weights, for this case or another one. Without `start`, a training that was interrupted goes on from
-        its own file in the folder `settings.checkpoint`, which is removed when the training ends.
+def solve(
+    case: Case, settings: PublishedSettings, start: Solution | Path | None, progress: ProgressCallback
+) -> Solution:
+    """Train a field; see `shellbench.ndf.published_solver.PublishedSolver`."""
+    training: Training
+    if case.dynamics is None:
+        training = _Training.of(case, settings)
+    else:
+        training = MotionTraining.of(case, settings, PublishedSolver.name)
+    own = own_checkpoint(case, settings)
+    plan = Plan(settings.iterations, settings.learning_rate, own, settings.checkpoint_every)
+    begin = start if start is not None or own is None or not own.exists() else own
+    now = _start(training, settings.iterations, begin)
+    resumed = now.iteration
+    try:
+        now = train(training.siren, now, training.sampler, plan, training.watch, progress)
+    except LossNotFinite as failure:
+        partial = training.solution(failure.good, resumed) if failure.good.iteration else None
+        raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate", partial) from None
+    if own:
+        own.unlink(missing_ok=True)
+    solution = training.solution(now, resumed)
+    if reason := training.why_no_answer(solution):
+        raise SolveFailure(reason, solution)
+    return solution
 
-        Raises
-        ------
-        SolveFailure
-            If the loss stops being finite; the field of its last good state comes with it.
-        InputError
-            If the case can't be solved with these settings, or `start` does not fit them.
-        """
-        reason = self.declines(case)
-        if reason:
-            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        training: Training = (
-            _Training.of(case, settings) if case.dynamics is None else MotionTraining.of(case, settings, self.name)
-        )
-        own = own_checkpoint(case, settings)
-        plan = Plan(settings.iterations, settings.learning_rate, own, settings.checkpoint_every)
-        begin = start if start is not None or own is None or not own.exists() else own
-        now = self._start(training, settings.iterations, begin)
-        resumed = now.iteration
-        try:
-            now = train(training.siren, now, training.sampler, plan, training.watch, progress or (lambda _: None))
-        except LossNotFinite as failure:
-            partial = training.solution(failure.good, resumed) if failure.good.iteration else None
-            raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate", partial) from None
-        if own:
-            own.unlink(missing_ok=True)
-        return training.solution(now, resumed)
 
-    def _start(self, training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
-        if isinstance(start, Path) and is_checkpoint(start):
-            found = read_checkpoint(start)
-            if found.key != training.key:
-                raise InputError(f"{start}: is the checkpoint of another case, seed or settings")
-            if found.iteration > iterations:
-                raise InputError(f"{start}: has {found.iteration} iterations, more than the {iterations} asked for")
-            return found
-        if isinstance(start, Path):
-            start = self.load(start)
-        if start is None:
-            return beginning(training.key, training.siren)
-        lent = training.released(start)
-        if lent is None:
-            raise InputError(f"{self.name} starts from a checkpoint or solution of its own only")
-        check_like(lent, training.siren)
-        return beginning(training.key, lent)
+def _start(training: Training, iterations: int, start: Solution | Path | None) -> Checkpoint:
+    if isinstance(start, Path) and is_checkpoint(start):
+        found = read_checkpoint(start)
+        if found.key != training.key:
+            raise InputError(f"{start}: is the checkpoint of another case, seed or settings")
+        if found.iteration > iterations:
+            raise InputError(f"{start}: has {found.iteration} iterations, more than the {iterations} asked for")
+        return found
+    if isinstance(start, Path):
+        start = load(start, PublishedSolver.name)
+    if start is None:
+        return beginning(training.key, training.siren)
+    lent = training.released(start)
+    if lent is None:
+        raise InputError(f"{PublishedSolver.name} starts from a checkpoint or solution of its own only")
+    check_like(lent, training.siren)
+    return beginning(training.key, lent)
 
 
 @dataclass(frozen=True)
@@ -193,7 +176,7 @@ class _Training:
     def of(cls, case: Case, settings: PublishedSettings) -> _Training:
         if settings.strain not in (None, "linear"):
             raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
-        placement = Placement.on(settings.device)._replace(dtype=DTYPES[settings.dtype])
+        placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
         spec = FieldSpec(periodic_input=settings.periodic_input, stretched=False, multipliers=0)
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
         edges = resolution(case).rule
@@ -281,6 +264,7 @@ class _Training:
                 "energy_gap": gap,
                 "training_energy": trained,
                 "certified_energy": certified,
+                "rest_energy": energies.potential(0.0),
                 "iterations": now.iteration,
                 "resumed_at": resumed,
                 "seconds_per_iteration": now.seconds / now.iteration,
@@ -288,3 +272,9 @@ class _Training:
                 "fine_quadrature_points": len(rule.points),
             },
         )
+
+    def why_no_answer(self, solution: Solution) -> str | None:
+        """See `Training`."""
+        certified, rest = (float(solution.diagnostics[f"{which}_energy"]) for which in ("certified", "rest"))
+        loaded = bool(self.case.loads) and not self.ansatz.lift.moves
+        return why_collapsed(certified, [(step.iteration, step.energy) for step in solution.history], rest, loaded)

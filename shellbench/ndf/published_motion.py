@@ -32,7 +32,8 @@ from shellbench.ndf.published_motion_file import read_motion
 from shellbench.ndf.published_motion_loss import MotionSampler, SpaceTime, why_not_sampled
 from shellbench.ndf.published_motion_solution import TrainedMotion
 from shellbench.ndf.published_network import Siren, initial_siren
-from shellbench.ndf.published_settings import DTYPES, PublishedSettings, training_key
+from shellbench.ndf.published_settings import PublishedSettings, training_key
+from shellbench.ndf.published_training import why_collapsed
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.quantities import CentreOfMass, DisplacementQuantity, PositionQuantity, ReactionQuantity, TorqueQuantity
 from shellbench.solution import Solution
@@ -82,7 +83,7 @@ class MotionTraining:
         """Begin a training; InputError if the settings do not fit a motion."""
         if settings.modulus_factor is not None:
             raise InputError("setting modulus_factor belongs to the linear theory; in motion the modulus is the case's")
-        placement = Placement.on(settings.device)._replace(dtype=DTYPES[settings.dtype])
+        placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
         ansatz = Ansatz.of(case, settings.periodic_input)
         shape = (ansatz.count, settings.layers, settings.width, settings.omega0)
         siren = initial_siren(*shape, settings.seed, placement)
@@ -117,12 +118,19 @@ class MotionTraining:
                 "energy_gap": gap,
                 "training_functional": trained,
                 "fine_functional": fine,
+                "rest_functional": self._fine_functional(_silent(siren)),
                 "iterations": now.iteration,
                 "resumed_at": resumed,
                 "seconds_per_iteration": now.seconds / now.iteration,
                 "strain": self.sampler.strain,
             },
         )
+
+    def why_no_answer(self, solution: Solution) -> str | None:
+        """See `shellbench.ndf.published.Training`; the functional takes the place of the energy."""
+        fine, rest = (float(solution.diagnostics[f"{which}_functional"]) for which in ("fine", "rest"))
+        loaded = bool(self.sampler.ansatz.case.loads) and rest == 0.0
+        return why_collapsed(fine, [(step.iteration, step.energy) for step in solution.history], rest, loaded)
 
     def _solution(self, siren: Siren) -> TrainedMotion:
         return TrainedMotion(self.solver, MotionField(self.sampler.ansatz, siren), self.sampler.strain)
@@ -142,3 +150,9 @@ class MotionTraining:
             part = slice(first, first + BATCH_TIMES)
             share = np.outer(w[part] / 2, rule.weights)
             yield SpaceTime.of(ansatz, strain, rule.points, times[part], share, placement)
+
+
+def _silent(siren: Siren) -> Siren:
+    """Return a network that is zero everywhere: what is left of its motion is that of the supports."""
+    first, *_, last = siren.weights
+    return Siren((first[:1] * 0, last[:, :1] * 0), (siren.biases[0][:1] * 0, siren.biases[-1] * 0), siren.omega0)

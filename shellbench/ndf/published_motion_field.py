@@ -17,7 +17,8 @@ from torch import Tensor
 
 from shellbench.case import Case
 from shellbench.ndf.build import FieldSpec, build_inputs
-from shellbench.ndf.inputs import Inputs, PeriodicInput
+from shellbench.ndf.choices import PeriodicInput
+from shellbench.ndf.inputs import Inputs
 from shellbench.ndf.jets import D1, D2, D11, D12, D22, VALUE, Array, Placement, product
 from shellbench.ndf.published_motion_factors import SoftSupports
 from shellbench.ndf.published_network import InputScale, Siren

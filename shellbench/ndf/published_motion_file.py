@@ -14,8 +14,8 @@ from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Positive, one_sentence
 from shellbench.ndf.build import SavedPeriodicInput
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.published_network import Siren
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.solution import Step
 
 HEADER = "shellbench-motion"

@@ -24,12 +24,13 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.jets import VALUE, Array, Placement
 from shellbench.ndf.loads import force_density
 from shellbench.ndf.published_loss import stratified_samples
 from shellbench.ndf.published_motion_field import DT, Ansatz, moving
 from shellbench.ndf.published_network import Siren
-from shellbench.ndf.strain_measures import MEASURES, Reference, StrainName, gradient_map
+from shellbench.ndf.strain_measures import MEASURES, Reference, gradient_map
 from shellbench.ndf.undeformed import Undeformed
 
 OF_TIMES = 1 << 64  # apart from the counters of the points: no iteration reaches it

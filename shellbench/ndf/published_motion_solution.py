@@ -15,13 +15,13 @@ from torch import Tensor
 
 from shellbench.case import Case
 from shellbench.errors import InputError
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.jets import Array
 from shellbench.ndf.loads import force_density
 from shellbench.ndf.published_motion_field import MotionField
 from shellbench.ndf.published_motion_file import MotionHeader, write_motion
 from shellbench.ndf.quadrature import RuleSpec, area_rule
 from shellbench.ndf.rounding import rounded_tensors, short_enough
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.solution import FIELDS, NumberFormat, Step
 

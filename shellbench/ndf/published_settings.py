@@ -7,17 +7,14 @@ import json
 from pathlib import Path
 from typing import Literal
 
-import torch
 from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.model import Positive
-from shellbench.ndf.inputs import PeriodicInput
-from shellbench.ndf.strain_measures import StrainName
+from shellbench.ndf.choices import PeriodicInput, StrainName
 from shellbench.solution import SeededSettings
 
 NOT_OF_THE_TRAINING = {"device", "iterations", "checkpoint", "checkpoint_every"}
-DTYPES = {"float32": torch.float32, "float64": torch.float64}
 
 
 class PublishedSettings(SeededSettings):

@@ -1,13 +1,14 @@
-"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration."""
+"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration; when a training has collapsed."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -16,6 +17,9 @@ from shellbench.ndf.published_network import Siren
 from shellbench.solution import Progress, ProgressCallback, Step
 
 RECORD = 25  # iterations between two entries of the history
+STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
+CERTAIN = 2.0  # standard errors that this mean is raised by, so that luck is no energy
+KEPT = 0.5  # of its best gain that a training must end with
 
 
 class Sampled(Protocol):
@@ -139,6 +143,45 @@ def train(
                 written = iteration
         progress(Progress(iteration, plan.iterations, message))
     return now
+
+
+def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: float, loaded: bool) -> str | None:
+    """Return why a trained field is no answer, in one sentence; None if its energy does not speak against it.
+
+    Rest is the field without the network: the undeformed shell, or what the motion of supports alone makes of it. A
+    field gains what its energy lies below that of rest. The gain that a training had at its best is the largest over
+    all stretches of its course, each the mean less `CERTAIN` standard errors.
+
+    Parameters
+    ----------
+    certified
+        Energy of the trained field on the fine quadrature, J.
+    course
+        Iteration and mean loss, J, of each entry of the history.
+    rest
+        Energy at rest, J.
+    loaded
+        Whether loads act on a shell whose supports stay: then the answer lies below rest. A motion of supports may
+        already be the answer, so that nothing can be gained on it.
+    """
+    gain = rest - certified
+    best, first, last = _best_gain(course, rest)
+    now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
+    if best > 0 and gain < KEPT * best:
+        return f"the training collapsed: {now}, but was at least {best:.2g} J below over iterations {first} to {last}"
+    if loaded and gain <= 0:
+        return f"the training came to no answer: {now} after {course[-1][0]} iterations"
+    return None
+
+
+def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float, int, int]:
+    """Return the largest certain gain of a stretch and its first and last iteration; 0 if there was none."""
+    best = (0.0, 0, 0)
+    for k in range(len(course) - STRETCH + 1):
+        iterations, energies = zip(*course[k : k + STRETCH], strict=True)
+        raised = float(np.mean(energies) + CERTAIN * np.std(energies, ddof=1) / STRETCH**0.5)
+        best = max(best, (rest - raised, iterations[0], iterations[-1]))
+    return best
 
 
 def _adam(tensors: list[Tensor], now: Checkpoint, learning_rate: float) -> torch.optim.Adam:

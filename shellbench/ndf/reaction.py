@@ -15,6 +15,7 @@ from torch import Tensor
 from shellbench.case import Case
 from shellbench.conditions import Support
 from shellbench.errors import InputError
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.energy import BATCH
 from shellbench.ndf.field import Field
 from shellbench.ndf.jets import VALUE, Array, Placement, constant, from_derivatives, product
@@ -22,7 +23,6 @@ from shellbench.ndf.lift import edge_weight
 from shellbench.ndf.loads import concentrated_forces, force_density
 from shellbench.ndf.moments import edge_moments
 from shellbench.ndf.quadrature import RuleSpec, area_rule
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import edge_supports, point_supports
 from shellbench.ndf.undeformed import Undeformed, stresses
 from shellbench.places import Edge, Whole

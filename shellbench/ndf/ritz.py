@@ -11,142 +11,78 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import ClassVar
 
 import torch
-from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
-from shellbench.model import Positive
 from shellbench.ndf import large_displacement, motion
 from shellbench.ndf.build import (
-    Components,
     FieldSpec,
-    Supports,
     build_ansatz,
     build_features,
     build_inputs,
     graded_points,
 )
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.declines import why_declined
 from shellbench.ndf.energy import concentrated, normal_equations, surface_area
 from shellbench.ndf.field import Field
-from shellbench.ndf.inputs import PeriodicInput
 from shellbench.ndf.jets import Placement, activation, smooth_activation
 from shellbench.ndf.kinks import unseen_turning
 from shellbench.ndf.large_displacement import Rung
-from shellbench.ndf.lengths import LAYER
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.mass import scales
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import random_features
-from shellbench.ndf.path_solution import PathSolution, load_solution
+from shellbench.ndf.path_solution import PathSolution
 from shellbench.ndf.quadrature import area_rule
 from shellbench.ndf.refusal import Signs, jitter_share, refusal, rounding_energy, taken_up
 from shellbench.ndf.resolution import Resolution, resolution, rung, rung_count
-from shellbench.ndf.singular import MULTIPLIERS
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.soft import Springs, support_error
 from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.solve import potential_energy, solve_nested
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import point_supports
 from shellbench.quantities import DisplacementQuantity
-from shellbench.solution import Capabilities, Progress, ProgressCallback, SeededSettings, Solution, Step
+from shellbench.solution import Progress, ProgressCallback, Step
 
-LARGEST_GAP = 5e-4  # of the energy on the two rules: converged fields show 3e-5 and less, exploited rules 1e-2 and more
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
 NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
 
 
-class RitzSettings(SeededSettings):
-    """Settings of `ndf-ritz`; what is None follows from the case."""
-
-    neurons: int | None = PydanticField(None, ge=1, le=4000, description="width of the random layer")
-    activation: str = "sine"
-    scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
-    stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
-    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
-    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
-    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")
-    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
-    components: Components = PydanticField("cartesian", description="what the output layer gives")
-    supports: Supports = PydanticField("hard", description="held by boundary factors, or about by springs, linear only")
-    penalty: float | None = PydanticField(
-        None, ge=1e-6, le=1e12, description="of soft supports: stiffness in D / sqrt(area); 1e4 if not given"
+def solve(
+    case: Case, settings: RitzSettings, progress: ProgressCallback
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Solve a case; see `shellbench.ndf.ritz_solver.RitzSolver`."""
+    if settings.penalty and settings.supports == "hard":
+        raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
+    path = case.dynamics is not None or large_displacement.is_path(case)
+    (smooth_activation if path else activation)(settings.activation)
+    spec = FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        supports=settings.supports,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        edge_stretched=settings.stretched,
+        multipliers=settings.singular,
+        strain=strain_of(case, settings.strain),
     )
-    panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
-    order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
-    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
-    strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
-
-
-@dataclass(frozen=True)
-class RitzSolver:
-    """Random features with a solved output layer; see `shellbench.solution.Solver`."""
-
-    name: ClassVar[str] = "ndf-ritz"
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
-        label="neural field: fixed random sine layer, output layer solved for (Ritz); trains nothing",
-        devices=("cpu", "cuda"),
-    )
-    settings_type: ClassVar[type[RitzSettings]] = RitzSettings
-
-    def declines(self, case: Case) -> str | None:
-        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
-        return why_declined(case)
-
-    def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
-        return load_solution(path, self.name)
-
-    def solve(
-        self,
-        case: Case,
-        settings: RitzSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> NdfSolution | PathSolution | MotionSolution:
-        """Solve a case; `start` is of no use to a direct solve and is ignored.
-
-        Raises
-        ------
-        SolveFailure
-            If the energies on the two quadratures disagree by more than the largest admissible gap, or the path of a
-            non-linear case ends early.
-        InputError
-            If the case or the settings can't be solved with.
-        """
-        if settings.penalty and settings.supports == "hard":
-            raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
-        path = case.dynamics is not None or large_displacement.is_path(case)
-        (smooth_activation if path else activation)(settings.activation)
-        spec = FieldSpec(
-            activation=settings.activation,
-            periodic_input=settings.periodic_input,
-            components=settings.components,
-            supports=settings.supports,
-            stretched=settings.stretched,
-            layer=settings.layer,
-            edge_stretched=settings.stretched,
-            multipliers=settings.singular,
-            strain=strain_of(case, settings.strain),
-        )
-        with torch.no_grad():
-            reason = why_declined(case, spec)
-            if reason:
-                raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-            if case.dynamics is not None:
-                return _move(case, spec, settings, progress or (lambda _: None))
-            if path:
-                return _follow(case, spec, settings, progress or (lambda _: None))
-            return _solve(case, spec, settings, progress or (lambda _: None))
+    with torch.no_grad():
+        reason = why_declined(case, spec)
+        if reason:
+            raise InputError(f"{RitzSolver.name} can't solve case '{case.name}': {reason}")
+        if case.dynamics is not None:
+            return _move(case, spec, settings, progress)
+        if path:
+            return _follow(case, spec, settings, progress)
+        return _solve(case, spec, settings, progress)
 
 
 def strain_of(case: Case, strain: StrainName | None) -> StrainName:

@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from shellbench.case import Case
+from shellbench.ndf.choices import MULTIPLIERS
 from shellbench.ndf.jets import D1, VALUE, Array, Placement, compose, constant, dot, from_derivatives, product
 from shellbench.ndf.lengths import Focus
 from shellbench.ndf.mirror import even_columns
@@ -21,9 +22,6 @@ from shellbench.ndf.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
 ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
-# Of {1, t1, t2, r^2, t1 t2, t1^2}. A tangential displacement follows the normal one as its integral, hence t1 and t2:
-# without them the certified energy of a pinched cylinder is 5e-4 short, with them 4e-5; the others gain nothing.
-MULTIPLIERS = 3
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,7 @@ class FixedFeatures:
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, count) at points (N, 2)."""
-        columns = [constant(placement.tensor(np.ones(len(points))))]
+        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
         if self.foci and self.multipliers:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
             for focus in self.foci:
@@ -85,7 +83,7 @@ class FixedFeatures:
         return torch.stack([columns[k] for k in self.kept], dim=-1)
 
     def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
-        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]))) / focus.reach
+        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
         first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
         square = dot(chord, chord)
         v = square[VALUE].clamp_min(AT_THE_POINT)

@@ -12,10 +12,10 @@ from shellbench.errors import SolveFailure
 from shellbench.ndf.energy import NormalEquations
 from shellbench.ndf.field import Ansatz, Features
 from shellbench.ndf.jets import VALUE
+from shellbench.ndf.regularised import IndefiniteError, RegularisedInverse
 from shellbench.ndf.supports import point_supports
 
-JITTER = 1e-14  # on the unit diagonal: a few times the rounding of the matrix itself
-MAX_JITTER = 1e-6  # beyond this the answer would be the jitter's
+JITTER = 1e-12  # on the unit diagonal: ten times what rounding leaves of the matrix, so that it decides nothing
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class OutputLayer:
     reactions
         (k,): the forces that hold the constraints, N.
     jitter
-        What had to be added to the scaled diagonal.
+        What was added to the scaled diagonal.
     """
 
     weights: Tensor
@@ -46,39 +46,25 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     Raises
     ------
     SolveFailure
-        If the matrix is not finite or not positive definite.
+        If the matrix is not finite, or not positive semidefinite.
     """
     matrix = equations.stiffness + equations.anchor.T @ equations.anchor + stiffness * constraints.T @ constraints
     load = equations.load + stiffness * constraints.T @ targets
     if not bool(torch.isfinite(matrix).all()):
         raise SolveFailure("the energy of the features is not finite")
-    diagonal = matrix.diagonal().clamp_min(0.0).sqrt()
-    scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
-    factor, jitter = _cholesky(matrix * scale[:, None] * scale)
-
-    def inverse(right: Tensor) -> Tensor:
-        return torch.cholesky_solve(right * scale[:, None], factor) * scale[:, None]
-
-    weights = inverse(load[:, None])[:, 0]
+    try:
+        inverse = RegularisedInverse.from_matrix(matrix, JITTER)
+    except IndefiniteError:
+        raise SolveFailure("the normal matrix of the output layer is not positive definite") from None
+    weights = (inverse @ load[:, None])[:, 0]
     if not len(constraints):
-        return OutputLayer(weights, load.new_zeros(0), jitter)
-    response = inverse(constraints.T)
+        return OutputLayer(weights, load.new_zeros(0), JITTER)
+    response = inverse @ constraints.T
     compliance = constraints @ response
     multipliers = torch.linalg.solve(compliance, constraints @ weights - targets)
     weights = weights - response @ multipliers
     correction = torch.linalg.solve(compliance, constraints @ weights - targets)  # rounding of large weights
-    return OutputLayer(weights - response @ correction, -(multipliers + correction), jitter)
-
-
-def _cholesky(scaled: Tensor) -> tuple[Tensor, float]:
-    jitter = JITTER
-    while jitter <= MAX_JITTER:
-        scaled.diagonal().fill_(1 + jitter)
-        factor, info = torch.linalg.cholesky_ex(scaled)
-        if int(info) == 0:
-            return factor, jitter
-        jitter *= 10
-    raise SolveFailure("the normal matrix of the output layer is not positive definite")
+    return OutputLayer(weights - response @ correction, -(multipliers + correction), JITTER)
 
 
 def potential_energy(equations: NormalEquations, weights: Tensor) -> float:

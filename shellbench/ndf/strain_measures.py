@@ -22,15 +22,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import torch
 from torch import Tensor
 
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.geometry import Geometry
 from shellbench.ndf.jets import D1, D2, D11, D12, D22, VALUE
 
-StrainName = Literal["exact", "published", "linear"]
 GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
 TWICE = (1.0, 1.0, 2.0)  # strains are 11, 22 and twice 12
 

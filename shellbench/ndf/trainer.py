@@ -9,26 +9,22 @@ and bending stiffness differ by (L/h)^2; here a handful is enough.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
 
 import torch
-from pydantic import Field as PydanticField
 
 from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import mean_displacement
-from shellbench.model import Positive
 from shellbench.ndf import large_displacement, motion
-from shellbench.ndf.build import Components, FieldSpec, build_features, build_inputs
+from shellbench.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.ndf.certificate import certify, energy_gap, rigid_part
-from shellbench.ndf.declines import why_declined
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.deep_path import follow
 from shellbench.ndf.energy import concentrated
 from shellbench.ndf.field import Field
-from shellbench.ndf.inputs import PeriodicInput
 from shellbench.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.ndf.loads import check_balance
 from shellbench.ndf.mass import scales
@@ -36,11 +32,11 @@ from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.network import deep_random_features
 from shellbench.ndf.path_solution import PathSolution, load_solution
 from shellbench.ndf.quadrature import area_rule
-from shellbench.ndf.ritz import LARGEST_GAP, strain_of
+from shellbench.ndf.ritz import strain_of
 from shellbench.ndf.solution import NdfSolution
 from shellbench.ndf.solve import point_constraints
-from shellbench.ndf.strain_measures import StrainName
 from shellbench.ndf.supports import point_supports
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.ndf.training import (
     CERTIFICATE,
     FINAL_ORDER,
@@ -54,96 +50,34 @@ from shellbench.ndf.training import (
     trusted,
 )
 from shellbench.quantities import DisplacementQuantity
-from shellbench.solution import Capabilities, Progress, ProgressCallback, SeededSettings, Solution, Step
+from shellbench.solution import Progress, ProgressCallback, Solution, Step
 
-LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
-MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
 FITTED = 40  # points a side to which the last hidden layer of a motion is fitted
-INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certified
 
 
-class TrainerSettings(SeededSettings):
-    """Settings of `ndf`; what is None follows from the case."""
-
-    inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
-    widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")
-    activation: str = "sine"
-    iterations: int = PydanticField(3, ge=0, le=1000, description="Gauss-Newton iterations at most")
-    tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
-    gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
-    damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")
-    attempts: int = PydanticField(5, ge=1, le=50, description="steps tried an iteration, ever more damped")
-    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
-    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
-    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
-    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
-    components: Components = PydanticField("cartesian", description="what the output layer gives")
-    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
-    strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
-
-
-@dataclass(frozen=True)
-class NdfSolver:
-    """The trainer; see `shellbench.solution.Solver`."""
-
-    name: ClassVar[str] = "ndf"
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
-        label="neural field: deep sine network, all weights trained (variable projection, Gauss-Newton); at finite"
-        " strain the output layer follows the path",
-        devices=("cpu", "cuda"),
-    )
-    settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
-
-    def declines(self, case: Case) -> str | None:
-        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
-        return why_declined(case)
-
-    def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
-        """Read a solution of this recipe; InputError in one sentence if it is none."""
-        return load_solution(path, self.name)
-
-    def solve(
-        self,
-        case: Case,
-        settings: TrainerSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> NdfSolution | PathSolution | MotionSolution:
-        """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
-
-        In the non-linear theory the output layer follows the path or the motion from rest, and `start` is ignored.
-
-        Raises
-        ------
-        SolveFailure
-            If training breaks down, or the energy on the finest quadrature disagrees by more than the largest
-            admissible gap; the last certified state comes with it.
-        InputError
-            If the case, the settings or the start can't be used.
-        """
-        reason = self.declines(case)
-        if reason:
-            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        tell = progress or (lambda _: None)
-        strain = strain_of(case, settings.strain)
-        with torch.no_grad():
-            if case.dynamics is not None:
-                smooth_activation(settings.activation)
-                return _move(case, settings, strain, tell)
-            if not large_displacement.is_path(case):
-                return _Run(case, settings, tell).solve(self.load(start) if isinstance(start, Path) else start)
+def solve(
+    case: Case, settings: TrainerSettings, start: Solution | Path | None, tell: ProgressCallback
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Train a field; see `shellbench.ndf.trainer_solver.NdfSolver`."""
+    strain = strain_of(case, settings.strain)
+    with torch.no_grad():
+        if case.dynamics is not None:
             smooth_activation(settings.activation)
-            return follow(
-                case,
-                field_spec(settings, strain),
-                training_plan(settings, settings.widths or (), ()),
-                Placement.on(settings.device),
-                point_constraints,
-                settings.largest_gap,
-                self.name,
-                tell,
-            )
+            return _move(case, settings, strain, tell)
+        if not large_displacement.is_path(case):
+            begin = load_solution(start, NdfSolver.name) if isinstance(start, Path) else start
+            return _Run(case, settings, tell).solve(begin)
+        smooth_activation(settings.activation)
+        return follow(
+            case,
+            field_spec(settings, strain),
+            training_plan(settings, settings.widths or (), ()),
+            Placement.on(settings.device),
+            point_constraints,
+            settings.largest_gap,
+            NdfSolver.name,
+            tell,
+        )
 
 
 def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:

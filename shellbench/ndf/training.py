@@ -46,7 +46,7 @@ FAIR, GOOD = 0.3, 0.7  # of the predicted decrease
 
 @dataclass(frozen=True)
 class Plan:
-    """What training may do; see `shellbench.ndf.trainer.TrainerSettings` for what each setting is for.
+    """What training may do; see `shellbench.ndf.trainer_solver.TrainerSettings` for what each setting is for.
 
     Attributes
     ----------

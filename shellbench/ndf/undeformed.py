@@ -8,10 +8,11 @@ import torch
 from torch import Tensor
 
 from shellbench.material import Material
+from shellbench.ndf.choices import StrainName
 from shellbench.ndf.geometry import Geometry, geometry
 from shellbench.ndf.jets import D11, D12, D22, Array, Placement, from_derivatives
 from shellbench.ndf.strain import elasticity_tensor
-from shellbench.ndf.strain_measures import MEASURES, Reference, Strained, StrainName, gradient_map
+from shellbench.ndf.strain_measures import MEASURES, Reference, Strained, gradient_map
 from shellbench.surface import Surface
 
 

@@ -10,9 +10,8 @@ from typing import Literal
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.convergence import SURFACE_DIMENSION, Course
+from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
 from shellbench.report.rates import Rate, fitted_rate
-from shellbench.report.scene import courses
 from shellbench.report.solutions import grouped, same_but_for_seed
 from shellbench.report.studies import rows_of_study, studies_of
 from shellbench.report.yardstick import Yardstick, yardstick_of

@@ -45,11 +45,11 @@ class Tables:
         return [*self.printed, *self.quantities]
 
 
-def tables_of(found: Evidence, sections: Sequence[Section]) -> Tables:
+def tables_of(found: Evidence, sections: Sequence[Section], *, whole: bool = False) -> Tables:
     """Return the tables that compare solvers, and those of the sections of evidence."""
     records, rows = dict(found.records), compared(found.rows)
     return Tables(
-        displacements=displacement_tables(rows, found.known),
+        displacements=displacement_tables(rows, found.known, whole=whole),
         fields=_there(field_table(records, rows, found.folder)),
         paths=_there(effort_table(records, rows)),
         strains=_there(strain_table(rows)),

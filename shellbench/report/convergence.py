@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,11 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatterMathtext, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from shellbench.bench.record import HistoryStep
+from shellbench.report.courses import SURFACE_DIMENSION, Abscissa, Course
 from shellbench.report.palette import DASHES, Ink
 from shellbench.report.rates import Rate, fitted_rate
 
-Abscissa = Literal["unknowns", "seconds", "iteration"]
 AXIS_LABELS: dict[Abscissa, str] = {
     "unknowns": "unknowns",
     "seconds": "wall time (s)",
@@ -30,65 +28,6 @@ WIDTH, HEIGHT = 2.0, 1.9  # inches a panel: four of them fill a page's width
 MARGIN = 0.75  # inches for the legend
 MOST_IN_A_ROW = 4  # panels; more cases go on below
 NARROW = 5.0  # ratio of an axis' ends below which its labels are plain steps
-SURFACE_DIMENSION = 2  # unknowns grow as the square of 1/h, h the mesh width
-
-
-@dataclass(frozen=True)
-class Course:
-    """The history of one solve, ready to be drawn.
-
-    Attributes
-    ----------
-    case, title
-        Name and title of the case.
-    solver, variant
-        Which solver, and how the run departs from its defaults.
-    reference, uncertainty
-        The known value that errors are relative to, and its uncertainty.
-    """
-
-    case: str
-    title: str
-    solver: str
-    variant: str
-    seed: int | None
-    quantity: str
-    reference: float
-    uncertainty: float
-    steps: tuple[HistoryStep, ...]
-    run_id: str
-
-    @property
-    def refines(self) -> bool:
-        """Whether the unknowns grew on the way: a refinement, rather than iterations at a fixed size."""
-        counts = [step.unknowns for step in self.steps if self.quantity in step.quantities]
-        return len(set(counts)) > 1
-
-    @property
-    def is_field(self) -> bool:
-        """Whether it iterates at a fixed size, or is checked for exploiting its quadrature."""
-        iterates = len(self.steps) > 1 and not self.refines
-        return iterates or any(step.gap is not None for step in self.steps)
-
-    @property
-    def floor(self) -> float:
-        """Relative uncertainty of the known value: smaller errors can't be told from zero."""
-        return self.uncertainty / abs(self.reference)
-
-    def errors(self, of: Abscissa) -> tuple[list[float], list[float]]:
-        """Return abscissae and relative errors of the steps that measured the quantity."""
-        steps = [step for step in self.steps if self.quantity in step.quantities]
-        errors = [abs(step.quantities[self.quantity] / self.reference - 1) for step in steps]
-        return [_abscissa(step, of) for step in steps], errors
-
-    def gaps(self, of: Abscissa) -> tuple[list[float], list[float]]:
-        """Return abscissae and quadrature gaps of the steps that measured one."""
-        steps = [step for step in self.steps if step.gap is not None]
-        return [_abscissa(step, of) for step in steps], [step.gap for step in steps if step.gap is not None]
-
-
-def _abscissa(step: HistoryStep, of: Abscissa) -> float:
-    return float(step.iteration + 1) if of == "iteration" else float(getattr(step, of))
 
 
 def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Figure | None:

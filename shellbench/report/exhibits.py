@@ -8,20 +8,15 @@ from pathlib import Path
 from shellbench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.convergence import (
-    AXIS_LABELS,
-    Abscissa,
-    Course,
-    iteration_figure,
-    refinement_figure,
-)
+from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure
+from shellbench.report.courses import Abscissa, Course, courses
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import motion_exhibits
 from shellbench.report.newton import newton_exhibits
 from shellbench.report.palette import inks, style
 from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.rates import fitted_rate
-from shellbench.report.scene import courses, pictured, shell
+from shellbench.report.scene import pictured, shell
 from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure
 from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title

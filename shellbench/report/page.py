@@ -49,6 +49,7 @@ def write_report(
     known: Known = catalog.known_values,
     for_print: bool = True,
     say: Say = silent,
+    whole: bool = False,
 ) -> Path:
     """Write the report.
 
@@ -66,6 +67,8 @@ def write_report(
         Whether figures are written as PDF too.
     say
         Takes a sentence for each file of a run that is damaged.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def write_report(
     shown = compared(rows)
     found = Evidence(by_id, rows, store.folder, known)
     sections = evidence_sections(found)
-    tables = tables_of(found, sections)
+    tables = tables_of(found, sections, whole=whole)
     turned = views(by_id, shown, store.folder)
     try:
         figures = out / "figures"

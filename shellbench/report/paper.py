@@ -59,7 +59,12 @@ class Chapter:
 
 
 def write_paper(
-    store: Store, rows: Sequence[Row], out: Path, known: Known = catalog.known_values, say: Say = silent
+    store: Store,
+    rows: Sequence[Row],
+    out: Path,
+    known: Known = catalog.known_values,
+    whole: bool = False,
+    say: Say = silent,
 ) -> Path:
     """Write tables, figures, bibliography and the document that shows them.
 
@@ -75,6 +80,8 @@ def write_paper(
         Known values by name of case.
     say
         Takes a sentence for each file of a run that is damaged.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
 
     Returns
     -------
@@ -89,7 +96,7 @@ def write_paper(
     records = store.records_of({row.run_id for row in rows}, say)
     rows, apart = told_apart(rows, records)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
-    chapters = _chapters(Evidence(apart, rows, store.folder, known))
+    chapters = _chapters(Evidence(apart, rows, store.folder, known), whole=whole)
     try:
         remove_older(out)
         for name in ("tables", "figures"):
@@ -112,10 +119,10 @@ def write_paper(
     return out / DOCUMENT
 
 
-def _chapters(found: Evidence) -> list[Chapter]:
+def _chapters(found: Evidence, *, whole: bool = False) -> list[Chapter]:
     """Return the sections of the document that have something to show, their tables with theory and sources."""
     rows, sections = compared(found.rows), evidence_sections(found)
-    tables = tables_of(found, sections)
+    tables = tables_of(found, sections, whole=whole)
     chapters = [
         Chapter("Displacements", tables=tuple(tables.displacements)),
         Chapter("Fields", tables=tuple(tables.fields)),

@@ -1,8 +1,8 @@
-"""From records to what the plots need: deformed shells from stored fields, courses from stored histories."""
+"""From records to what the plots need: deformed shells from stored fields."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,43 +14,17 @@ from shellbench.bench.row import Row
 from shellbench.case import Case
 from shellbench.conditions import PointLoad
 from shellbench.places import Edge, Point
-from shellbench.quantities import DisplacementQuantity
-from shellbench.report.convergence import Course
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
 from shellbench.report.shells import Shell
-from shellbench.report.solutions import variant_name
+from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
 
-
-def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
-    """Return the history of each run whose headline quantity has a known value.
-
-    The states of a path are no part of it, and where nothing was solved for nothing converged.
-    """
-    found = []
-    for row in rows:
-        record = records.get(row.run_id or "")
-        steps = tuple(step for step in record.history if step.phase == "solve" and step.unknowns) if record else ()
-        if record is None or not row.primary or not row.reference or not steps:
-            continue
-        found.append(
-            Course(
-                case=row.case,
-                title=row.case_title or row.case,
-                solver=row.solver,
-                variant=variant_name(row),
-                seed=row.seed,
-                quantity=row.quantity,
-                reference=row.reference,
-                uncertainty=row.reference_uncertainty or 0.0,
-                steps=steps,
-                run_id=record.run_id,
-            )
-        )
-    return found
+DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
+STEPS = (1.0, 2.0, 5.0)
+ROUNDING = 1e-9
 
 
 def shell(record: Record, folder: Path) -> Shell | None:
@@ -84,7 +58,7 @@ def drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Sh
         solver=record.identity.solver,
         position=fields.position,
         displacement=displacement,
-        scale=picture.scale,
+        scale=picture_scale(case, fields.position, [displacement, *fields.displacements]),
         camera=Camera(*picture.view, picture.up),
         direction=picture.direction,
         held=held_edges(case, fields.position),
@@ -94,9 +68,28 @@ def drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Sh
     )
 
 
-def unit_of_length(case: Case) -> str:
-    """Return the unit of the case's displacements."""
-    return next((q.unit for q in case.quantities if isinstance(q, DisplacementQuantity)), "m")
+def picture_scale(case: Case, position: Array, displacements: Iterable[Array]) -> float:
+    """Return the factor by which a picture magnifies displacements: the case's own, or one that shows something.
+
+    Without one of its own the largest of all that a run kept is drawn as an eighth of the shell's extent, by a factor
+    of 1, 2 or 5 times a power of ten. A displacement between a twentieth of the extent and the whole is drawn as it is.
+
+    Parameters
+    ----------
+    position
+        (n1, n2, 3), in the case's units.
+    displacements
+        Each (n1, n2, 3).
+    """
+    if case.picture.scale is not None:
+        return case.picture.scale
+    extent = float(np.ptp(position.reshape(-1, 3), axis=0).max())
+    largest = max((float(np.linalg.norm(one, axis=-1).max()) for one in displacements), default=0.0)
+    if not largest > 0 or not np.isfinite(largest) or PLAIN * extent <= largest <= (extent if case.linear else np.inf):
+        return 1.0
+    wanted = DRAWN * extent / largest
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(max((step for step in STEPS if step * power <= wanted * (1 + ROUNDING)), default=1.0) * power)
 
 
 def held_edges(case: Case, position: Array) -> tuple[Array, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from shellbench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.case import LONGEST_TITLE
 from shellbench.report.studies import study_of
 
 OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's
@@ -45,7 +46,13 @@ def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None)
         else record
         for run_id, record in (records or {}).items()
     }
-    return apart, renamed
+    titles = {row.run_id: row.case_title for row in apart if row.own_case and row.case_title}
+    return apart, {
+        run_id: record.model_copy(update={"case": record.case | {"title": titles[run_id][:LONGEST_TITLE]}})
+        if run_id in titles
+        else record
+        for run_id, record in renamed.items()
+    }
 
 
 def shown_under(row: Row) -> tuple[str, ...]:
@@ -72,11 +79,7 @@ def rows_of(rows: Sequence[Row], suite: str) -> list[Row]:
 
 def rows_at_home(rows: Sequence[Row]) -> dict[str, list[Row]]:
     """Return each row once, under the first of its suites, in the suites' order of cases."""
-    homes: dict[str, list[Row]] = {}
-    placed: set[int] = set()
-    for suite in suites_of(rows):
-        homes[suite] = [row for row in rows_of(rows, suite) if id(row) not in placed]
-        placed.update(map(id, homes[suite]))
+    homes = {suite: [r for r in rows_of(rows, suite) if shown_under(r)[0] == suite] for suite in suites_of(rows)}
     return {suite: of_suite for suite, of_suite in homes.items() if of_suite}
 
 

@@ -27,6 +27,7 @@ def render(
     format: Format | Literal["json"],
     known: Known = catalog.known_values,
     store: Store | None = None,
+    whole: bool = False,
 ) -> str:
     """Write the rows in a format.
 
@@ -42,12 +43,14 @@ def render(
         Known values by name of case.
     store
         Holds the records that the rows refer to; without it there is no cross-check.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
     """
     if format == "json":
         return as_json(rows) + "\n"
     checked = [] if store is None else cross_checks(rows, store, known)
     rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
-    tables = displacement_tables(compared(rows) or rest, known)
+    tables = displacement_tables(compared(rows) or rest, known, whole=whole)
     if format == "csv":
         alone = all(row.suites and all(map(is_study, row.suites)) for row in rows)
         return tables_as_csv(checked if checked and alone else tables)
@@ -68,12 +71,18 @@ def tables_as_csv(tables: Sequence[Table]) -> str:
     return "".join(text if i == 0 else text.partition("\n")[2] for i, text in enumerate(written))
 
 
-def displacement_tables(rows: Sequence[Row], known: Known = catalog.known_values) -> list[Table]:
-    """Return a table of the headline quantities for each suite, of all runs that it declares."""
+def displacement_tables(
+    rows: Sequence[Row], known: Known = catalog.known_values, *, whole: bool = False
+) -> list[Table]:
+    """Return a table of the headline quantities for each suite.
+
+    A run that several suites declare is in the table of the first, or in all if suites are shown whole.
+    """
     headline = [row for row in rows if row.primary]
+    shown = {suite: rows_of(headline, suite) for suite in suites_of(headline)} if whole else rows_at_home(headline)
     return [
-        comparison_table(f"displacements_{suite}", suite_title(suite), rows_of(headline, suite), known)
-        for suite in suites_of(headline)
+        comparison_table(f"displacements_{suite}", suite_title(suite), of_suite, known)
+        for suite, of_suite in shown.items()
     ]
 
 
@@ -94,7 +103,11 @@ def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -
     return Table(
         name=name,
         title=title,
-        caption=caption(list(theories), marked=any(map(within_doubt, data.to_dict("records")))),
+        caption=caption(
+            list(theories),
+            marked=any(map(within_doubt, data.to_dict("records"))),
+            stated=any(line["kind"] == "solver" and present(line["uncertainty"]) for line in data.to_dict("records")),
+        ),
         data=data,
         columns=COMPARISON,
         notes=tuple(notes(rows, data.to_dict("records"), known)),
@@ -102,7 +115,7 @@ def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -
     )
 
 
-def caption(theories: Sequence[str], marked: bool) -> str:
+def caption(theories: Sequence[str], marked: bool, stated: bool = False) -> str:
     """Say what judges, and how the errors are to be read."""
     judged = f"Errors are relative to the converged value of {' and '.join(theories)} theory." if theories else ""
     return " ".join(
@@ -113,6 +126,9 @@ def caption(theories: Sequence[str], marked: bool) -> str:
             " differs.",
             "A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
             " brackets are the uncertainty of the last digits.",
+            "The own uncertainty is what a solver states of its answer itself, the largest over its seeds."
+            if stated
+            else "",
             "An error marked * is smaller than the uncertainty of the known value." if marked else "",
             "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
             " of the solving process.",
@@ -210,6 +226,14 @@ def within_doubt(line: Line, which: str = "mean") -> bool:
     return bool(abs(error * line["reference"]) < uncertainty)
 
 
+def _own_uncertainty(line: Line, notation: Notation) -> str:
+    """Write what a solver says of its own error; that it did not converge, if it says so."""
+    stated = line["uncertainty"]
+    words = notation.number(rounded(float(stated), float(stated) / 10)) if present(stated) and stated > 0 else ""
+    failed = present(line["converged"]) and not line["converged"]
+    return " ".join(filter(None, (words, notation.escape(NOT_CONVERGED) if failed else ""))) or notation.missing
+
+
 def _error(which: str) -> Show:
     def show(line: Line, notation: Notation) -> str:
         relative, absolute = line[f"{which}_error"], line[f"{which}_absolute_error"]
@@ -259,11 +283,13 @@ def _bytes(name: str) -> Show:
     return show
 
 
+NOT_CONVERGED = "(not converged)"
 COMPARISON = (
     Column("Solution", _solution, right=False),
     Column("Theory, origin and source", _origin, right=False, wide=True),
     Column("Seeds", _of_solvers(_seeds)),
     Column("Value", _value, key="value"),
+    Column("Own uncertainty", _of_solvers(_own_uncertainty)),
     Column("Error", _error("mean"), key="mean_error"),
     Column("Worst seed", _of_solvers(_worst), key="worst_error"),
     Column("Tolerance", _of_solvers(_tolerance), key="tolerance"),

@@ -18,9 +18,10 @@ from shellbench.places import Edge
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
-from shellbench.report.scene import unit_of_length
+from shellbench.report.scene import picture_scale
 from shellbench.report.states import spread
 from shellbench.report.suites import leading_rows
+from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
 
@@ -122,6 +123,7 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
     marks = spread(sorted({key for _, fields in found for key in states_of(fields)}), MOST_STATES)
     thin = stride(len(reference), FINE if len(marks) == 1 else COARSE)
     picture = case.picture
+    scale = picture_scale(case, reference, [state for _, fields in found for state in states_of(fields).values()])
     return View(
         case=found[0][0].case_name,
         title=case.title,
@@ -129,8 +131,8 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
         position=reference[::thin, ::thin],
         marks=tuple(mark_words(case, mark) if moves(case, marks) else "" for mark in marks),
         held=tuple(held_edges(case)),
-        scale=picture.scale,
-        largest_scale=picture.scale * (1.0 if moves(case, marks) else MAGNIFIED),
+        scale=scale,
+        largest_scale=scale * (1.0 if moves(case, marks) else MAGNIFIED),
         camera=Camera(*picture.view, picture.up),
         direction=picture.direction,
         answers=tuple(answer(record, fields, marks, thin, folder) for record, fields in found),

@@ -10,8 +10,9 @@ import numpy as np
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.case import Case
+from shellbench.quantities import DisplacementQuantity
 from shellbench.report.paths import case_of
-from shellbench.report.scene import unit_of_length
 
 GRID = 33  # points a side from which the extent of a shell is taken
 
@@ -95,3 +96,8 @@ def _best_answer(rows: Sequence[Row]) -> Yardstick | None:
     words = f"the best answer, that of {best.solver} with {best.parameters} unknowns, for no value is known"
     scale = abs(best.value)
     return Yardstick(best.value, scale, (best.uncertainty or 0.0) / scale, words, best.run_id)
+
+
+def unit_of_length(case: Case) -> str:
+    """Return the unit of the case's displacements."""
+    return next((q.unit for q in case.quantities if isinstance(q, DisplacementQuantity)), "m")

@@ -103,6 +103,23 @@ def test_figures_of_several_loads_are_remembered_apart() -> None:
     assert [old.value(row).mean for row in rows] == [1.0, 4.0, 9.0, 16.0]  # type: ignore[union-attr]
 
 
+def test_what_values_differ_by_between_processors_is_no_regression() -> None:
+    here, there = (row_of("square_plate", "centre_deflection", value, 0.4874823) for value in (0.48748, 0.48749))
+    narrow, wide = make_baseline([here], []), make_baseline([here], [], like=[here, there])
+    (known,) = wide.values
+    assert known.spread == pytest.approx(1e-5)
+    assert known.band == pytest.approx(5e-5)
+
+    def colour(old: Baseline, value: float) -> str:
+        finding = regression_finding(old, row_of("square_plate", "centre_deflection", value, 0.4874823))
+        assert finding is not None
+        return finding.colour
+
+    assert (colour(narrow, 0.48749), colour(wide, 0.48749)) == ("red", "green")
+    assert colour(wide, 0.48748 + 6e-5) == "red"
+    assert make_baseline([here], [], wide).values[0].spread == known.spread, "measured once, it stays"
+
+
 @pytest.mark.parametrize("device", ["/dev/full", "/dev/zero"])
 def test_a_file_that_never_ends_is_no_baseline(device: str) -> None:
     with pytest.raises(InputError, match=f"{device}: is too large for a baseline"):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from shellbench import catalog
-from shellbench.bench.compare import Row, as_json, rows
+from shellbench.bench.compare import Row, as_json, held_against_each_other, rows
 from shellbench.bench.current import current_runs
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
@@ -220,3 +221,49 @@ def test_quantities_stand_in_the_order_of_their_own_case(store: Store) -> None:
     by_case = {name: [row.quantity for row in rows(store) if row.case == name] for name in ("strip", "turned")}
     assert by_case["strip"] == ["centre", "energy", "membrane"]  # the headline first
     assert by_case["turned"] == ["centre", "membrane", "energy"]
+
+
+def answer(**given: Any) -> Row:
+    """Return one answer of a case that nobody has a known value of."""
+    usual = {"case": "own", "suite": None, "settings": {}, "quantity": "centre", "primary": True, "at": None}
+    return Row(**{**usual, "solver": "toy", "seed": None, "value": 1.0, "status": "ok", **given})
+
+
+def test_only_good_answers_to_the_same_question_are_a_yardstick() -> None:
+    certain, drawn = answer(value=2.0), answer(solver="toy-noisy", seed=0, value=3.0)
+    others = [
+        answer(value=9.0, at=0.5),
+        answer(value=9.0, quantity="energy"),
+        answer(value=9.0, case="another"),
+        answer(value=9.0, own_case=True),
+        answer(value=9.0, status="failed"),
+        answer(value=9.0, default_settings=False),
+        answer(value=None),
+        answer(value=9.0, solver="toy-noisy", seed=0, reference=2.5),
+    ]
+    found = held_against_each_other([*others, certain, drawn])
+    assert [(row.disagreement, row.disagreement_with) for row in found[-2:]] == [(None, None), (0.5, "toy")]
+    held = {i for i, row in enumerate(found[:-2]) if row.disagreement is not None}
+    assert held == set()  # a row of the yardstick's own solver, and one that a known value judges, are not held
+
+
+def test_several_certain_answers_are_held_against_their_median() -> None:
+    found = held_against_each_other([answer(value=v, solver=name) for v, name in ((1.0, "a"), (2.0, "b"), (4.0, "c"))])
+    assert [(row.disagreement, row.disagreement_with) for row in found] == [(g, "median") for g in (-0.5, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize("reference", [None, 1.0])
+def test_each_row_is_looked_at_so_many_times_however_many_there_are(reference: float | None) -> None:
+    looks = 0
+
+    class Watched(Row):
+        def __getattribute__(self, name: str) -> Any:
+            nonlocal looks
+            looks += name == "case"
+            return super().__getattribute__(name)
+
+    row = answer(reference=reference).model_dump()
+    rows = [Watched(**{**row, "solver": "ab"[i % 2], "seed": i}) for i in range(500)]
+    looks = 0
+    held_against_each_other(rows)
+    assert looks < 10 * len(rows)

@@ -41,7 +41,7 @@ def remove_source(plugin: Path) -> None:
 def test_records_of_an_absent_solver_are_shown_with_a_note(recorded: Store, plugin: Path, leave) -> None:
     before = rows(recorded)
     leave(plugin)
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert found == before
     assert len(found) == QUANTITIES
     assert notes == ("solver 'toy' is not installed: 1 stored run is shown as recorded, and no gate takes them",)
@@ -70,7 +70,7 @@ def test_no_baseline_remembers_an_absent_solver(recorded: Store, plugin: Path) -
 
 def test_a_changed_solver_is_left_out_while_it_is_there(recorded: Store, plugin: Path) -> None:
     edit(plugin / "toy_shells" / "strip.py", "24", "25")
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert found == []
     assert notes == ("1 stored run is left out: the solver has changed since",)
 
@@ -78,7 +78,7 @@ def test_a_changed_solver_is_left_out_while_it_is_there(recorded: Store, plugin:
 def test_the_record_of_an_absent_solver_answers_for_todays_case_only(recorded: Store, plugin: Path) -> None:
     uninstall(plugin)
     edit(catalog.data_folder("cases") / "strip.toml", "thickness = 0.1", "thickness = 0.2")
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert found == []
     assert notes == ("1 stored run is left out: the case has changed since",)
 
@@ -112,7 +112,7 @@ def made_by(store: Store, engine: str) -> None:
 
 def test_a_record_of_another_version_of_its_engine_is_left_out(recorded: Store) -> None:
     made_by(recorded, "psutil 0.1")
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert found == []
     changed = f"its engine has changed since: psutil 0.1, now {version('psutil')}"
     assert notes == (f"1 stored run is left out: {changed}",)
@@ -124,7 +124,7 @@ def test_a_record_of_another_version_of_its_engine_is_left_out(recorded: Store) 
 def test_a_record_of_todays_engine_counts(recorded: Store) -> None:
     before = [row.value for row in rows(recorded)]
     made_by(recorded, f"psutil {version('psutil')}")
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert [row.value for row in found] == before
     assert notes == ()
     assert current_runs(recorded.read()).find("strip", "toy", {}, 0) is not None
@@ -133,7 +133,7 @@ def test_a_record_of_todays_engine_counts(recorded: Store) -> None:
 def test_a_record_of_an_absent_engine_is_shown_and_no_gate_takes_it(recorded: Store) -> None:
     before = [row.value for row in rows(recorded)]
     made_by(recorded, "no-such-engine 1.0")
-    found, notes = rows_and_notes(recorded)
+    found, notes = rows_and_notes(recorded, ("toys",))
     assert [row.value for row in found] == before
     assert notes == (
         "no-such-engine, the engine of solver 'toy', is not installed: 1 stored run is shown as recorded, and no gate "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store, StoreError
 from tests.bench import strip
 from tests.bench.running import behave, run
+from tests.patience import GUARD
 
 ALLOCATED = 200e6  # bytes: what the toy allocates
 ROUND_OFF = 1e-14 * strip.CENTRE
@@ -116,18 +118,33 @@ def test_chatter_of_a_solver_goes_to_the_log(store: Store, capfd: pytest.Capture
     assert "chatter" not in "".join(capfd.readouterr())
 
 
-def test_timeout_stops_that_run_only(store: Store) -> None:
+def test_timeout_stops_that_run_only(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The clock of the executor jumps beyond the limit once one run hangs and the other has ended."""
+    happened: set[str] = set()
+
+    class Clock(Silent):
+        def progressed(self, task, progress) -> None:
+            happened.add(f"{task.settings['behaviour']} goes on")
+
+        def ended(self, outcome) -> None:
+            happened.add(f"{outcome.task.settings['behaviour']} ended")
+
+        def monotonic(self) -> float:
+            return time.monotonic() + 2 * GUARD * ({"hang goes on", "exact ended"} <= happened)
+
+    clock = Clock()
+    monkeypatch.setattr("shellbench.bench.local.time", clock)
     plans = [
         make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read())
         for behaviour in ("hang", "exact")
     ]
     tasks = [task for plan in plans for task in plan.tasks]
-    outcomes = execute(tasks, store, Silent(), LocalProcesses(2, 1, timeout=2.0))
+    outcomes = execute(tasks, store, clock, LocalProcesses(2, 1, timeout=GUARD))
     found = {o.task.settings["behaviour"]: o.record for o in outcomes}
     assert found["exact"] is not None
     assert found["exact"].status == "ok"
     assert found["hang"] is not None
-    assert (found["hang"].status, found["hang"].reason) == ("timeout", "stopped after 2 s")
+    assert (found["hang"].status, found["hang"].reason) == ("timeout", f"stopped after {GUARD:g} s")
 
 
 def test_no_process_outlives_its_run(store: Store) -> None:
@@ -177,7 +194,7 @@ def test_killed_server_costs_its_run_only(store: Store) -> None:
         for behaviour in ("hang", "exact")
         for task in make_plan(Request(("strip",), (), ("toy",), {"toy": {"behaviour": behaviour}}), store.read()).tasks
     ]
-    records = [o.record for o in execute(tasks, store, Killer(), LocalProcesses(1, 1, timeout=30))]
+    records = [o.record for o in execute(tasks, store, Killer(), LocalProcesses(1, 1, timeout=GUARD))]
     assert [r.status for r in records if r] == ["failed", "ok"]
     assert records[0] is not None
     assert "killed" in (records[0].reason or "")

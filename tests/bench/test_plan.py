@@ -77,7 +77,10 @@ def test_an_own_case_is_told_from_the_suites_by_its_physics(toys: Path, tmp_path
 
 def test_settings_are_checked_in_one_sentence(toys: Path) -> None:
     for settings, said in [
-        ({"toy": {"factr": 1}}, "field 'factr' is not known here; its settings are behaviour, dtype, factor, seconds"),
+        (
+            {"toy": {"factr": 1}},
+            "field 'factr' is not known here; its settings are behaviour, dtype, factor, gate, seconds",
+        ),
         ({"toy": {"factor": "big"}}, "field 'factor': found 'big'"),
         ({"toy": {"seed": 1}}, "--seed"),
         ({"toy": {"device": "cuda"}}, "--device"),

@@ -22,6 +22,7 @@ from shellbench.bench.record import Record, document
 from shellbench.bench.store import Store, StoreError, newest
 from shellbench.errors import InputError
 from tests.bench.running import behave, run, run_here
+from tests.patience import GUARD
 
 LOCKS = {stores.LOCK, stores.NUMBERING}
 
@@ -203,10 +204,10 @@ def kill_runs_at_random(own_case: Path, plugin: Path, store: Store, times: int) 
             victim.send_signal(signal.SIGKILL)
         if victim is family[0]:
             process.wait()
-            _, alive = psutil.wait_procs(family[1:], timeout=10)
+            _, alive = psutil.wait_procs(family[1:], timeout=GUARD)
             assert alive == []  # nothing goes on once its parent is dead
         else:
-            process.wait(timeout=60)
+            process.wait(timeout=GUARD)
         contents = store.read()
         assert contents.damaged == ()
         for record in contents.records:

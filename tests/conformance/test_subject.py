@@ -7,6 +7,7 @@ from shellbench.catalog import named_case
 from shellbench.conformance.subject import Lost, Subject, Trouble, solve_in
 from shellbench.conformance.suite import Wish, examine
 from shellbench.errors import InputError
+from tests.patience import GUARD
 
 PLATE = named_case("square_plate")
 
@@ -24,29 +25,29 @@ def entry_of(attribute, module="tests.conformance.naughty"):
     ],
 )
 def test_a_solve_that_does_not_answer_says_how_it_ended(attribute, words):
-    subject = Subject.start(entry_of(attribute), seconds=60)
+    subject = Subject.start(entry_of(attribute), seconds=GUARD)
     with pytest.raises(Trouble, match=words):
         solve_in(subject, "plate", PLATE, {})
     subject.stop()
 
 
 def test_a_solve_that_hangs_is_ended():
-    subject = Subject.start(entry_of("HANG"), seconds=60)
-    subject.seconds = 0.5  # from now on: the import may take longer on a busy machine
+    subject = Subject.start(entry_of("HANG"), seconds=GUARD)
+    subject.seconds = 0.5  # from now on: the import may take longer
     with pytest.raises(Lost, match=r"did not end within 0\.5 s"):
         solve_in(subject, "plate", PLATE, {})
     assert not subject.alive
 
 
 def test_what_a_solver_prints_does_not_disturb_its_answers():
-    subject = Subject.start(entry_of("PRINT"), seconds=60)
+    subject = Subject.start(entry_of("PRINT"), seconds=GUARD)
     answer = solve_in(subject, "plate", PLATE, {})
     assert answer.displacement([[50.0, 50.0]])[0, 2] == pytest.approx(-0.487482, rel=1e-4)
     subject.stop()
 
 
 def test_a_crash_is_one_finding_and_not_several():
-    lines = list(examine(entry_of("CRASH"), Wish(seconds=60, checks=("declining", "answers", "fields", "units"))))
+    lines = list(examine(entry_of("CRASH"), Wish(seconds=GUARD, checks=("declining", "answers", "fields", "units"))))
     by_check = {line.check: line.verdict for line in lines}
     assert by_check["declining"].status == "passed"
     assert by_check["answers"].status == "failed"

@@ -14,6 +14,7 @@ from shellbench.fem.solution import FemSolution
 from shellbench.fem.solver import FemSettings, FemSolver
 from shellbench.rounding import EXPONENT_BYTES
 from shellbench.solution import NumberFormat
+from tests.alike import alike
 from tests.fem.shells import shell
 from tests.fem.test_motion_solution import POINTS, motion
 
@@ -70,9 +71,7 @@ def test_a_small_field_is_rounded_as_a_large_one(solution: FemSolution, format: 
     scale = 2.0**-60  # nothing of it would be left in float16 without a scale
     small = replace(solution, coefficients=scale * solution.coefficients)
     points = np.array([[0.1, 0.2], [-0.7, 0.3]])
-    assert np.array_equal(
-        small.rounded(format)[0].displacement(points), scale * solution.rounded(format)[0].displacement(points)
-    )
+    alike(small.rounded(format)[0].displacement(points), scale * solution.rounded(format)[0].displacement(points))
 
 
 @pytest.mark.parametrize("format", SHORT)
@@ -107,4 +106,4 @@ def test_motions_are_kept_in_the_short_format(moved: MotionSolution) -> None:
 def test_a_rounded_motion_comes_back_from_a_file(moved: MotionSolution, tmp_path: Path) -> None:
     short, _ = moved.rounded("float16")
     back = FemSolver().load(short.save(tmp_path / "short"))
-    assert np.array_equal(back.displacement(POINTS, at=1.1), short.displacement(POINTS, at=1.1))
+    alike(back.displacement(POINTS, at=1.1), short.displacement(POINTS, at=1.1))

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from shellbench import catalog
 from shellbench.case import build_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.fem import equilibrium, solver
+from shellbench.fem import equilibrium, solving
 from shellbench.fem.refinement import first_level, level_cells
 from shellbench.fem.solver import FemSettings, FemSolver
 from tests.fem.shells import EVERY_EDGE, EVERY_MOTION, LARGEST, MATERIAL, shell
@@ -188,7 +188,7 @@ def test_what_converged_before_a_failure_comes_with_it(monkeypatch):
             raise MemoryError
         return honest(case, mesh, *rest)
 
-    monkeypatch.setattr(solver.equilibrium, "solve", limited)
+    monkeypatch.setattr(solving.equilibrium, "solve", limited)
     with pytest.raises(SolveFailure, match="memory") as failure:
         solve(plate([{"name": "rim", "on": EVERY_EDGE}]), symmetry=False)
     assert 0 < failure.value.partial.mesh.node_count <= 400

@@ -13,6 +13,7 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 
 from shellbench.kratos.engine import KratosSettings, fresh_model, kratos
 from shellbench.kratos.iga_solver import KratosIgaSolver
+from tests.patience import GUARD
 
 WITHOUT = """
 import importlib.metadata as metadata
@@ -49,7 +50,7 @@ KratosIgaSolver().solve(plate(loads=[]), {"cells": (2, 2)})  # of which Kratos w
 
 def run(code):
     return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False, env={**os.environ}
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=GUARD, check=False, env={**os.environ}
     )
 
 

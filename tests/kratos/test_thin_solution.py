@@ -7,6 +7,7 @@ from shellbench.errors import InputError
 from shellbench.kratos.thin_solution import ThinSolution
 from shellbench.kratos.thin_solver import KratosThinSolver
 from shellbench.measure import area_rule
+from tests.alike import alike
 from tests.kratos.thin_shells import cantilever, cylinder, plate
 
 SOLVER = KratosThinSolver()
@@ -116,8 +117,9 @@ def test_a_saved_solution_answers_as_before(path, tmp_path):
     assert loaded.history == path.history
     assert loaded.parameters == path.parameters
     assert loaded.storage_bytes == path.storage_bytes
+    assert np.array_equal(loaded.frames, path.frames)
     for at in (0.5, 1.0):
-        assert np.array_equal(loaded.displacement(points, at), path.displacement(points, at))
+        alike(loaded.displacement(points, at), path.displacement(points, at))
         np.testing.assert_allclose(loaded.energies(at), path.energies(at), rtol=1e-12)
         np.testing.assert_allclose(loaded.reaction("rim", at=at)[0], path.reaction("rim", at=at)[0], atol=1e-9)
     np.testing.assert_allclose(
@@ -129,7 +131,7 @@ def test_what_was_solved_whole_is_read_back_whole(tmp_path):
     solution = SOLVER.solve(cylinder(), {"cells": (8, 4), "symmetry": False})
     loaded = ThinSolution.load(solution.save(tmp_path / "whole.npz"))
     assert loaded.part.copies == 1
-    assert np.array_equal(loaded.displacement([1.0, 1.0]), solution.displacement([1.0, 1.0]))
+    alike(loaded.displacement([1.0, 1.0]), solution.displacement([1.0, 1.0]))
 
 
 @pytest.mark.parametrize("damage", ["missing", "text", "cut"])
@@ -166,5 +168,5 @@ def test_what_it_does_not_know_it_says(path):
         path.reaction("wall")
 
 
-def test_two_solves_give_the_very_same_numbers(path):
-    assert np.array_equal(SOLVER.solve(plate(**PATH), {"cells": (6, 6)}).frames, path.frames)
+def test_two_solves_give_the_same_numbers(path):
+    alike(SOLVER.solve(plate(**PATH), {"cells": (6, 6)}).frames, path.frames, 1e-9)

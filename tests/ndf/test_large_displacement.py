@@ -8,9 +8,10 @@ from shellbench.catalog import known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure_all
 from shellbench.ndf.large_displacement import why_not_followed
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.path import Path
+from tests.alike import REPEATED, alike
 from tests.ndf.shells import FREE, inner_points, shell, support
 
 SOLVER = RitzSolver()
@@ -354,8 +355,9 @@ def test_seeds_are_reproducible_and_differ():
     case = named_case("square_plate_nonlinear")
     first, again, other = (solve(case, neurons=20, seed=seed) for seed in (0, 0, 1))
     points = inner_points(case)
-    assert np.array_equal(first.displacement(points, at=0.5), again.displacement(points, at=0.5))
-    assert not np.array_equal(first.displacement(points, at=0.5), other.displacement(points, at=0.5))
+    one, same, new = (solution.displacement(points, at=0.5) for solution in (first, again, other))
+    alike(same, one, REPEATED)
+    assert np.abs(new - one).max() > 10 * REPEATED * np.abs(one).max()
 
 
 @pytest.mark.long

@@ -8,13 +8,15 @@ from shellbench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure
 from shellbench.ndf.jets import Placement
-from shellbench.ndf.published import PublishedSettings, PublishedSolver
 from shellbench.ndf.published_loss import Sample, stratified_samples, usual_modulus_factor
 from shellbench.ndf.published_network import InputScale, initial_siren
-from shellbench.ndf.published_training import RECORD
+from shellbench.ndf.published_settings import PublishedSettings
+from shellbench.ndf.published_solver import PublishedSolver
+from shellbench.ndf.published_training import RECORD, STRETCH, why_collapsed
+from tests.alike import SINGLE, alike, same_tensors
 from tests.ndf.nested import diaphragm_factor, nested_loss, plate_factor
 from tests.ndf.shells import inner_points, shell, support
-from tests.ndf.trainings import sampler_of, small
+from tests.ndf.trainings import sampler_of, small, trained
 
 PLATE, ROOF = named_case("square_plate"), named_case("scordelis_lo")
 DIAPHRAGM, PINCHED = named_case("pinched_cylinder_diaphragm"), named_case("pinched_cylinder_free")
@@ -41,7 +43,9 @@ def numbers(solution):
 
 
 def same(one, other):
-    return all(torch.equal(a, b) for a, b in zip(numbers(one), numbers(other), strict=True))
+    """Tell whether two trainings in single precision were the same but for rounding, some 3e-6 after 100 iterations."""
+    pairs = zip(numbers(one), numbers(other), strict=True)
+    return all(torch.allclose(a, b, rtol=0, atol=1e-4 * float(b.abs().max())) for a, b in pairs)
 
 
 @pytest.mark.parametrize(
@@ -78,14 +82,14 @@ def test_samples_do_not_depend_on_where_a_training_starts():
     whole, late = list(sampler.samples(0, 60)), list(sampler.samples(37, 40))
     assert (len(whole), len(late)) == (60, 3)
     for a, b in zip(whole[37:40], late, strict=True):
-        assert torch.equal(a.inputs, b.inputs)
-        assert torch.equal(a.rows, b.rows)
+        alike(a.inputs, b.inputs, SINGLE)
+        alike(a.rows, b.rows, SINGLE)
 
 
 def test_the_mean_of_many_losses_is_the_energy():
     siren, sampler = sampler_of(PLATE, layers=1, width=4, cells=(20, 20), dtype=torch.float64)
     losses = [sample.loss(siren).item() for sample in sampler.samples(0, 400)]
-    solution = SOLVER.solve(PLATE, small(layers=1, width=4, dtype="float64", learning_rate=1e-300, iterations=25))
+    solution = trained(PLATE, small(layers=1, width=4, dtype="float64", learning_rate=1e-300, iterations=25))
     energy = solution.diagnostics["certified_energy"]
     assert np.mean(losses) == pytest.approx(energy, abs=4 * np.std(losses) / 20)
 
@@ -149,8 +153,8 @@ def test_the_scaled_modulus_is_a_matter_of_the_training_only():
 
 def test_training_lowers_the_energy_and_is_reproduced_by_its_seed():
     settings = small(iterations=4 * RECORD)
-    one, again = SOLVER.solve(PLATE, settings), SOLVER.solve(PLATE, settings)
-    other = SOLVER.solve(PLATE, settings.model_copy(update={"seed": 1}))
+    one, again = trained(PLATE, settings), trained(PLATE, settings)
+    other = trained(PLATE, settings.model_copy(update={"seed": 1}))
     energies = [step.energy for step in one.history]
     assert energies == sorted(energies, reverse=True)
     assert energies[-1] < 0.1 * energies[0]
@@ -161,27 +165,28 @@ def test_training_lowers_the_energy_and_is_reproduced_by_its_seed():
 
 
 @pytest.mark.parametrize("by_start", [False, True], ids=["by its folder", "by a file"])
-def test_an_interrupted_training_goes_on_bit_for_bit(tmp_path, by_start):
+def test_an_interrupted_training_goes_on_as_if_nothing_had_been(tmp_path, by_start):
     settings = small(iterations=3 * RECORD + 5, checkpoint=str(tmp_path), checkpoint_every=RECORD)
-    whole = SOLVER.solve(DIAPHRAGM, settings)
+    whole = trained(DIAPHRAGM, settings)
     assert not list(tmp_path.iterdir())
     with pytest.raises(Interrupted):
-        SOLVER.solve(DIAPHRAGM, settings, progress=interrupt_at(2 * RECORD + 7))
+        trained(DIAPHRAGM, settings, progress=interrupt_at(2 * RECORD + 7))
     (left,) = tmp_path.iterdir()
     if by_start:
-        resumed = SOLVER.solve(DIAPHRAGM, settings.model_copy(update={"checkpoint": None}), start=left)
+        resumed = trained(DIAPHRAGM, settings.model_copy(update={"checkpoint": None}), start=left)
     else:
-        resumed = SOLVER.solve(DIAPHRAGM, settings)
+        resumed = trained(DIAPHRAGM, settings)
         assert not list(tmp_path.iterdir())
     assert resumed.diagnostics["resumed_at"] == 2 * RECORD
     assert same(whole, resumed)
-    assert [(s.iteration, s.energy) for s in whole.history] == [(s.iteration, s.energy) for s in resumed.history]
+    assert [s.iteration for s in resumed.history] == [s.iteration for s in whole.history]
+    assert [s.energy for s in resumed.history] == pytest.approx([s.energy for s in whole.history], rel=1e-4)
 
 
 def test_a_training_killed_while_writing_leaves_the_older_checkpoint(tmp_path, monkeypatch):
     settings = small(iterations=3 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     with pytest.raises(Interrupted):
-        SOLVER.solve(PLATE, settings, progress=interrupt_at(RECORD + 1))
+        trained(PLATE, settings, progress=interrupt_at(RECORD + 1))
     (left,) = tmp_path.iterdir()
     before = left.read_bytes()
 
@@ -191,14 +196,14 @@ def test_a_training_killed_while_writing_leaves_the_older_checkpoint(tmp_path, m
 
     monkeypatch.setattr("shellbench.ndf.checkpoint.save_file", half_written)
     with pytest.raises(Interrupted):
-        SOLVER.solve(PLATE, settings)
+        trained(PLATE, settings)
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]
 
 
 def test_checkpoints_of_another_training_or_none_are_refused(tmp_path):
     settings = small(iterations=2 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     with pytest.raises(Interrupted):
-        SOLVER.solve(PLATE, settings, progress=interrupt_at(RECORD + 1))
+        trained(PLATE, settings, progress=interrupt_at(RECORD + 1))
     (left,) = tmp_path.iterdir()
     free = settings.model_copy(update={"checkpoint": None})
     for case, other, said in [
@@ -207,29 +212,29 @@ def test_checkpoints_of_another_training_or_none_are_refused(tmp_path):
         (PLATE, free.model_copy(update={"iterations": 5}), "more than the 5 asked for"),
     ]:
         with pytest.raises(InputError, match=said):
-            SOLVER.solve(case, other, start=left)
+            trained(case, other, start=left)
     left.write_bytes(left.read_bytes()[:-8])
     with pytest.raises(InputError, match="is damaged"):
-        SOLVER.solve(PLATE, free, start=left)
+        trained(PLATE, free, start=left)
 
 
 def test_a_solution_lends_its_weights(tmp_path):
-    first = SOLVER.solve(PLATE, small(iterations=RECORD))
+    first = trained(PLATE, small(iterations=RECORD))
     path = first.save(tmp_path / "plate")
     frozen = small(iterations=1, learning_rate=1e-300)
     for start in (first, path):
         points = inner_points(PLATE)
-        warm = SOLVER.solve(PLATE, frozen, start=start)
+        warm = trained(PLATE, frozen, start=start)
         np.testing.assert_allclose(warm.displacement(points), first.displacement(points), rtol=1e-3, atol=1e-6)
     with pytest.raises(InputError, match="the settings ask for"):
-        SOLVER.solve(PLATE, small(width=16), start=first)
+        trained(PLATE, small(width=16), start=first)
 
 
 def test_a_diverging_training_keeps_its_last_finite_field():
     with pytest.raises(SolveFailure, match="the loss is not finite") as early:
         SOLVER.solve(PLATE, small(iterations=2 * RECORD, learning_rate=1e30))
     assert early.value.partial is None
-    good = SOLVER.solve(PLATE, small(iterations=RECORD))
+    good = trained(PLATE, small(iterations=RECORD))
 
     whole, calls = Sample.loss, []
 
@@ -244,17 +249,72 @@ def test_a_diverging_training_keeps_its_last_finite_field():
     assert same(late.value.partial, good)
 
 
+def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypatch):
+    """What happened to the free cylinder: a jump of the weights, after which the energy stays above rest."""
+    every, good = 5, 150
+    whole, calls = Sample.loss, []
+
+    def jolted(self, siren):
+        calls.append(1)
+        if len(calls) == good + 1:
+            with torch.no_grad():
+                siren.weights[-1].mul_(-10.0)
+        return whole(self, siren)
+
+    monkeypatch.setattr(Sample, "loss", jolted)
+    monkeypatch.setattr("shellbench.ndf.published_training.RECORD", every)
+    with pytest.raises(
+        SolveFailure, match=r"^the training collapsed: .* is not below rest, but was at least"
+    ) as failed:
+        SOLVER.solve(PLATE, small(iterations=good + every))
+    course, diagnostics = failed.value.partial.history, failed.value.partial.diagnostics
+    assert [step.iteration for step in course] == list(range(every, good + every + 1, every))
+    assert course[-2].energy < 0 < course[-1].energy
+    assert f"{diagnostics['certified_energy']:.3g} J" in str(failed.value)
+
+
+def course_of(*energies):
+    return [(RECORD * k, energy) for k, energy in enumerate(energies, 1)]
+
+
+@pytest.mark.parametrize(
+    ("certified", "course", "rest", "loaded", "said"),
+    [
+        (-10.0, [-10.0] * STRETCH, 0.0, True, None),
+        (-5.1, [-10.0] * STRETCH, 0.0, True, None),
+        (-4.9, [-10.0] * STRETCH, 0.0, True, "is 4.9 J below rest, but was at least 10 J below over iterations 25 to 250"),
+        (0.0, [1.0] * 3, 0.0, True, "0 J, is not below rest after 75 iterations"),
+        (1.0, [-10.0] * (STRETCH - 1), 0.0, True, "is not below rest after 225 iterations"),
+        (-1.0, [100.0, -200.0] * STRETCH, 0.0, True, None),  # noise: no stretch is below rest for certain
+        (4.0, [3.0] * STRETCH, 3.0, False, None),  # the motion of the supports may be the answer
+        (2.0, [1.0] * STRETCH, 5.0, False, None),
+        (4.0, [1.0] * STRETCH, 5.0, False, "is 1 J below rest, but was at least 4 J below"),
+    ],
+)  # fmt: skip
+def test_a_training_fails_above_rest_or_with_less_than_half_of_its_best_gain(certified, course, rest, loaded, said):
+    reason = why_collapsed(certified, course_of(*course), rest, loaded)
+    assert reason is None if said is None else said in reason
+
+
+def test_rest_is_the_field_of_the_supports_alone():
+    """Nothing moves: no energy. Where rims are moved: that of the strains which the prescribed motion alone makes."""
+    still, moved = trained(PLATE, small(iterations=1)), trained(named_case("sleeve_torque"), small(iterations=1))
+    assert still.diagnostics["rest_energy"] == 0
+    assert 0 < moved.diagnostics["rest_energy"] < moved.diagnostics["certified_energy"]
+
+
 def test_a_saved_solution_is_the_same_field(tmp_path):
-    solution = SOLVER.solve(PINCHED, small(iterations=RECORD))
+    solution = trained(PINCHED, small(iterations=RECORD))
     loaded = SOLVER.load(solution.save(tmp_path / "free"))
     points = inner_points(PINCHED)
-    np.testing.assert_array_equal(loaded.displacement(points), solution.displacement(points))
-    assert loaded.energies() == solution.energies()
+    same_tensors(loaded.tensors(), solution.tensors())
+    alike(loaded.displacement(points), solution.displacement(points), SINGLE)
+    assert loaded.energies() == pytest.approx(solution.energies(), rel=1e-12)
     assert loaded.parameters == 3 * 12 + 12 * 13 + 12 + 39  # 3 inputs, two layers of 12, 3 components
 
 
 def test_the_answer_is_free_of_the_rigid_motions_that_nothing_holds():
-    solution = SOLVER.solve(DIAPHRAGM, small(iterations=RECORD, cells=(4, 4)))
+    solution = trained(DIAPHRAGM, small(iterations=RECORD, cells=(4, 4)))
     mean = solution.displacement(DIAPHRAGM.surface.domain.grid(65, 65)[:-1, :-1]).mean(axis=(0, 1))
     largest = np.abs(solution.displacement(DIAPHRAGM.surface.domain.grid(33, 33))[..., 1]).max()
     assert abs(mean[1]) < 0.02 * largest
@@ -264,12 +324,12 @@ def test_a_shell_held_at_a_point_is_declined():
     case = shell("plane", supports=[support("edge", "xi1_min"), support("corner", "xi1_max,xi2_max")])
     assert "not single points" in SOLVER.declines(case)
     with pytest.raises(InputError, match="not single points"):
-        SOLVER.solve(case, PublishedSettings(iterations=1))
+        trained(case, PublishedSettings(iterations=1))
 
 
 def test_a_moved_support_is_moved_exactly():
     sleeve = named_case("sleeve_torque")
-    solution = SOLVER.solve(sleeve, small(iterations=RECORD, cells=(4, 4), dtype="float64"))
+    solution = trained(sleeve, small(iterations=RECORD, cells=(4, 4), dtype="float64"))
     for support_, place in sleeve.supported_places():
         points = place.points(sleeve.surface.domain, np.linspace(0, 2 * np.pi, 9))
         wanted = sleeve.motion(support_, place, points)[0, 0]
@@ -278,7 +338,7 @@ def test_a_moved_support_is_moved_exactly():
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a GPU")
 def test_a_training_on_a_gpu_follows_that_on_the_cpu():
-    here, there = (SOLVER.solve(PLATE, small(iterations=RECORD, device=d, dtype="float64")) for d in ("cpu", "cuda"))
+    here, there = (trained(PLATE, small(iterations=RECORD, device=d, dtype="float64")) for d in ("cpu", "cuda"))
     points = inner_points(PLATE)
     np.testing.assert_allclose(there.displacement(points), here.displacement(points), rtol=1e-8, atol=1e-10)
 
@@ -286,7 +346,7 @@ def test_a_training_on_a_gpu_follows_that_on_the_cpu():
 @pytest.mark.long
 def test_the_plate_is_within_one_per_cent_after_400_iterations():
     """The course of the paper's training; the known value is Navier's series (numerics: 0.4874823 m)."""
-    solution = SOLVER.solve(PLATE, PublishedSettings(iterations=400))
+    solution = trained(PLATE, PublishedSettings(iterations=400))
     assert measure(solution, PLATE.primary) == pytest.approx(navier(), rel=0.01)
     energies = [step.energy for step in solution.history]
     assert min(energies) < 0 < energies[0]

@@ -5,11 +5,10 @@ import pytest
 
 from shellbench.catalog import named_case
 from shellbench.ndf.jets import Placement
-from shellbench.ndf.published import PublishedSolver
 from shellbench.ndf.published_motion_factors import SoftSupports
 from tests.ndf.motions import NAPKIN, SLEEVE, moving
 from tests.ndf.shells import differences, inner_points, support
-from tests.ndf.trainings import small
+from tests.ndf.trainings import small, trained
 
 HERE = Placement()
 SIGMA = 0.01  # Kairanda et al., section 5.2
@@ -87,7 +86,7 @@ def test_the_velocity_of_a_motion_is_exact_for_polynomials(t):
 
 def test_the_rims_of_a_twisted_sleeve_turn_against_each_other_as_they_should():
     """Eq. (72) with its first sign repaired: rims at xi1 -+ theta t; as printed the bottom rim is moved by -m."""
-    solution = PublishedSolver().solve(TWIST, small(iterations=1, cells=(3, 3), times=2, dtype="float64"))
+    solution = trained(TWIST, small(iterations=1, cells=(3, 3), times=2, dtype="float64"))
     angles, radius = np.linspace(0, 2 * np.pi, 13), 0.25
     for t in (0.3, 1.0):
         for height, sign in ((0.0, -1), (1.0, 1)):
@@ -99,6 +98,6 @@ def test_the_rims_of_a_twisted_sleeve_turn_against_each_other_as_they_should():
 
 
 def test_moved_corners_arrive_where_they_should_and_middles_are_not_carried():
-    solution = PublishedSolver().solve(CORNERS, small(iterations=1, cells=(3, 3), times=2, dtype="float64"))
+    solution = trained(CORNERS, small(iterations=1, cells=(3, 3), times=2, dtype="float64"))
     np.testing.assert_allclose(solution.displacement([[0, 1], [1, 1]]), [[0.2, 0, 0], [-0.2, 0, 0]], atol=1e-14)
     assert not np.any(np.abs(SoftSupports(CORNERS).motion(np.array([[0.5, 0.5]]), 1.0, HERE).numpy()) > 1e-12)

@@ -14,8 +14,9 @@ from safetensors.torch import load_file, save_file
 from shellbench.catalog import known_values, named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.measure import measure, measure_all
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solution import FIELDS
+from tests.alike import REPEATED, alike, same_tensors
 from tests.ndf.shells import FREE, inner_points, shell, support
 
 SOLVER = RitzSolver()
@@ -194,8 +195,9 @@ def test_seeds_are_reproducible_and_differ():
     case = plate()
     first, again, other = (solve(case, neurons=40, seed=seed) for seed in (0, 0, 1))
     points = inner_points(case)
-    assert np.array_equal(first.displacement(points), again.displacement(points))
-    assert not np.array_equal(first.displacement(points), other.displacement(points))
+    one, same, new = (solution.displacement(points) for solution in (first, again, other))
+    alike(same, one, REPEATED)
+    assert np.abs(new - one).max() > 10 * REPEATED * np.abs(one).max()
 
 
 @pytest.mark.parametrize("activation", ["sine", "gelu", "tanh"])
@@ -254,7 +256,8 @@ def test_a_saved_solution_comes_back_the_same(roof, tmp_path):
     assert path == tmp_path / "roof.safetensors"
     again = SOLVER.load(path)
     points = inner_points(roof.case)
-    assert np.array_equal(again.displacement(points), roof.displacement(points))
+    same_tensors(again.tensors(), roof.tensors())
+    alike(again.displacement(points), roof.displacement(points))
     assert again.case == roof.case
     assert again.history == roof.history
     assert again.diagnostics == roof.diagnostics

@@ -14,13 +14,13 @@ from torch import Tensor
 from shellbench.catalog import named_case
 from shellbench.ndf.motion_solution import MotionSolution
 from shellbench.ndf.path_solution import PathSolution
-from shellbench.ndf.published import PublishedSolver
 from shellbench.ndf.published_motion_solution import TrainedMotion
-from shellbench.ndf.ritz import RitzSettings, RitzSolver
+from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.ndf.rounding import rounded_tensors
 from shellbench.ndf.solution import NdfSolution
 from shellbench.rounding import EXPONENT_BYTES
 from shellbench.solution import NumberFormat
+from tests.ndf import trainings
 from tests.ndf.shells import inner_points
 from tests.ndf.test_motion import PIN, moving
 from tests.ndf.test_motion import solve as solve_motion
@@ -53,7 +53,7 @@ def swung() -> MotionSolution:
 
 @pytest.fixture(scope="module")
 def trained() -> TrainedMotion:
-    found = PublishedSolver().solve(MOVED, few(iterations=3, dtype="float64"))
+    found = trainings.trained(MOVED, few(iterations=3, dtype="float64"))
     assert isinstance(found, TrainedMotion)
     return found
 

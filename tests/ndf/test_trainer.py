@@ -18,8 +18,9 @@ from shellbench.ndf.gauss_newton import energy_gradient, quadratic_model
 from shellbench.ndf.jets import Placement
 from shellbench.ndf.network import Network
 from shellbench.ndf.solve import point_constraints
-from shellbench.ndf.trainer import NdfSolver, TrainerSettings
+from shellbench.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.ndf.training import Plan, Problem, first_state, train
+from tests.alike import REPEATED, alike, same_tensors
 
 SOLVER = NdfSolver()
 
@@ -110,8 +111,8 @@ def test_a_seed_gives_the_same_answer_and_another_one_another():
     case, settings = catalog.named_case("square_plate"), TrainerSettings(widths=(20,), iterations=1)
     first, again = (measure_all(SOLVER.solve(case, settings)) for _ in range(2))
     other = measure_all(SOLVER.solve(case, settings.model_copy(update={"seed": 5})))
-    assert first == again
-    assert first != other
+    assert again == pytest.approx(first, rel=REPEATED)
+    assert other != pytest.approx(first, rel=REPEATED)
 
 
 def test_a_solution_is_kept_and_trained_on(tmp_path):
@@ -119,7 +120,8 @@ def test_a_solution_is_kept_and_trained_on(tmp_path):
     solution = SOLVER.solve(case, TrainerSettings(widths=(20,), iterations=1))
     points = case.surface.domain.grid(7, 5)
     path = solution.save(tmp_path / "field")
-    assert np.array_equal(SOLVER.load(path).displacement(points), solution.displacement(points))
+    same_tensors(SOLVER.load(path).tensors(), solution.tensors())
+    alike(SOLVER.load(path).displacement(points), solution.displacement(points))
     further = SOLVER.solve(case, TrainerSettings(iterations=2), start=path)
     assert further.diagnostics["certified_energy"] < solution.diagnostics["certified_energy"]
     assert further.parameters == solution.parameters

@@ -19,8 +19,13 @@ from scipy.integrate import DOP853
 from .spline_motion import Energies
 from .surface_strains import Array
 
-POWERS = 5
-"""Power iterations for the largest frequency each time; they go on from the last vector."""
+POWERS = 10
+"""Power iterations for the largest frequency each time, from the last vector and as much of a random one.
+
+Stretch makes other modes the stiffest, of which a converged vector holds no more than rounding: without the random part
+the napkin held at a corner was followed with steps 1.3 times too long. With it the estimate was never below 0.92 of
+the frequency, which rose by no more than a tenth until the next one: together above the 0.8 that the steps leave.
+"""
 FIRST_POWERS = 200
 PERTURBATION = 1e-6
 """Largest perturbed coefficient for the differences of forces, m."""
@@ -97,12 +102,17 @@ def motion(cloth: Cloth, times: Sequence[float], tolerance: float) -> Iterator[M
 
 
 def largest_frequency(cloth: Cloth, coefficients: Array, vector: Array, powers: int) -> tuple[float, Array]:
-    """Largest angular frequency (rad/s) about a state by power iteration from a vector, and the vector it ends with."""
+    """Largest angular frequency (rad/s) about a state by power iteration from a vector, and the vector it ends with.
+
+    The frequency is not a number if the state is so far off that the perturbation is lost in it.
+    """
     base = cloth.acceleration(0.0, coefficients)[0]
     square = 0.0
     for _ in range(powers):
         vector = vector * (PERTURBATION / np.abs(vector).max())
         change = base - cloth.acceleration(0.0, coefficients + vector)[0]
+        if not np.any(change):
+            return float("nan"), vector
         square = float(np.linalg.norm(change) / np.linalg.norm(vector))
         vector = change
     return float(np.sqrt(square)), vector
@@ -123,7 +133,9 @@ def leapfrog(cloth: Cloth, times: Sequence[float], fraction: float) -> Iterator[
     acceleration, reaction = cloth.acceleration(now, coefficients)
     for time in times:
         while now < time:
-            frequency, vector = largest_frequency(cloth, coefficients, vector, POWERS)
+            noise = rng.normal(size=cloth.shape)
+            mixed = vector / np.linalg.norm(vector) + noise / np.linalg.norm(noise)
+            frequency, vector = largest_frequency(cloth, coefficients, mixed, POWERS)
             if not np.isfinite(frequency):
                 raise RuntimeError(f"the leapfrog is unstable at {now:.4g} s")
             count = int(np.ceil((time - now) * frequency / (2 * fraction)))

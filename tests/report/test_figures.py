@@ -8,9 +8,10 @@ from matplotlib.colors import to_hex
 
 from shellbench import catalog
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
+from shellbench.report.courses import courses
 from shellbench.report.palette import COLOURS, inks, style
 from shellbench.report.projection import Camera
-from shellbench.report.scene import courses, pictured, shell
+from shellbench.report.scene import pictured, shell
 from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
 from tests.report.conftest import COURSE, TRUTH, Store
 

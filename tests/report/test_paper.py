@@ -19,6 +19,7 @@ from shellbench.report.latex_letters import with_letters_of_latex
 from shellbench.report.latex_table import PAGE_LINES, write_latex
 from shellbench.report.paper import write_paper
 from shellbench.report.table import Column, Note, Table
+from tests.patience import GUARD
 from tests.report.conftest import Store
 
 WIDEST_OVERFLOW = 20.0  # pt; what a reader does not see
@@ -160,7 +161,7 @@ def test_the_document_compiles_and_fits_its_pages(kind: str, request: pytest.Fix
     folder = write_paper(bench.Store(made.folder), made.rows, tmp_path, made.known_values).parent
     for _ in range(2):
         command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
-        ended = subprocess.run(command, cwd=folder, capture_output=True, timeout=300, check=False)
+        ended = subprocess.run(command, cwd=folder, capture_output=True, timeout=GUARD, check=False)
         assert ended.returncode == 0, ended.stdout.decode(errors="replace")[-2000:]
     log = (folder / "paper.log").read_text(encoding="utf-8", errors="replace")
     assert all(width <= WIDEST_OVERFLOW for width in overflows(log))

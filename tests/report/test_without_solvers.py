@@ -16,6 +16,7 @@ import pytest
 from shellbench import catalog
 from shellbench.bench.identity import current_source
 from shellbench.bench.registry import solver_entries
+from tests.patience import GUARD
 from tests.report.conftest import record
 
 PACKAGES = ("torch", "skfem", "pypardiso", "shellbench.fem", "shellbench.ndf", "shellbench.cst")
@@ -68,7 +69,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def shellbench(mode: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", PROGRAM, mode, *map(str, arguments)]
     quiet = os.environ | {"OMP_NUM_THREADS": "1"}
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False, env=quiet)
+    return subprocess.run(command, capture_output=True, text=True, timeout=GUARD, check=False, env=quiet)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from tests.bench.cluster.two_workers import Cluster
+from tests.patience import GUARD
 
 
 def toy_tasks(store: Store, *behaviours: str, solver: str = "toy", **more: Any) -> list[Task]:
@@ -33,7 +34,7 @@ def on_cluster(
     store: Store,
     observer: Observer | None = None,
     said: list[str] | None = None,
-    timeout: float | None = 60.0,
+    timeout: float | None = GUARD,
     jobs: int | None = None,
 ) -> list[Outcome]:
     """Run tasks by the cluster's workers, one thread each."""

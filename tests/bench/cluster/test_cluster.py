@@ -14,13 +14,18 @@ from shellbench.bench.scheduler import address_of
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from tests.bench.cluster.running import by_behaviour, on_cluster, toy_tasks
-from tests.bench.cluster.two_workers import Cluster, until
+from tests.bench.cluster.two_workers import Cluster
 from tests.bench.test_compare import edit
+from tests.patience import until
 
 pytestmark = [pytest.mark.usefixtures("toys"), pytest.mark.xdist_group("dask")]
 
 
-def test_a_lost_worker_costs_its_own_runs_only_and_they_are_tried_again(cluster: Cluster, store: Store) -> None:
+def test_a_lost_worker_costs_its_own_runs_only_and_they_are_tried_again(
+    cluster: Cluster, store: Store, tmp_path: Path
+) -> None:
+    gate = tmp_path / "gate"
+
     class Killer(Silent):
         def __init__(self) -> None:
             self.killed = False
@@ -29,11 +34,12 @@ def test_a_lost_worker_costs_its_own_runs_only_and_they_are_tried_again(cluster:
             if task.settings.get("factor") == 2.0 and not self.killed:
                 self.killed = True
                 cluster.kill_worker_of_a_run()
+                gate.touch()
 
     killer = Killer()
     said: list[str] = []
-    slow = toy_tasks(store, "exact", factor=2.0, seconds=1.0)
-    outcomes = on_cluster(cluster, [*slow, *toy_tasks(store, "exact", "print")], store, killer, said)
+    waiting = toy_tasks(store, "exact", factor=2.0, gate=str(gate))
+    outcomes = on_cluster(cluster, [*waiting, *toy_tasks(store, "exact", "print")], store, killer, said)
     assert killer.killed
     assert [o.record.status for o in outcomes if o.record] == ["ok", "ok", "ok"]
     assert len([sentence for sentence in said if "was lost: strip toy is tried again" in sentence]) == 1

@@ -15,13 +15,13 @@ import pytest
 
 from shellbench.bench.scheduler import Scheduler, SchedulerLostError
 from shellbench.bench.store import Store
-from tests.bench.cluster.two_workers import Cluster, until
+from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
+from tests.patience import COMMAND_LINE, GUARD, until
 
 pytestmark = pytest.mark.xdist_group("dask")
 
-PLAIN = "from shellbench.cli import main; main()"
-IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {PLAIN}"
+IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
 import sys
 from importlib import metadata
@@ -32,7 +32,7 @@ def blocked(name):
         raise metadata.PackageNotFoundError(name)
     return version(name)
 metadata.version = blocked
-{PLAIN}
+{COMMAND_LINE}
 """
 
 
@@ -57,7 +57,7 @@ class Program:
 
     def end(self) -> tuple[int, str, str]:
         """Exit code, standard output and standard error."""
-        out, err = self.process.communicate(timeout=100)
+        out, err = self.process.communicate(timeout=GUARD)
         return self.process.returncode, out, err
 
 
@@ -87,7 +87,7 @@ def test_ctrl_c_stops_the_runs_on_the_workers_and_keeps_what_had_ended(
     cluster: Cluster, own_case: Path, store: Store
 ) -> None:
     program = Program.start(
-        PLAIN, own_case, "--solver", "toy", "--set", "toy.behaviour=hang", "--solver", "toy-noisy",
+        COMMAND_LINE, own_case, "--solver", "toy", "--set", "toy.behaviour=hang", "--solver", "toy-noisy",
         "--scheduler", cluster.file, "--store", store.folder, "--threads", "1",
     )  # fmt: skip
     until(lambda: store.read().records and cluster.runs())
@@ -118,7 +118,7 @@ def test_it_waits_for_workers_and_keeps_what_had_ended_when_the_scheduler_dies(
 ) -> None:
     address = lone_scheduler.address
     program = Program.start(
-        PLAIN, own_case, "--solver", "toy-noisy", "--solver", "toy", "--set", "toy.behaviour=hang",
+        COMMAND_LINE, own_case, "--solver", "toy-noisy", "--solver", "toy", "--set", "toy.behaviour=hang",
         "--scheduler", address, "--store", store.folder,
     )  # fmt: skip
     assert program.process.stderr is not None

@@ -18,12 +18,12 @@ from shellbench.bench.cluster import LOSSES
 from shellbench.bench.environment import THREADS
 from shellbench.bench.store import Store
 from tests.bench.conftest import PLUGIN
+from tests.patience import GUARD
 
 pytestmark = pytest.mark.xdist_group("dask")
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
-PATIENCE = 300.0  # seconds for a sweep of seconds, on a busy machine
 SBATCH = """#!/bin/bash
 # The first job starts at once; the others wait in the queue for ever.
 job=1
@@ -127,7 +127,7 @@ def test_the_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Path, st
         env=place,
         capture_output=True,
         text=True,
-        timeout=PATIENCE,
+        timeout=GUARD,
     )
     assert (done.returncode, done.stdout) == (0, "3 solved\n"), done.stderr
     said = [line for line in done.stderr.splitlines() if line.startswith("shellbench: ")]
@@ -145,6 +145,8 @@ def test_the_batch_script_of_the_page_makes_a_sweep(tmp_path: Path, own_case: Pa
     line = f"shellbench run {own_case} --solver toy --store {store.folder}"
     script = block("bash").replace("shellbench run --suite resolution", line) + "code=$?; kill $(jobs -p); exit $code\n"
     assert line in script
-    done = subprocess.run(["bash", "-c", script], cwd=tmp_path, env=place, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(
+        ["bash", "-c", script], cwd=tmp_path, env=place, capture_output=True, text=True, timeout=GUARD
+    )
     assert (done.returncode, done.stdout) == (0, "1 solved\n"), done.stderr
     assert len(store.read().records) == 1

@@ -7,16 +7,15 @@ import json
 import os
 import subprocess
 import sys
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import psutil
 
 from tests.bench.conftest import PLUGIN
+from tests.patience import GUARD, until
 
 SERVER = "shellbench.bench.server"
-PATIENCE = 60.0  # seconds for a program of the cluster to come up, on a busy machine
 
 
 @dataclass
@@ -60,7 +59,7 @@ class Cluster:
     def add_worker(self, *more: str) -> subprocess.Popen[bytes]:
         nanny = self._program(
             "dask_worker", "--scheduler-file", str(self.file), "--host", "127.0.0.1", "--nthreads", "1",
-            "--no-dashboard", "--death-timeout", "30", "--local-directory", str(self.folder), *more,
+            "--no-dashboard", "--death-timeout", f"{GUARD:g}", "--local-directory", str(self.folder), *more,
         )  # fmt: skip
         self.nannies.append(nanny)
         return nanny
@@ -132,11 +131,3 @@ def command(process: psutil.Process) -> str:
     with contextlib.suppress(psutil.Error):
         return " ".join(process.cmdline())
     return ""
-
-
-def until(condition, patience: float = PATIENCE) -> None:
-    """Wait until something holds."""
-    end = time.monotonic() + patience
-    while not condition():
-        assert time.monotonic() < end, "it did not come true"
-        time.sleep(0.05)

@@ -30,6 +30,7 @@ class ToySettings(Settings):
     behaviour: Behaviour = "exact"
     factor: float = 1.0
     seconds: float = 0.0
+    gate: str = ""  # a file: it waits, after its first word on progress, until there is one
     dtype: Literal["float64", "float32"] = "float64"
 
 
@@ -135,6 +136,8 @@ class ExactSolver:
         for i in range(3):
             if progress:
                 progress(Progress(i, 3, "a step"))
+            while settings.gate and not Path(settings.gate).exists():
+                time.sleep(0.02)
             time.sleep(settings.seconds / 3)
         misbehave(settings.behaviour, case)
         return StripSolution(case, float("nan") if settings.behaviour == "nan" else settings.factor)

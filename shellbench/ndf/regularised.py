@@ -1,0 +1,82 @@
+"""The inverse of a nearly singular Gram matrix, regularised at a fixed level.
+
+Random features are nearly dependent: the least eigenvalues of their Gram matrix are rounding, and may be negative.
+A level that is raised until a Cholesky factorisation succeeds makes the answer depend on that rounding, and so on the
+processor. Here the level is fixed. Where Cholesky fails all the same, the eigenvalues are found, negative ones are
+called zero, and the same level is added: both ways give the same inverse but for rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+INDEFINITE = 1e-9  # negative eigenvalue, by the largest, that no rounding explains: it leaves 1e-13
+
+
+class IndefiniteError(ArithmeticError):
+    """The matrix is not positive semidefinite."""
+
+
+@dataclass(frozen=True)
+class RegularisedInverse:
+    """(D^-1 A D^-1 + level I)^-1 between scales D^-1, with D^2 the diagonal of A.
+
+    Attributes
+    ----------
+    level
+        What is added to the unit diagonal of the scaled matrix.
+    scale
+        (n,) D^-1; zero where the diagonal is.
+    factor
+        (n, n) lower triangle of the Cholesky factor, or eigenvectors divided by the roots of their eigenvalues.
+    triangular
+        Which of them it is.
+    """
+
+    level: float
+    scale: Tensor
+    factor: Tensor
+    triangular: bool
+
+    @classmethod
+    def from_matrix(cls, matrix: Tensor, level: float) -> RegularisedInverse:
+        """Factorise a symmetric positive semidefinite matrix (n, n).
+
+        Raises
+        ------
+        IndefiniteError
+            If it is not finite, or has an eigenvalue that is negative beyond rounding.
+        """
+        diagonal = matrix.diagonal().clamp_min(0.0).sqrt()
+        scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
+        scaled = matrix * scale[:, None] * scale
+        scaled.diagonal().fill_(1 + level)
+        if not bool(torch.isfinite(scaled).all()):
+            raise IndefiniteError
+        factor, info = torch.linalg.cholesky_ex(scaled)
+        if int(info) == 0:
+            return cls(level, scale, factor, triangular=True)
+        values, vectors = torch.linalg.eigh(scaled)
+        if not float(values[0]) >= -INDEFINITE * float(values[-1]):
+            raise IndefiniteError
+        return cls(level, scale, vectors / values.clamp_min(level).sqrt(), triangular=False)
+
+    def half(self, right: Tensor) -> Tensor:
+        """Return H (n, m) with H^T H = right^T A^-1 right, for right-hand sides (n, m)."""
+        scaled = right * self.scale[:, None]
+        if not self.triangular:
+            return self.factor.T @ scaled
+        result: Tensor = torch.linalg.solve_triangular(self.factor, scaled, upper=False)
+        return result
+
+    def __matmul__(self, right: Tensor) -> Tensor:
+        """Return A^-1 right for right-hand sides (n, m)."""
+        scaled = right * self.scale[:, None]
+        solved = (
+            torch.cholesky_solve(scaled, self.factor) if self.triangular else self.factor @ (self.factor.T @ scaled)
+        )
+        result: Tensor = solved * self.scale[:, None]
+        return result

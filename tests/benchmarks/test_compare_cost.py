@@ -1,0 +1,51 @@
+"""What comparing costs, of many rows in those of few.
+
+Both are compared in one run and in turns, so that the ratio does not depend on the machine or on what else it does: ten
+times the rows should take about ten times as long, and not a hundred times. All answer one question, which is the worst
+case.
+"""
+
+import time
+
+import pytest
+
+from shellbench.bench.compare import held_against_each_other
+from shellbench.bench.row import Row
+
+FEW, MANY = 500, 5000
+ROUNDS = 5
+ROW = Row(
+    case="own",
+    suite=None,
+    solver="",
+    settings={},
+    seed=None,
+    quantity="centre",
+    primary=True,
+    at=None,
+    value=1.0,
+    status="ok",
+)
+
+
+def answers(count):
+    return [ROW.model_copy(update={"solver": f"solver {i % 3}", "seed": i, "value": 1.0 + i}) for i in range(count)]
+
+
+def seconds(rows):
+    begin = time.perf_counter()
+    held_against_each_other(rows)
+    return time.perf_counter() - begin
+
+
+@pytest.mark.long
+def test_comparing(benchmark):
+    few, many = answers(FEW), answers(MANY)
+    if benchmark.enabled:
+        short, long = [], []
+        for _ in range(ROUNDS):
+            short.append(seconds(few))
+            long.append(seconds(many))
+        benchmark.extra_info["ratio"] = min(long) / min(short)
+    found = benchmark.pedantic(held_against_each_other, args=(many,), rounds=ROUNDS, warmup_rounds=1)
+    assert all(row.disagreement_with == "median" for row in found)

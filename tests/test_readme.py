@@ -1,0 +1,450 @@
+"""Each figure of the README against the committed file that it is said to come from.
+
+Whole tables are those that the records of the example print. Every other figure stands in a sentence or a row with
+braces in its place, which are filled from a file. What is left are numbers that no run has found: `DEFINED` has them.
+`python -m tests.test_readme` writes the whole tables anew; a failing sentence says what it should read.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import tomllib
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench.row import Row
+from shellbench.report import tables
+from shellbench.report.digits import byte_size, duration, percent, quoted
+
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+SUITES = ("obstacle_course", "nonlinear", "cloth")
+LINEAR = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+DEFINED = (  # no figures of a run: what things are called, what was asked for, what others have published
+    r"C1 finite",
+    r"3-D",
+    r"Python 3\.11",
+    r"\(20\d\d\)",
+    r"equation \(30\)",
+    r"exit code [12]",
+    r"exits 0",
+    r"\bP = 4\b",
+    r"by (90|180) degrees|at 90 degrees",
+    r"displacement of 12 ",
+    r"h\^2/12",
+    r"\bT/2\b|T = 1 s",
+    r"256 material points",
+    r"100 x 100 points",
+    r"\b(5 x 5|10 x 10|15 x 15) (random|fixed)|with 10 x 10",
+    r"float16|float32|\b16 bits",
+    r"within 0\.01 %|\(bytes: 0\.1 %\)|for 0\.1 %|at 0\.1 %|At 0\.01 %|0\.1 % \| 0\.01 % \| 0\.001 %",
+    r"h/L = 5e-5",
+    r"8 x 8, 1/240 s",
+    r"20 x 20; 40 x 40; 80 x 80|mesh, 128 x 128|off on 20 x 20",
+    r"at 0\.5 s",
+    r"degree 3 and 4|degree 5 to 7",
+    r"weight 1e10",
+    r"5 x 512|20 x 20 random samples|in motion 20 x 20 x 20",
+    r"seed 0",
+    r"about 0\.35 s",
+)  # fmt: skip
+
+
+@cache
+def rows(folder, name):
+    """Rows of a CSV file of an example."""
+    with (ROOT / "reports" / folder / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@cache
+def objects(folder):
+    """Rows of the JSON table of an example."""
+    return [Row.model_validate(row) for row in json.loads((ROOT / "reports" / folder / "table.json").read_bytes())]
+
+
+def one(found):
+    (only,) = found
+    return only
+
+
+def row(name, folder="example", **keys):
+    """The row of a CSV file with these cells."""
+    return one(r for r in rows(folder, name) if all(r[k] == v for k, v in keys.items()))
+
+
+def answer(case, solver, quantity, label="", folder="example"):
+    """The only run of a case, by the name of its settings, as far as one quantity goes."""
+    found = [r for r in objects(folder) if (r.case, r.solver, r.quantity) == (case, solver, quantity)]
+    return one(r for r in found if (r.label or "") == label)
+
+
+@cache
+def known(case):
+    with (ROOT / "references" / f"{case}.toml").open("rb") as file:
+        return tomllib.load(file)["values"]
+
+
+def judge(case, quantity):
+    return one(v["value"] for v in known(case) if (v["quantity"], v["role"]) == (quantity, "judge"))
+
+
+def kept(case):
+    """The record of the published training of a case."""
+    return json.loads(one((ROOT / "reports/published").glob(f"{case}-*.json")).read_bytes())
+
+
+def described(case, pattern):
+    """What the description of a case says."""
+    with (ROOT / "cases" / f"{case}.toml").open("rb") as file:
+        return re.search(pattern, tomllib.load(file)["description"]).groups()
+
+
+def text_of(digits):
+    return digits.mantissa + (f"e{digits.exponent}" if digits.exponent else "")
+
+
+def error(relative):
+    """A relative error, as tables print it."""
+    return f"{text_of(percent(float(relative)))} %"
+
+
+def size(relative):
+    """A relative error without its sign."""
+    return f"{text_of(percent(abs(float(relative)), signed=False))} %"
+
+
+def figures(value, count):
+    """A number with so many significant digits."""
+    value = float(value)
+    if value and not 1e-3 <= abs(value) < 1e5:
+        mantissa, _, power = f"{value:.{count - 1}e}".partition("e")
+        return f"{mantissa}e{int(power)}"
+    return f"{value:#.{count}g}".rstrip(".")
+
+
+def what_fell_short():
+    headline = (ROOT / "reports/example/report.md").read_text(encoding="utf-8").splitlines()[2]
+    gated, open_findings, failed = re.findall(r"\d+", headline)
+    runs = {(r.case, r.label, r.reason) for r in objects("example") if r.status != "ok" and set(r.suites) & COMPARED}
+    labels = [label for _, label, _ in runs]
+    pin = {name: answer("napkin_soft_pin", "ndf", f"{name}_energy_{at}").relative_error
+           for name, at in (("bending", "400ms"), ("membrane", "600ms"))}  # fmt: skip
+    assert len(runs) == int(failed)
+    assert sum(r.open_finding is not None for r in objects("example")) == int(open_findings)
+    yield "All {} gated figures hold, and {} more are open findings", gated, open_findings
+    yield "its bending energy is {} off, its membrane energy {})", size(pin["bending"]), size(pin["membrane"])
+    yield (
+        "{} runs failed that no gate judges: ReLU on {} shells, soft supports of weight 1e10 on {}, a cosine alone on {},",
+        failed, *(str(labels.count(label)) for label in ("ReLU", "soft supports, weight 1e10", "cosine only")),
+    )  # fmt: skip
+
+
+COMPARED = {"ablations", "strain_ablation", *SUITES}
+
+
+def quoted_figures():
+    values = [one(v["value"] for v in known(case) if v["role"] == "literature") for case in LINEAR[1:]]
+    said = [text_of(quoted(value)) for value in values]
+    yield (
+        "the roof's {} mixes theories, the diaphragm cylinder's {} is a truncated series, the free cylinder's {}",
+        *said,
+    )
+
+
+def published_training():
+    for case, title in zip(
+        LINEAR[:3], ("Square plate", "Scordelis-Lo roof", "Pinched cylinder, diaphragms"), strict=True
+    ):
+        record = kept(case)
+        primary = next(iter(record["values"]))
+        off = [record["values"][name]["value"] / judge(case, name) - 1 for name in (primary, "strain_energy")]
+        assert record["status"] == "ok"
+        yield f"| {title} | {{}} | {{}} | {{}} s |", *map(error, off), duration(record["seconds"])
+    record = kept(LINEAR[3])
+    course = {step["iteration"]: step["quantities"]["load_deflection"] for step in record["history"]}
+    good = max(step["iteration"] for step in record["history"] if step["energy"] < 0)
+    assert record["diagnostics"]["certified_energy"] > 0
+    yield (
+        "| Pinched cylinder, free | collapsed: {} m at iteration {}, {} m at the end | energy above rest | {} s |",
+        figures(course[good], 2), good, figures(record["values"]["load_deflection"]["value"], 2), duration(record["seconds"]),
+    )  # fmt: skip
+
+
+def strain_measures():
+    def cells(case, quantity, *columns):
+        found = row("strains", case=case, quantity=quantity)
+        return [error(found[f"{column}_error"]) for column in columns], float(found["exact"]), found
+
+    both = ("published", "linear")
+    said, exact, _ = cells("rolled_plate", "bending_energy_90", *both)
+    yield "| rolled plate, bending energy at 90 degrees | {} J | {} | {} |", figures(exact, 5), *said
+    turned = row("strains", case="rigid_rotation", quantity="strain_energy_180")
+    yield (
+        "by 180 degrees, strain energy | {} J | {} J | {} J |",
+        figures(turned["exact"], 1), figures(turned["published"], 2), figures(turned["linear"], 2),
+    )  # fmt: skip
+    said, exact, _ = cells("cantilever_shear", "deflection_4", *both)
+    yield "| cantilever under end shear, deflection at P = 4 | {} m | {} | {} |", figures(exact, 6), *said
+    said, exact, found = cells("cantilever_moment", "shortening_100", "linear")
+    assert found["published_status"] == "failed"
+    reason = answer("cantilever_moment", "ndf-ritz", "shortening_100", "published").reason
+    last = re.search(r"at load factor ([\d.]+)", reason)[1]
+    yield (
+        "displacement of the tip | {} m | no equilibrium beyond {} of the moment | {} |",
+        figures(exact, 6), figures(last, 2), *said,
+    )  # fmt: skip
+    yield "The roll-up does not end at a displacement of 12 but of {}**", figures(found["reference"], 6)
+    for case, quantity, name in (
+        ("square_plate_nonlinear", "centre_deflection", "square plate"),
+        ("scordelis_lo_nonlinear", "edge_deflection", "Scordelis-Lo roof"),
+    ):
+        said, exact, _ = cells(case, quantity, *both)
+        yield f"| {name} at full strain, deflection | {{}} m | {{}} | {{}} |", figures(exact, 6), *said
+    yield (
+        "back from a load factor of {} to {}",
+        *described("cylinder_pull_out", r"factor of ([\d.]+) and forth at ([\d.]+\d)"),
+    )
+
+
+def motions():
+    half, end = (row("newton", case="free_fall", quantity="fall", at=at) for at in ("0.5", "1.0"))
+    newton, stationary, trained = (float(half[k]) for k in ("newton", "stationary", "ndf-published"))
+    yield (
+        "| fallen at T/2 | {} m | {} m ({} times) | {} m ({} times) |",
+        figures(newton, 4), figures(stationary, 4), figures(stationary / newton, 3),
+        figures(trained, 4), figures(trained / newton, 3),
+    )  # fmt: skip
+    newton, stationary, trained = (float(end[k]) for k in ("newton", "stationary", "ndf-published"))
+    yield (
+        "| fallen at T | {} m | {} m, and at rest | {} m ({} times) |",
+        figures(newton, 4), figures(stationary, 4), figures(trained, 4), figures(trained / newton, 2),
+    )  # fmt: skip
+    yield "beyond {} s no two meshes agree", *described("napkin_corner", r"beyond ([\d.]+) s no two meshes agree")
+    fem, ndf = (answer("sleeve_compression", solver, "critical_force") for solver in ("fem", "ndf"))
+    carried = [answer("sleeve_compression", solver, "force_after_buckling").value for solver in ("fem", "ndf")]
+    yield (
+        "critical force of {} N, `fem` to {} and `ndf` to {}; just beyond it the one carries {} N, the other {} N",
+        figures(judge("sleeve_compression", "critical_force"), 4), size(fem.relative_error), size(ndf.relative_error),
+        *(figures(force, 3) for force in carried),
+    )  # fmt: skip
+
+
+STUDIED = {
+    "square_plate": "Square plate",
+    "scordelis_lo": "Scordelis-Lo roof",
+    "pinched_cylinder_diaphragm": "Pinched cylinder, diaphragms",
+    "pinched_cylinder_free": "Pinched cylinder, free",
+    "square_plate_nonlinear": "Square plate, large displacements",
+    "napkin_plane": "Napkin in its plane (bytes: 0.1 %)",
+}
+
+COSTED = ("fem", "ndf", "ndf-ritz", "cst-hinge")
+
+
+def stored(case, solver, level, kept_as="its own numbers"):
+    return row("memory", case=case, solver=solver, kept_as=kept_as)[f"bytes_field_{level}"]
+
+
+def costs():
+    for case, title in STUDIED.items():
+        cells, found = [], []
+        for solver in COSTED:
+            seconds = row("cost_seconds", case=case, solver=solver)["to_0.0001"]
+            kept_bytes = stored(case, solver, "0.001" if case == "napkin_plane" else "0.0001")
+            assert bool(seconds) == bool(kept_bytes), (case, solver)
+            cells.append("{} s; {}" if seconds else "not reached")
+            found += [duration(float(seconds)), byte_size(float(kept_bytes))] if seconds else []
+        yield f"| {title} | {' | '.join(cells)} |", *found
+
+
+def findings():
+    plate = {
+        solver: row("consistency", case="square_plate", solver=solver)
+        for solver in ("fem", "ndf", "ndf-ritz", "cst-hinge")
+    }
+
+    def share(solver, column):
+        return float(plate[solver][column]) / float(plate[solver]["largest_displacement"])
+
+    steps = [size(share("cst-hinge", f"{column}_largest")) for column in ("step", "yardstick", "alike")]
+    yield (
+        "moves by {} from its last mesh but one, and is {} off; other diagonals on the same mesh move it by {}.",
+        *steps,
+    )
+    fields = [
+        max(share(solver, f"{what}_largest") for solver in ("ndf", "ndf-ritz")) for what in ("alike", "yardstick")
+    ]
+    yield (
+        "`fem` moves by {} between marginally different meshes, the fields by {} and less between seeds, and they agree to {}.",
+        size(share("fem", "alike_largest")), *map(size, fields),
+    )  # fmt: skip
+    still = [case for case in STUDIED if case != "napkin_plane"]
+    fewer = [float(stored(case, "fem", "0.0001")) / float(stored(case, "ndf-ritz", "0.0001")) for case in still]
+    yield (
+        "`ndf-ritz` takes {} to {} times fewer bytes than finite elements",
+        figures(min(fewer), 2),
+        figures(max(fewer), 2),
+    )
+    roof = [byte_size(float(stored("scordelis_lo", solver, "0.001"))) for solver in ("fem", "ndf-ritz")]
+    yield "the roof is the other way round ({} and {})", *roof
+    meshes = {
+        (case, solver): stored(case, solver, "0.001", "a mesh") for case in LINEAR for solver in ("fem", "ndf-ritz")
+    }
+    (flat,) = {meshes[key] for key in meshes if key[0] in LINEAR[:2]}
+    assert {meshes[key] for key in meshes if key[0] in LINEAR[2:]} == {""}
+    yield "A mesh made from either takes {} for 0.1 %", byte_size(float(flat))
+    halved = [
+        row("memory_rounding", case="square_plate", format="float16", solver=solver)["change"]
+        for solver in ("fem", "ndf-ritz")
+    ]
+    yield "moves the plate of `fem` by {}, that of `ndf-ritz` by {}:", *map(size, halved)
+    thin = {
+        solver: row("thinness_pinched_cylinder_rigid_diaphragms", case="cylinder_thinness_5e_5", solver=solver)
+        for solver in ("fem", "ndf", "ndf-ritz", "cst-hinge")
+    }
+    assert (thin["ndf"]["good"], thin["ndf-ritz"]["good"]) == ("1", "0")
+    yield (
+        "the trained field is {} too stiff and passes its certificate with a gap of {}; `ndf-ritz` ({}) refuses itself"
+        " there, `cst-hinge` locks ({}), `fem` has {} and says {}.",
+        size(thin["ndf"]["mean_error"]), size(thin["ndf"]["gap"]), *(error(thin[solver]["mean_error"])
+        for solver in ("ndf-ritz", "cst-hinge", "fem")), size(thin["fem"]["own_estimate"]),
+    )  # fmt: skip
+    few = [row("sampling", case="square_plate", solver="ndf-published", points=points) for points in ("25", "100")]
+    errors = [size(found[f"{which}_error"]) for found in few for which in ("least", "largest")]
+    yield "errs by {} to {} on the plate, with 10 x 10 by {} to {}.", *errors
+    reasons = {r.reason for r in objects("example") if r.label == "ReLU" and r.status == "failed"}
+    folded = sorted(float(re.search(r"([\d.]+) % of its changes", reason)[1]) for reason in reasons)
+    yield "{} to {} % of the turning of its fields are kinks", f"{folded[0]:g}", f"{folded[-1]:g}"
+
+
+def engines():
+    own = []
+    for case in LINEAR:
+        found = [r for r in rows("example_engines", "cross_check") if r["case"] == case]
+        levels = ("0.001", "0.0001", "1e-05")
+        fem = one(r for r in found if r["solver"] == "fem" and r["settings"])
+        kratos = [
+            [float(r[f"seconds_{k}"]) for r in found if r["solver"] == "kratos-iga" and r[f"seconds_{k}"]]
+            for k in levels
+        ]
+        quantity = next(r.quantity for r in objects("example_engines") if r.case == case and r.primary)
+        engine = one(v["value"] for v in known(case) if (v["quantity"], v["source"]) == (quantity, "kratos"))
+        yield (
+            f"| {STUDIED[case]} | {{}} | {{}} | {{}} | {{}}; {{}}; {{}} | {{}} |",
+            *(duration(float(fem[f"seconds_{k}"])) for k in levels), *(duration(min(s)) for s in kratos),
+            figures(abs(engine / judge(case, quantity) - 1), 1),
+        )  # fmt: skip
+        own.append(
+            min(float(r[f"seconds_{k}"]) for r in found if r["name"] == "fem" for k in levels if r[f"seconds_{k}"])
+        )
+    yield "`fem` run to its own estimate of convergence takes {} to {} s.", duration(min(own)), duration(max(own))
+    thin = {case: row("cross_check", "example_engines", case=case, solver="kratos-thin")["error"] for case in LINEAR}
+    yield (
+        "`kratos-thin` is {} off on the plate, {} on the roof, {} on the diaphragm cylinder and {} on the free one",
+        *(error(thin[case]) for case in LINEAR),
+    )  # fmt: skip
+    fem = answer("napkin_plane", "fem", "corner_y_500ms", "cells 8×8", "example_engines")
+    flex = [answer("napkin_plane", "mujoco-flex", "corner_y_500ms", label, "example_engines")
+            for label in ("cells 20×20", "cells 40×40", "cells 80×80")]  # fmt: skip
+    yield (
+        "| `fem`, 8 x 8, 1/240 s | {} mm | {} | {} |",
+        figures(1000 * abs(fem.absolute_error), 1), duration(fem.seconds), byte_size(fem.storage_bytes),
+    )  # fmt: skip
+    sizes = [byte_size(r.storage_bytes).partition(" ")[0] for r in flex]
+    yield (
+        "| `mujoco-flex`, 20 x 20; 40 x 40; 80 x 80 | {}; {}; {} mm | {}; {}; {} | {}; {}; {} MB |",
+        *(figures(1000 * abs(r.absolute_error), 2) for r in flex), *(duration(r.seconds) for r in flex), *sizes,
+    )  # fmt: skip
+    hinges = answer("napkin_plane", "cst-hinge", "corner_y_500ms", "cells 20×20")
+    yield "`cst-hinge` ({} mm off on 20 x 20)", figures(1000 * abs(hinges.absolute_error), 2)
+
+
+SOURCES = (what_fell_short, quoted_figures, published_training, strain_measures, motions, costs, findings, engines)
+
+
+def whole_table(suite):
+    """The table of a suite as `shellbench table --suite` prints it from the example's records, without its notes."""
+    found = [r.model_copy(update={"suite": suite, "suites": (suite,)}) for r in objects("example") if suite in r.suites]
+    lines = tables.render(found, "text").splitlines()
+    last = max(k for k, line in enumerate(lines) if line.startswith("---"))
+    return "\n".join(lines[: last + 1]) + "\n"
+
+
+def printed_tables(readme):
+    return [body for kind, body in FENCED.findall(readme) if kind == "text" and "\n---" in body]
+
+
+def flat(text):
+    return " ".join(text.split())
+
+
+def prose(readme):
+    """The README without code, links and pictures, in one line."""
+    return flat(re.sub(r"`[^`]*`|\]\([^)]*\)", lambda m: m[0] if m[0][0] == "`" else "]", FENCED.sub("", readme)))
+
+
+def sentences(source):
+    for template, *values in source():
+        yield flat(template), [str(value) for value in values]
+
+
+def wrong(source, readme):
+    """What the README should read, and does not."""
+    text = prose(readme)
+    should = [template.format(*values) for template, values in sentences(source)]
+    return [sentence for sentence in should if sentence not in text]
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_a_whole_table_is_what_the_examples_records_print(suite):
+    printed = printed_tables(README.read_text(encoding="utf-8"))[SUITES.index(suite)]
+    assert printed == whole_table(suite), "write it anew by `python -m tests.test_readme`"
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.__name__)
+def test_figures_are_those_of_their_file(source):
+    assert wrong(source, README.read_text(encoding="utf-8")) == []
+
+
+def unheld(readme):
+    """What stands around numbers that neither a file nor `DEFINED` accounts for."""
+    text = prose(readme)
+    for source in SOURCES:
+        for template, values in sentences(source):
+            text = text.replace(template.format(*values), template.replace("{}", "#"))
+    text = re.sub(r"`[^`]*`|\[[^]]*\]", "#", text)
+    for pattern in DEFINED:
+        text = re.sub(pattern, "#", text)
+    return [text[max(0, m.start() - 40) : m.end() + 40] for m in re.finditer(r"(?<![A-Za-z-])\d[\d.e-]*", text)]
+
+
+def test_no_figure_is_without_a_file():
+    readme = README.read_text(encoding="utf-8")
+    assert unheld(readme) == []
+    assert len(unheld(readme.replace("## Large displacements", "It errs by 7.7 %.\n\n## Large displacements"))) == 1
+
+
+def test_a_figure_that_is_changed_is_seen(monkeypatch):
+    readme = README.read_text(encoding="utf-8")
+    off = readme.replace("| -13 % |", "| -12 % |")
+    assert wrong(published_training, off) == ["| Scordelis-Lo roof | -13 % | +71 % | 471 s |"]
+    unchanged = rows
+    slower = [{**r, "to_0.0001": "7.7"} for r in rows("example", "cost_seconds")]
+    monkeypatch.setitem(globals(), "rows", lambda *which: slower if which[1] == "cost_seconds" else unchanged(*which))
+    monkeypatch.setitem(globals(), "STUDIED", {"square_plate_nonlinear": STUDIED["square_plate_nonlinear"]})
+    monkeypatch.setitem(globals(), "COSTED", ("fem", "ndf", "ndf-ritz"))
+    assert len(wrong(costs, readme)) == 1
+
+
+if __name__ == "__main__":
+    readme = README.read_text(encoding="utf-8")
+    for suite, old in zip(SUITES, printed_tables(readme), strict=True):
+        readme = readme.replace(old, whole_table(suite))
+    README.write_text(readme, encoding="utf-8")
