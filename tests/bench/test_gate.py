@@ -96,7 +96,7 @@ def test_a_record_edited_to_pass_is_red(full: Store) -> None:
     for record in full.read().records:
         path = full.folder / f"{record.run_id}.json"
         path.write_text(path.read_text(encoding="utf-8").replace('"status": "failed"', '"status": "ok"'))
-    verdict = gate(full, None, Scope())
+    verdict = gate(full, None, Scope(suites=("toys",)))
     assert not verdict.good()
     assert {f.row.status for f in verdict.accuracy if f.row.solver == "toy"} == {"missing"}
     assert any("damaged" in sentence for sentence in verdict.warnings)

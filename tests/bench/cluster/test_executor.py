@@ -95,6 +95,11 @@ def test_a_record_of_the_cluster_is_whole_and_equal_to_a_local_one(cluster, tmp_
         records.append((store, outcome.record))
     (here, local), (there, remote) = records
     own = {"run_id", "created", "seconds", "peak_memory_bytes", "idle_memory_bytes", "fields_file", "solution_file"}
+    own |= {"checksums"}  # by the names of these files
+    assert local.sequence == remote.sequence == 1
+    for store, record in records:
+        assert [store.check(record, name) for name in (record.fields_file, record.solution_file)] == [None, None]
+        assert set(record.checksums) == {record.fields_file, record.solution_file}
     assert remote.model_dump(exclude=own) == local.model_dump(exclude=own)
     ours, theirs = here.file(local.solution_file), there.file(remote.solution_file)
     assert ours is not None
