@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 import base64
+import multiprocessing
 import re
+import signal
+import sys
 from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -15,6 +21,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
+from shellbench.bench.environment import cores
+from shellbench.errors import ShellbenchError
 from shellbench.report.palette import style
 
 PRINT_DPI, SCREEN_DPI = 300, 160
@@ -78,6 +86,43 @@ class Exhibit:
         undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
         self.figure.savefig(buffer, format=format, dpi=dpi, metadata=undated[format])
         return buffer.getvalue()
+
+
+def save_all(exhibits: Sequence[Exhibit], folder: Path, for_print: bool = True) -> dict[str, str]:
+    """Write figures as `Exhibit.save` does, a process a core; return them as data URIs by name.
+
+    The processes are forked, for some figures can't be sent. Where that is not safe, they are written one by one.
+
+    Raises
+    ------
+    OSError
+        If they can't be written.
+    ShellbenchError
+        If a process was killed.
+    """
+    jobs = min(cores(), len(exhibits))
+    if jobs < 2 or sys.platform != "linux":
+        return {exhibit.name: exhibit.save(folder, for_print) for exhibit in exhibits}
+    fork = multiprocessing.get_context("fork")
+    try:
+        with ProcessPoolExecutor(jobs, fork, _to_be_saved, (exhibits, folder, for_print)) as pool:
+            uris = list(pool.map(_save, range(len(exhibits))))
+    except BrokenProcessPool:
+        raise ShellbenchError("a process that draws figures was killed: out of memory, perhaps") from None
+    return {exhibit.name: uri for exhibit, uri in zip(exhibits, uris, strict=True)}
+
+
+_work: list[tuple[Sequence[Exhibit], Path, bool]] = []  # of a forked process: what it was forked with
+
+
+def _to_be_saved(exhibits: Sequence[Exhibit], folder: Path, for_print: bool) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for who has forked
+    _work[:] = [(exhibits, folder, for_print)]
+
+
+def _save(number: int) -> str:
+    ((exhibits, folder, for_print),) = _work
+    return exhibits[number].save(folder, for_print)
 
 
 def few_colours(png: bytes) -> bytes:

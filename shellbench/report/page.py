@@ -20,7 +20,7 @@ from shellbench.report.contents import Tables, tables_of
 from shellbench.report.derivation import DERIVATION
 from shellbench.report.derivation import TITLE as NEWTON_TITLE
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit, data_uri
+from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE, exhibits
 from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
@@ -94,7 +94,7 @@ def write_report(
         figures.mkdir(parents=True, exist_ok=True)
         drawn = exhibits(by_id, shown, store.folder, known)
         proven = [exhibit for section in sections for exhibit in section.exhibits]
-        uris = {exhibit.name: exhibit.save(figures, for_print) for exhibit in (*drawn, *proven)}
+        uris = save_all([*drawn, *proven], figures, for_print)
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         facts = _facts(stored, rows, tables, sections, read_bibliography(bibliography))
         facts |= _figures(facts["makings"], [*drawn, *proven], turned)
