@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from shellbench import cli
+from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.conftest import own_case, plugin, store, toys  # noqa: F401 - fixtures
@@ -44,7 +45,9 @@ def shellbench(toys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capf
 def test_the_whole_way(shellbench, tmp_path: Path) -> None:
     """Run, resume, table, gate, baseline, export."""
     code, out, err = shellbench("run", "--suite", "toys", "--jobs", 2)
-    assert (code, out, err) == (0, "5 solved\n", "")
+    *lines, last = out.splitlines()
+    assert (code, last, err) == (0, "5 solved", "")
+    assert len(lines) == 5
     assert len(list(Path("reports/runs").glob("strip-*.solution.json"))) == 5
     assert shellbench("run", "--suite", "toys") == (0, "5 kept from before\n", "")
     code, out, err = shellbench("table", "--format", "json")
@@ -54,7 +57,8 @@ def test_the_whole_way(shellbench, tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     assert "every gate holds" in out
     assert shellbench("baseline", "--write")[0] == 0
-    assert "regression: 5 ok" in shellbench("gate")[1]
+    assert "regression (reported only): 5 ok" in shellbench("gate")[1]
+    assert "regression: 5 ok" in shellbench("gate", "strip", "--regression")[1]
     for suffix in ("npz", "obj"):
         assert shellbench("export", "strip", "--solver", "toy", "--out", f"shape.{suffix}", "--resolution", 5)[0] == 0
     with np.load("shape.npz") as arrays:
@@ -72,26 +76,81 @@ def test_table_prints_in_all_formats(shellbench, format_: str) -> None:
     assert shellbench("run", "strip", "--solver", "toy")[0] == 0
     code, out, err = shellbench("table", "--format", format_)
     assert (code, err) == (0, "")
+    assert ("suite 'toys' declares 4 more" in out) == (format_ in {"text", "markdown"})  # others are for programs
     assert "Strip" in out or "strip" in out
 
 
-def test_an_empty_store_is_an_empty_table_and_a_red_gate(shellbench) -> None:
-    code, out, err = shellbench("table", "--format", "json")
-    assert (code, json.loads(out), err) == (0, [], "")
-    code, out, err = shellbench("table")
-    assert code == 0
-    assert "no records that count" in err
+@pytest.mark.parametrize("command", ["table", "gate", "report", "baseline"])
+@pytest.mark.parametrize("more", [(), ("--suite", "toys")])
+def test_a_store_without_runs_is_bad_input(shellbench, command: str, more: tuple[str, ...]) -> None:
+    for _ in range(2):
+        code, out, err = shellbench(command, *more)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert "reports/runs: is" in err
+        Path("reports/runs").mkdir(parents=True, exist_ok=True)
+    assert not Path("reports/latest").exists()
+
+
+def test_a_gate_that_judges_nothing_exits_2(shellbench) -> None:
+    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
+    for scope in (("--solver", "falling"), ("--solver", "toy-noisy"), ("--suite", "toys", "--solver", "falling")):
+        code, out, err = shellbench("gate", *scope)
+        assert (code, out) == (2, "")
+        assert "nothing was judged" in err
+
+
+def test_the_obvious_path_is_green(shellbench) -> None:
+    """Table, gate and report after one case by one solver: about that, in one line what else there is, and green."""
+    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
     code, out, err = shellbench("gate")
+    assert code == 0
+    assert "accuracy: 2 ok" in out
+    assert "suite 'toys' declares 4 more" in out
+    assert err == ""
+    code, out, err = shellbench("report", "--no-print")
+    assert (code, err) == (0, "")
+    page = Path("reports/latest/report.md").read_text(encoding="utf-8")
+    assert "All 2 gated figures hold." in page
+    assert "declares 4 more" in page
+    assert shellbench("gate", "--suite", "toys")[0] == 1
+
+
+def test_in_a_pipe_a_run_is_a_line(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE"):
+        monkeypatch.setenv(name, "1")
+    code, out, _ = shellbench("run", "strip", "--solver", "toy", "--solver", "toy-noisy", "--seed", 0, "--seed", 1)
+    assert code == 0
+    *lines, last = out.splitlines()
+    assert last == "3 solved"
+    assert sorted(line.partition("  ")[0].split()[:3] for line in lines)[0][:3] == ["ok", "strip", "toy"]
+    assert len(lines) == 3
+    assert all(letter.isprintable() for letter in out.replace("\n", ""))
+    code, out, _ = shellbench("run", "strip", "--solver", "toy", "--set", "toy.behaviour=crash")
+    assert out.startswith("failed strip toy")
+
+
+def test_a_killed_command_leaves_its_plan(shellbench, own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
+    """The last run hangs and its command is killed: the gate is red over it until it has ended."""
+    command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
+    command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
+    process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(plugin)}, stderr=subprocess.PIPE)
+    while not list(store.folder.glob(".*.partial/log.txt")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.kill()
+    process.communicate(timeout=600)
+    code, out, _ = shellbench("gate", "--store", store.folder)
     assert code == 1
-    assert "5 RED" in out
-    assert "no record" in out
+    assert "RED  own_strip toy centre: planned, and did not end" in out
+    code, out, _ = shellbench("table", own_case, "--store", store.folder)
+    assert (code, "missing" in out) == (0, True)
 
 
 def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
     code, out, err = shellbench(
         "run", "strip", "--solver", "toy", "--solver", "toy-noisy", "--set", "toy.behaviour=crash"
     )
-    assert (code, out) == (1, "1 solved, 1 failed\n")
+    assert (code, out.splitlines()[-1]) == (1, "1 solved, 1 failed")
     assert err == "shellbench: strip toy: failed: the solving process was ended by SIGSEGV\n"
     code, out, err = shellbench("run", "strip", "--solver", "toy", "--set", "toy.behaviour=hang", "--timeout", "0.5")
     assert (code, err) == (1, "shellbench: strip toy: timeout: stopped after 0.5 s\n")
@@ -236,7 +295,7 @@ def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store
     assert out == ""
     assert err.startswith("shellbench: interrupted")
     assert err.count("\n") == 1
-    assert [path.name for path in store.folder.iterdir()] == [".lock"]
+    assert {path.name for path in store.folder.iterdir()} == {".lock", FOLDER}
 
 
 @pytest.fixture
@@ -248,7 +307,8 @@ def falling_case(tmp_path: Path) -> Path:
 
 
 def test_a_motion_is_run_shown_and_exported_at_any_time(shellbench, falling_case: Path) -> None:
-    assert shellbench("run", falling_case, "--solver", "falling") == (0, "1 solved\n", "")
+    code, out, err = shellbench("run", falling_case, "--solver", "falling")
+    assert (code, out.splitlines()[-1], err) == (0, "1 solved", "")
     code, out, _ = shellbench("table", "--format", "json")
     assert code == 0
     rows = {row["quantity"]: row for row in json.loads(out)}

@@ -58,17 +58,16 @@ def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) ->
 def rows_and_notes(
     store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()
 ) -> tuple[list[Row], tuple[str, ...]]:
-    """Return the rows of `rows`, and a sentence for whatever was left out or is more than was run."""
+    """Return the rows of `rows`, and a sentence for whatever was left out."""
     wanted = asked_cases(cases, suites)
     current, planned = current_runs(store.read()), read_planned(store)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
-    more = () if suites else beyond(found)
     if suites:
         asked = [(row, tuple(name for name in row.suites if name in suites)) for row in found]
         found = [row.model_copy(update={"suite": kept[0], "suites": kept}) for row, kept in asked if kept]
     if cases:
         found = [row for row in found if (row.case, row.own_case) in wanted]
-    return found, (*current.notes, *planned.damaged, *more)
+    return found, (*current.notes, *planned.damaged)
 
 
 def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
@@ -87,7 +86,7 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     return {(case.name, is_own(case)) for case in found}
 
 
-def beyond(found: Sequence[Row]) -> tuple[str, ...]:
+def beyond(found: Sequence[Row]) -> str:
     """Say in one sentence what the suites declare beside the runs of the rows; nothing if there is no more."""
     runs = {(row.case, row.solver, json.dumps(row.overrides, sort_keys=True), row.seed): row for row in found}
     begun = list(dict.fromkeys(row.suites[0] for row in found if row.declared))
@@ -101,13 +100,11 @@ def beyond(found: Sequence[Row]) -> tuple[str, ...]:
             if name in members[case] and (not run.cases or case in run.cases)
         ]
         left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
-        more += [f"{left} run{'s' if left > 1 else ''} of suite '{name}'"] if left > 0 else []
+        more += [f"suite '{name}' declares {left} more"] if left > 0 else []
     others = len(set(catalog.suite_names()) - set(begun))
     if others:
-        more.append(f"{others} other suite{'s' if others > 1 else ''}")
-    if not more or not found:
-        return ()
-    return (f"this is about what was run, beside which there is more: {' and '.join(more)}; --suite NAME shows one",)
+        more.append(f"{others} other suite{'s declare others' if others > 1 else ' declares others'}")
+    return f"Beside these runs {' and '.join(more)}: --suite NAME asks for a whole suite." if more else ""
 
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:

@@ -14,7 +14,7 @@ from typing import Literal
 
 from shellbench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import asked_cases, empty_row, gates, row_of, rows_and_notes
+from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, row_of, rows_and_notes
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
 from shellbench.bench.finding import Finding
 from shellbench.bench.identity import difference
@@ -70,6 +70,8 @@ class Verdict:
         Whether there was one.
     warnings
         What else to know, one sentence each.
+    beyond
+        What there is beside what was run, in one sentence; empty if suites were named.
     """
 
     accuracy: tuple[Finding, ...]
@@ -78,6 +80,7 @@ class Verdict:
     scope: Scope
     baseline: bool
     warnings: tuple[str, ...] = ()
+    beyond: str = ""
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
@@ -100,7 +103,8 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         find_solver(solver)
     check_filled(store)
     current = current_runs(store.read())
-    found, notes = rows_and_notes(store, scope.suites)
+    found, notes = rows_and_notes(store, scope.suites, scope.cases)
+    more = "" if scope.suites else beyond(found)
     unfinished = [row for row in found if _is_unfinished(row)]
     if scope.suites:
         others = [row for expected in _expected(scope, current) for row in expected.rows()]
@@ -120,6 +124,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         scope=scope,
         baseline=baseline is not None,
         warnings=notes,
+        beyond=more,
     )
 
 

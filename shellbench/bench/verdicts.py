@@ -23,6 +23,7 @@ def as_text(
         lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    lines += [verdict.beyond] if verdict.beyond else []
     lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")
     return "\n".join(lines)
 

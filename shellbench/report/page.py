@@ -11,6 +11,7 @@ from typing import Any
 import jinja2
 
 from shellbench import __version__, catalog
+from shellbench.bench.compare import beyond
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
@@ -102,6 +103,7 @@ def write_report(
         facts |= {
             "exhibits": [(exhibit, uris[exhibit.name]) for exhibit in drawn],
             "for_print": for_print,
+            "beyond": "" if whole else beyond(rows),
             "sections": sections,
             "section_uris": {exhibit.name: uris[exhibit.name] for exhibit in proven},
             "paths_shown": tables.paths or any(exhibit.name.startswith((CURVE, STATES)) for exhibit in drawn),

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from shellbench import catalog
 from shellbench.bench.baseline import DEVIATIONS, REPEATS, Baseline, BaselineValue, read_baseline, write_baseline
-from shellbench.bench.gate import Scope, Verdict, gate, move_baseline
+from shellbench.bench.compare import rows
+from shellbench.bench.gate import Scope, Verdict, gate, missing_rows, move_baseline
+from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.planned import FOLDER, note_planned
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text, changes
 from shellbench.errors import InputError, ShellbenchError
@@ -51,23 +55,150 @@ def test_all_good_records_are_green(full: Store) -> None:
     assert verdict.good()
 
 
-def test_missing_records_are_red_each(store: Store) -> None:
-    verdict = gate(store, None, Scope())
+TOYS = Scope(suites=("toys",))
+
+
+@pytest.fixture
+def halved(toys: Path, store: Store) -> Store:
+    """A store with one run, which no gate judges."""
+    run(store, "strip", solvers=("toy",), settings={"toy": {"factor": 0.5}})
+    return store
+
+
+def test_missing_records_of_a_named_suite_are_red_each(halved: Store) -> None:
+    verdict = gate(halved, None, TOYS)
     assert colours(verdict) == ["red"] * GATED
     assert not verdict.good()
     assert {f.sentence for f in verdict.accuracy} == {"no record"}
 
 
+@pytest.mark.parametrize("scope", [Scope(), TOYS])
+def test_a_store_without_runs_is_bad_input(store: Store, scope: Scope) -> None:
+    with pytest.raises(InputError, match="is not there"):
+        gate(store, None, scope)
+    store.folder.mkdir()
+    with pytest.raises(InputError, match="is empty"):
+        gate(store, None, scope)
+
+
+def test_without_a_suite_what_was_run_is_judged(store: Store) -> None:
+    run(store, "strip", solvers=("toy-noisy",), seeds=(1, 7))
+    verdict = gate(store, None, Scope())
+    assert [(f.row.solver, f.row.seed, f.colour) for f in verdict.accuracy] == [
+        ("toy-noisy", 1, "green"),
+        ("toy-noisy", 7, "green"),
+    ]
+    assert "suite 'toys' declares 3 more" in verdict.beyond  # a third seed is none that it declares
+
+
+@pytest.mark.parametrize(
+    "scope",
+    [
+        Scope(solvers=("toy-noisy",)),
+        Scope(solvers=("toy", "toy-noisy")),
+        Scope(solvers=("falling",)),
+        Scope(suites=("toys",), solvers=("falling",)),
+        Scope(solvers=("toy-noisy",), seeds=(3,)),
+    ],
+    ids=lambda scope: scope.narrowed,
+)
+def test_a_gate_that_judges_nothing_of_what_is_named_is_not_green(store: Store, scope: Scope) -> None:
+    run(store, "strip", solvers=("toy",))
+    with pytest.raises(InputError, match="nothing was judged"):
+        gate(store, None, scope)
+
+
+def test_a_store_of_runs_that_no_gate_judges_is_not_green(halved: Store) -> None:
+    with pytest.raises(InputError, match="nothing was judged"):
+        gate(halved, None, Scope())
+
+
+def planned(store: Store, *cases: str, **more: Any) -> None:
+    """Plan runs and make none, as if they had been killed."""
+    note_planned(make_plan(Request(cases=cases, **more), store.read()).tasks, store)
+
+
+def test_what_was_planned_and_did_not_end_is_red_until_it_has(store: Store) -> None:
+    planned(store, suites=("toys",))
+    red = gate(store, None, Scope()).accuracy
+    assert {f.colour for f in red} == {"red"}
+    assert {(f.row.solver, f.row.label, f.row.seed) for f in red} == {
+        ("toy", "", None),
+        ("toy", "halved", None),
+        ("toy-noisy", "", 0),
+        ("toy-noisy", "", 1),
+        ("toy-noisy", "", 2),
+    }
+    assert {(row.status, row.passed) for row in rows(store)} == {("missing", False)}
+    run(store, "strip", solvers=("toy",))
+    left = gate(store, None, Scope()).accuracy
+    assert {(f.row.solver, f.row.label, f.colour) for f in left} == {
+        ("toy", "", "green"),
+        ("toy", "halved", "red"),
+        ("toy-noisy", "", "red"),
+    }
+    assert len(gate(store, None, TOYS).accuracy) == GATED + 1
+    run(store, suites=("toys",))
+    assert {f.colour for f in gate(store, None, Scope()).accuracy} == {"green"}
+
+
+def test_an_own_case_that_was_planned_and_did_not_end_is_red(store: Store, own_case: Path) -> None:
+    planned(store, str(own_case), solvers=("toy",))
+    (finding,) = gate(store, None, Scope()).accuracy
+    assert (finding.row.case, finding.row.own_case, finding.colour) == ("own_strip", True, "red")
+    run(store, str(own_case), solvers=("toy",))
+    with pytest.raises(InputError, match="nothing was judged"):
+        gate(store, None, Scope())
+
+
+def test_runs_that_end_leave_no_plan(store: Store) -> None:
+    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "crash"}})
+    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}})
+    assert not (store.folder / FOLDER).exists()
+
+
+def test_a_plan_that_can_not_be_read_is_said_and_does_no_harm(full: Store) -> None:
+    (full.folder / FOLDER).mkdir()
+    (full.folder / FOLDER / "x.json").write_text("{", encoding="utf-8")
+    verdict = gate(full, None, Scope())
+    assert verdict.good()
+    assert any("x.json" in words for words in verdict.warnings)
+
+
+def test_cases_narrow(full: Store, own_case: Path) -> None:
+    assert len(gate(full, None, Scope(cases=("strip",))).accuracy) == GATED
+    with pytest.raises(InputError, match="own_strip"):
+        gate(full, None, Scope(cases=("strip", str(own_case))))
+    with pytest.raises(InputError, match="unknown case"):
+        gate(full, None, Scope(cases=("nowhere",)))
+    with pytest.raises(InputError, match="not in suite"):
+        gate(full, None, Scope(cases=(str(own_case),), suites=("toys",)))
+
+
+def test_regression_counts_when_asked_only(full: Store) -> None:
+    edit(catalog.data_folder("cases") / "strip.toml", "toy = 1e-9", "toy = 1e-3")
+    baseline = move_baseline(full, None, Scope())
+    scaled(full, "toy", 1 + 2 * REPEATS)
+    verdict = gate(full, baseline, Scope())
+    assert verdict.good()
+    assert not verdict.good(regression=True)
+    text = as_text(verdict, "baseline")
+    assert "RED" not in text
+    assert "regression (reported only): 1 changed" in text
+    assert "every gate holds" in text
+    assert "RED  strip toy centre: changed by" in as_text(verdict, "baseline", regression=True)
+
+
 def test_one_missing_seed_is_red(full: Store) -> None:
     lost = next(r for r in full.read().records if r.identity.seed == 1)
     (full.folder / f"{lost.run_id}.json").unlink()
-    red = [f.row for f in gate(full, None, Scope()).accuracy if f.colour == "red"]
+    red = [f.row for f in gate(full, None, TOYS).accuracy if f.colour == "red"]
     assert [(row.solver, row.seed, row.status) for row in red] == [("toy-noisy", 1, "missing")]
 
 
 def test_a_run_with_other_settings_does_not_answer_for_the_default(store: Store) -> None:
     run(store, "strip", solvers=("toy",), settings={"toy": {"factor": 1.0000000001}})
-    assert colours(gate(store, None, Scope(solvers=("toy",)))) == ["red", "red"]
+    assert colours(gate(store, None, Scope(("toys",), ("toy",)))) == ["red", "red"]
 
 
 def test_a_stale_record_is_red_and_says_why(full: Store, plugin: Path) -> None:
@@ -83,8 +214,10 @@ def test_a_case_that_has_changed_is_red_and_says_so(full: Store) -> None:
 
 
 def test_a_declined_case_is_red_and_says_so(store: Store, plugin: Path) -> None:
+    store.folder.mkdir()
+    (store.folder / "no_record.json").write_text("{", encoding="utf-8")
     edit(plugin / "toy_shells" / "solver.py", 'case.surface.kind == "plane"', "False")
-    findings = gate(store, None, Scope(solvers=("toy",))).accuracy
+    findings = gate(store, None, Scope(("toys",), ("toy",))).accuracy
     assert {(f.row.status, f.sentence) for f in findings} == {
         ("declined", "the solver declines the case: it solves planes only")
     }
@@ -144,8 +277,8 @@ def test_narrowing_is_said_and_narrows(full: Store) -> None:
     assert "no baseline baseline.json" in text
 
 
-def test_alike_rows_are_said_once(store: Store) -> None:
-    text = as_text(gate(store, None, Scope()), "baseline")
+def test_alike_rows_are_said_once(halved: Store) -> None:
+    text = as_text(gate(halved, None, TOYS), "baseline")
     assert "  RED  strip toy-noisy seed 0, 1, 2 centre: no record\n" in text
 
 
@@ -174,7 +307,7 @@ def test_a_deterministic_value_must_repeat(full: Store, change: float, colour: s
     verdict = gate(full, baseline, Scope(solvers=("toy",)))
     assert [f.colour for f in verdict.regression if f.row.primary] == [colour]
     assert {f.colour for f in verdict.accuracy} == {"green"}
-    assert verdict.good() == (colour == "green")
+    assert verdict.good(regression=True) == (colour == "green")
 
 
 def test_a_seeded_value_must_stay_within_its_spread() -> None:
@@ -241,16 +374,13 @@ def test_expected_energy_is_the_work_of_the_load() -> None:
 
 
 def test_what_is_missing_of_a_begun_suite_is_shown(toys, store):
-    from shellbench.bench.compare import rows
-    from shellbench.bench.gate import missing_rows
-
-    assert missing_rows(store, rows(store)) == []
     run(store, suites=("toys",))
     found = rows(store)
     assert missing_rows(store, found) == []
+    assert missing_rows(store, found, ("toys",)) == []
     (lost, *_) = [row for row in found if row.tolerance is not None]
     for path in store.folder.glob(f"{lost.run_id}*"):
         path.unlink()
     left = [row for row in rows(store) if row.solver == lost.solver and row.seed == lost.seed]
-    missing = missing_rows(store, [*rows(store), *([] if left else [lost])])
+    missing = missing_rows(store, [*rows(store), *([] if left else [lost])], ("toys",))
     assert {(row.case, row.solver, row.status) for row in missing} == {(lost.case, lost.solver, "missing")}
