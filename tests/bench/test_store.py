@@ -20,13 +20,14 @@ from shellbench.bench import store as stores
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store, StoreError, newest
 from shellbench.errors import InputError
-from tests.bench.running import behave, run
+from tests.bench.running import run
 from tests.patience import GUARD
 
 
 @pytest.fixture
-def record(toys: Path, store: Store) -> Record:
-    return behave(store, "exact")
+def record(recorded: Store) -> Record:
+    (found,) = recorded.read().records
+    return found
 
 
 def names(store: Store) -> set[str]:
