@@ -194,14 +194,15 @@ def tests(session: nox.Session) -> None:
     install(session, "test", *engines_here())
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
-    session.run("pytest", "-n", "auto", "--dist", "loadgroup", "-m", "not long", *session.posargs)
+    # Work is stolen from the end: tests of one file stay together, and what they share is made once.
+    session.run("pytest", "-n", "auto", "--dist", "worksteal", "-m", "not long", *session.posargs)
 
 
 @nox.session
 def long(session: nox.Session) -> None:
     """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
     install(session, "test", *engines_here())
-    session.run("pytest", "-n", "2", "--dist", "loadgroup", "-m", "long", *session.posargs)
+    session.run("pytest", "-n", "2", "--dist", "worksteal", "-m", "long", *session.posargs)
 
 
 @nox.session

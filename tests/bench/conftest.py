@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,34 +13,75 @@ import pytest
 from shellbench import catalog
 from shellbench.bench.store import Store
 from tests.bench import strip
+from tests.bench.running import run
 
 PLUGIN = Path(__file__).parent / "plugin"
 
 
-@pytest.fixture
-def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A copy of the toy plug-in, installed for this test only; tests may edit it."""
-    folder = tmp_path / "plugin"
+@contextmanager
+def with_plugin(folder: Path) -> Iterator[Path]:
+    """Install a copy of the toy plug-in."""
     shutil.copytree(PLUGIN, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.syspath_prepend(folder)
-    yield folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        yield folder
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy_shells"]:
         del sys.modules[name]
 
 
-@pytest.fixture
-def toys(plugin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A catalog with the strip only; its folder."""
-    folder = tmp_path / "catalog"
+@contextmanager
+def with_toys(folder: Path) -> Iterator[Path]:
+    """Have a catalog with the strip only."""
     (folder / "cases" / "suites").mkdir(parents=True)
     (folder / "references").mkdir()
     (folder / "cases" / "strip.toml").write_text(strip.CASE, encoding="utf-8")
     (folder / "cases" / "suites" / "toys.toml").write_text(strip.SUITE, encoding="utf-8")
     (folder / "references" / "strip.toml").write_text(strip.REFERENCES, encoding="utf-8")
-    monkeypatch.setattr(catalog, "data_folder", lambda name: folder / name)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalog, "data_folder", lambda name: folder / name)
+        forget()
+        yield folder
     forget()
-    yield folder
-    forget()
+
+
+@pytest.fixture
+def plugin(tmp_path: Path) -> Iterator[Path]:
+    """A copy of the toy plug-in, installed for this test only; tests may edit it."""
+    with with_plugin(tmp_path / "plugin") as folder:
+        yield folder
+
+
+@pytest.fixture
+def toys(plugin: Path, tmp_path: Path) -> Iterator[Path]:
+    """A catalog with the strip only; its folder."""
+    with with_toys(tmp_path / "catalog") as folder:
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Stores with the exact run of a toy, and with all runs of the suite: starting solvers takes its time."""
+    folder = tmp_path_factory.mktemp("made_once")
+    with with_plugin(folder / "plugin"), with_toys(folder / "catalog"):
+        one, all_runs = Store(folder / "one"), Store(folder / "all")
+        run(one, "strip", solvers=("toy",))
+        shutil.copytree(one.folder, all_runs.folder)
+        run(all_runs, suites=("toys",))
+    return one.folder, all_runs.folder
+
+
+@pytest.fixture
+def recorded(made_once: tuple[Path, Path], toys: Path, store: Store) -> Store:
+    """A store with the exact run of the strip by a toy."""
+    shutil.copytree(made_once[0], store.folder)
+    return store
+
+
+@pytest.fixture
+def full(made_once: tuple[Path, Path], toys: Path, store: Store) -> Store:
+    """A store with all runs of the suite of toys."""
+    shutil.copytree(made_once[1], store.folder)
+    return store
 
 
 def forget() -> None:

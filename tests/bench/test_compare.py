@@ -60,9 +60,8 @@ def only(found: list[Row], **wanted: object) -> Row:
     return matching[0]
 
 
-def test_json_has_the_keys_of_the_contract(store: Store) -> None:
-    run(store, suites=("toys",))
-    objects = json.loads(as_json(rows(store)))
+def test_json_has_the_keys_of_the_contract(full: Store) -> None:
+    objects = json.loads(as_json(rows(full)))
     assert len(objects) == 5 * 3
     assert all(set(CONTRACT) <= set(one) for one in objects)
     identities = {
@@ -83,35 +82,31 @@ def test_errors_are_signed_and_relative_to_the_judge(store: Store) -> None:
     assert (row.literature, row.reference_theory) == (0.00625, "kirchhoff-love-linear")
 
 
-def test_a_default_run_is_judged_at_the_frozen_tolerance(store: Store) -> None:
-    run(store, "strip", solvers=("toy",))
-    row = only(rows(store), quantity="centre")
+def test_a_default_run_is_judged_at_the_frozen_tolerance(recorded: Store) -> None:
+    row = only(rows(recorded), quantity="centre")
     assert (row.passed, row.tolerance, row.suite, row.declared) == (True, 1e-9, "toys", True)
     edit(catalog.data_folder("references") / "strip.toml", repr(strip.CENTRE), repr(strip.CENTRE * (1 + 2e-9)))
-    row = only(rows(store), quantity="centre")
+    row = only(rows(recorded), quantity="centre")
     assert row.passed is False
     assert row.reason is not None
     assert "1e-09 is allowed" in row.reason
 
 
-def test_near_zero_the_error_is_absolute(store: Store) -> None:
-    run(store, "strip", solvers=("toy",))
-    row = only(rows(store), quantity="membrane")
+def test_near_zero_the_error_is_absolute(recorded: Store) -> None:
+    row = only(rows(recorded), quantity="membrane")
     assert (row.relative_error, row.absolute_error, row.tolerance_is_absolute, row.passed) == (None, 0.0, True, True)
 
 
-def test_an_ungated_quantity_has_no_verdict(store: Store) -> None:
-    run(store, "strip", solvers=("toy",))
-    row = only(rows(store), quantity="energy")
+def test_an_ungated_quantity_has_no_verdict(recorded: Store) -> None:
+    row = only(rows(recorded), quantity="energy")
     assert (row.passed, row.tolerance, row.reference, row.relative_error) == (None, None, None, None)
 
 
-def test_other_settings_are_never_gated_and_an_ablation_has_its_label(store: Store) -> None:
-    run(store, suites=("toys",), solvers=("toy",))
-    halved = only(rows(store), quantity="centre", default_settings=False)
+def test_other_settings_are_never_gated_and_an_ablation_has_its_label(full: Store) -> None:
+    halved = only(rows(full), quantity="centre", default_settings=False)
     assert (halved.passed, halved.label, halved.overrides, halved.published) == (None, "halved", {"factor": 0.5}, 0.003)
     assert halved.relative_error == pytest.approx(-0.5)
-    assert only(rows(store), quantity="centre", default_settings=True).published is None
+    assert only(rows(full), solver="toy", quantity="centre", default_settings=True).published is None
 
 
 def test_a_value_of_another_theory_does_not_judge(store: Store) -> None:
@@ -147,14 +142,13 @@ def test_reduced_precision_does_not_pass(store: Store, plugin: Path) -> None:
     assert (row.dtype, row.passed) == ("float32", False)
 
 
-def test_an_own_case_is_not_judged_by_the_suites_values(store: Store, tmp_path: Path) -> None:
+def test_an_own_case_is_not_judged_by_the_suites_values(recorded: Store, tmp_path: Path) -> None:
     path = tmp_path / "strip.toml"  # the same name, another thickness
     path.write_text(strip.CASE.replace("thickness = 0.1", "thickness = 0.2"), encoding="utf-8")
-    run(store, str(path), solvers=("toy",))
-    row = only(rows(store), quantity="centre")
+    run(recorded, str(path), solvers=("toy",))
+    row = only(rows(recorded), quantity="centre", own_case=True)
     assert (row.own_case, row.suite, row.reference, row.passed) == (True, None, None, None)
-    run(store, "strip", solvers=("toy",))
-    assert {r.own_case: r.reference for r in rows(store) if r.primary} == {True: None, False: strip.CENTRE}
+    assert {r.own_case: r.reference for r in rows(recorded) if r.primary} == {True: None, False: strip.CENTRE}
 
 
 def test_without_a_known_value_solvers_are_held_against_each_other(store: Store, own_case: Path) -> None:
@@ -178,30 +172,27 @@ def test_the_newest_physics_of_an_own_case_counts(store: Store, own_case: Path) 
     assert [reason for _, reason in current_runs(store.read()).stale.values()] == ["the case has changed since"]
 
 
-def test_a_changed_case_or_solver_makes_records_stale(store: Store, plugin: Path) -> None:
-    run(store, "strip", solvers=("toy",))
+def test_a_changed_case_or_solver_makes_records_stale(recorded: Store, plugin: Path) -> None:
     case = catalog.data_folder("cases") / "strip.toml"
     edit(case, "thickness = 0.1", "thickness = 0.2")
-    assert rows(store) == []
-    assert current_runs(store.read()).notes == ("1 stored run is left out: the case has changed since",)
+    assert rows(recorded) == []
+    assert current_runs(recorded.read()).notes == ("1 stored run is left out: the case has changed since",)
     edit(case, "thickness = 0.2", "thickness = 0.1")
-    assert len(rows(store)) == 3
+    assert len(rows(recorded)) == 3
     edit(plugin / "toy_shells" / "strip.py", "24", "25")
-    assert rows(store) == []
-    assert current_runs(store.read()).notes == ("1 stored run is left out: the solver has changed since",)
+    assert rows(recorded) == []
+    assert current_runs(recorded.read()).notes == ("1 stored run is left out: the solver has changed since",)
 
 
-def test_changed_tolerances_judge_old_records(store: Store) -> None:
-    run(store, "strip", solvers=("toy",))
+def test_changed_tolerances_judge_old_records(recorded: Store) -> None:
     edit(catalog.data_folder("cases") / "strip.toml", "toy = 1e-9", "toy = 1e-3")
-    assert only(rows(store), quantity="centre").tolerance == 1e-3
+    assert only(rows(recorded), quantity="centre").tolerance == 1e-3
 
 
-def test_the_newest_record_counts_even_if_it_failed(store: Store, plugin: Path) -> None:
-    run(store, "strip", solvers=("toy",))
-    run(store, "strip", solvers=("toy",), force=True, timeout=1e-3)
-    assert len(store.read().records) == 2
-    assert only(rows(store), quantity="centre").run_id == store.read().records[-1].run_id
+def test_the_newest_record_counts_even_if_it_failed(recorded: Store) -> None:
+    run(recorded, "strip", solvers=("toy",), force=True, timeout=1e-3)
+    assert len(recorded.read().records) == 2
+    assert only(rows(recorded), quantity="centre").run_id == recorded.read().records[-1].run_id
 
 
 def test_suites_narrow(store: Store, own_case: Path) -> None:

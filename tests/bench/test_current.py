@@ -22,12 +22,6 @@ pytestmark = pytest.mark.usefixtures("toys")
 QUANTITIES = 3
 
 
-@pytest.fixture
-def recorded(toys: Path, store: Store) -> Store:
-    run(store, "strip", solvers=("toy",))
-    return store
-
-
 def uninstall(plugin: Path) -> None:
     edit(plugin / "toy_shells-1.0.dist-info" / "entry_points.txt", "toy = toy_shells.solver:ExactSolver\n", "")
 

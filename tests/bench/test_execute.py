@@ -36,9 +36,9 @@ def test_a_good_run_leaves_a_whole_record(store: Store) -> None:
     assert store.read().records == (record,)
 
 
-def test_fields_are_samples_of_the_solution(store: Store) -> None:
-    record = behave(store, "exact")
-    path = store.file(record.fields_file)
+def test_fields_are_samples_of_the_solution(recorded: Store) -> None:
+    (record,) = recorded.read().records
+    path = recorded.file(record.fields_file)
     assert path is not None
     with np.load(path) as fields:
         assert fields["displacement"].shape == fields["position"].shape == (*fields["xi"].shape[:2], 3)
@@ -46,8 +46,8 @@ def test_fields_are_samples_of_the_solution(store: Store) -> None:
     assert largest == pytest.approx(strip.CENTRE, rel=1e-12)  # the grid has a point in the middle
 
 
-def test_resolution_study_converges_at_second_order(store: Store) -> None:
-    steps = {step.points: step for step in behave(store, "exact").resolution}
+def test_resolution_study_converges_at_second_order(recorded: Store) -> None:
+    steps = {step.points: step for step in recorded.read().records[0].resolution}
     assert sorted(steps) == [10, 25, 50, 100, 200]
     assert all(step.probe_difference < ROUND_OFF for step in steps.values())
     between = [np.log(steps[n].interpolation_difference) for n in (25, 50, 100)]
@@ -58,8 +58,8 @@ def test_resolution_study_converges_at_second_order(store: Store) -> None:
     assert steps[200].interpolation_difference < ROUND_OFF
 
 
-def test_history_ends_where_the_energy_is_not_finite(store: Store) -> None:
-    assert [step.energy for step in behave(store, "exact").history] == [-2.0]
+def test_history_ends_where_the_energy_is_not_finite(recorded: Store) -> None:
+    assert [step.energy for step in recorded.read().records[0].history] == [-2.0]
 
 
 def test_peak_memory_is_that_of_the_solve(store: Store) -> None:
@@ -167,13 +167,12 @@ def test_refused_input_leaves_no_record(store: Store) -> None:
     assert store.read().records == ()
 
 
-def test_good_runs_are_kept_and_failed_ones_are_tried_again(store: Store) -> None:
-    behave(store, "exact")
-    assert run(store, "strip", solvers=("toy",)) == []
+def test_good_runs_are_kept_and_failed_ones_are_tried_again(recorded: Store) -> None:
+    assert run(recorded, "strip", solvers=("toy",)) == []
     for _ in range(2):
-        assert behave(store, "fail").status == "failed"
-    assert len(run(store, "strip", solvers=("toy",), force=True)) == 1
-    assert len(store.read().records) == 4
+        assert behave(recorded, "fail").status == "failed"
+    assert len(run(recorded, "strip", solvers=("toy",), force=True)) == 1
+    assert len(recorded.read().records) == 4
 
 
 def test_full_disk_in_a_run_is_said_and_leaves_nothing(store: Store) -> None:

@@ -24,12 +24,6 @@ pytestmark = pytest.mark.usefixtures("toys")
 GATED = 2 + 3  # toy: centre and membrane; toy-noisy: centre for three seeds
 
 
-@pytest.fixture
-def full(toys: Path, store: Store) -> Store:
-    run(store, suites=("toys",))
-    return store
-
-
 def colours(verdict: Verdict) -> list[str]:
     return [finding.colour for finding in verdict.accuracy]
 

@@ -28,8 +28,9 @@ LOCKS = {stores.LOCK, stores.NUMBERING}
 
 
 @pytest.fixture
-def record(toys: Path, store: Store) -> Record:
-    return behave(store, "exact")
+def record(recorded: Store) -> Record:
+    (found,) = recorded.read().records
+    return found
 
 
 def names(store: Store) -> set[str]:

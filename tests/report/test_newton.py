@@ -146,9 +146,6 @@ def test_where_nothing_was_run_it_is_said(motion):
     assert "Free fall: fem not run" in one.caption
 
 
-ONE_WORKER = pytest.mark.xdist_group("motion_page")  # the page is made once
-
-
 @pytest.fixture(scope="module")
 def report(motion, tmp_path_factory):
     with pytest.MonkeyPatch.context() as coarse:
@@ -159,7 +156,6 @@ def report(motion, tmp_path_factory):
         return write_report(Records(motion.folder), motion.rows, out, motion.known_values, for_print=False)
 
 
-@ONE_WORKER
 @pytest.mark.long
 def test_the_page_has_the_finding_and_the_cloth(report):
     page = Page(report.read_text(encoding="utf-8"))
@@ -178,7 +174,6 @@ def test_the_page_has_the_finding_and_the_cloth(report):
     assert all((report.parent / name).is_file() for name in downloads)
 
 
-@ONE_WORKER
 @pytest.mark.long
 def test_each_figure_of_cloth_is_on_the_page_once(report, motion):
     text = report.read_text(encoding="utf-8")
@@ -186,7 +181,6 @@ def test_each_figure_of_cloth_is_on_the_page_once(report, motion):
         assert text.count(f'href="figures/{path.name}"') == 1, path.name
 
 
-@ONE_WORKER
 @pytest.mark.long
 def test_the_derivation_is_read_in_both_pages(report):
     page, text = report.read_text(encoding="utf-8"), (report.parent / "report.md").read_text(encoding="utf-8")

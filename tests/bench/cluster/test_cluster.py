@@ -18,7 +18,7 @@ from tests.bench.cluster.two_workers import Cluster
 from tests.bench.test_compare import edit
 from tests.patience import until
 
-pytestmark = [pytest.mark.usefixtures("toys"), pytest.mark.xdist_group("dask")]
+pytestmark = pytest.mark.usefixtures("toys")
 
 
 def test_a_lost_worker_costs_its_own_runs_only_and_they_are_tried_again(

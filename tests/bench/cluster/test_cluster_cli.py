@@ -19,8 +19,6 @@ from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
 
-pytestmark = pytest.mark.xdist_group("dask")
-
 IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
 import sys

@@ -20,8 +20,6 @@ from shellbench.bench.store import Store
 from tests.bench.conftest import PLUGIN
 from tests.patience import GUARD
 
-pytestmark = pytest.mark.xdist_group("dask")
-
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs" / "cluster.md").read_text(encoding="utf-8")
 SBATCH = """#!/bin/bash

@@ -20,7 +20,7 @@ from tests.bench import strip
 from tests.bench.cluster.running import by_behaviour, toy_tasks
 from tests.patience import GUARD
 
-pytestmark = [pytest.mark.usefixtures("toys"), pytest.mark.xdist_group("dask")]
+pytestmark = pytest.mark.usefixtures("toys")
 
 Make = Callable[..., Executor]
 TIMEOUT = 0.5  # of a run that hangs
