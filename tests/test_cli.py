@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +114,22 @@ def test_the_obvious_path_is_green(shellbench) -> None:
     assert "All 2 gated figures hold." in page
     assert "declares 4 more" in page
     assert shellbench("gate", "--suite", "toys")[0] == 1
+
+
+def test_two_files_of_one_title_are_told_apart(shellbench, own_case: Path) -> None:  # noqa: F811
+    other = own_case.with_name("thicker_strip.toml")
+    other.write_text(own_case.read_text(encoding="utf-8"), encoding="utf-8")
+    edit(other, "thickness = 0.1", "thickness = 0.2")
+    assert shellbench("run", own_case, other, "--solver", "toy")[0] == 0
+    for format_ in ("text", "markdown"):
+        out = shellbench("table", "--format", format_)[1].replace("\\", "")
+        assert out.count("Strip (own_strip.toml): centre") == out.count("Strip (thicker_strip.toml): centre") == 1
+    out = shellbench("table", other)[1]
+    assert "own_strip" not in out
+    assert shellbench("report", other, "--no-print")[0] == 0
+    assert "own_strip" not in Path("reports/latest/report.md").read_text(encoding="utf-8")
+    assert shellbench("report", "--no-print")[0] == 0
+    assert "own\\_strip.toml" in Path("reports/latest/report.md").read_text(encoding="utf-8")
 
 
 def test_in_a_pipe_a_run_is_a_line(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:

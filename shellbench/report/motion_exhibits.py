@@ -168,8 +168,9 @@ def _frames(name: str, case: Case, runs: Runs, folder: Path) -> Iterator[Exhibit
     marks = shown_marks(case, {solver: fields for solver, (_, fields) in best.items()}, MOST_FRAMES)
     if not marks:
         return
+    together = [fields for _, fields in best.values()]
     strips = [
-        Strip(solver, tuple(_frame(record, case, fields, mark) for mark in marks))
+        Strip(solver, tuple(_frame(record, case, fields, mark, together) for mark in marks))
         for solver, (record, fields) in sorted(best.items(), key=lambda item: item[1][0].identity.seed is not None)
     ]
     first = next(shell for strip in strips for shell in strip.shells if shell is not None)
@@ -197,9 +198,9 @@ def _frames(name: str, case: Case, runs: Runs, folder: Path) -> Iterator[Exhibit
     )
 
 
-def _frame(record: Record, case: Case, fields: Fields, mark: float) -> Shell | None:
+def _frame(record: Record, case: Case, fields: Fields, mark: float, among: Sequence[Fields]) -> Shell | None:
     place = frame_at(fields, mark)
-    return None if place is None else drawn(record, case, fields, fields.displacements[place])
+    return None if place is None else drawn(record, case, fields, fields.displacements[place], among)
 
 
 def _panel(

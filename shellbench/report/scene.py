@@ -23,8 +23,7 @@ from shellbench.report.yardstick import unit_of_length
 Array = NDArray[np.float64]
 
 DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
-STEPS = (1.0, 2.0, 5.0)
-ROUNDING = 1e-9
+STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 
 
 def shell(record: Record, folder: Path) -> Shell | None:
@@ -49,16 +48,20 @@ def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
     ]
 
 
-def drawn(record: Record, case: Case, fields: Fields, displacement: Array) -> Shell:
-    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn."""
+def drawn(record: Record, case: Case, fields: Fields, displacement: Array, among: Sequence[Fields] = ()) -> Shell:
+    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn.
+
+    Its scale suits all states of its run, and those that it stands among.
+    """
     picture = case.picture
+    states = [state for one in (fields, *among) for state in (one.displacement, *one.displacements)]
     return Shell(
         case=record.case_name,
         title=case.title,
         solver=record.identity.solver,
         position=fields.position,
         displacement=displacement,
-        scale=picture_scale(case, fields.position, [displacement, *fields.displacements]),
+        scale=picture_scale(case, fields.position, [displacement, *states]),
         camera=Camera(*picture.view, picture.up),
         direction=picture.direction,
         held=held_edges(case, fields.position),
@@ -89,7 +92,7 @@ def picture_scale(case: Case, position: Array, displacements: Iterable[Array]) -
         return 1.0
     wanted = DRAWN * extent / largest
     power = 10.0 ** np.floor(np.log10(wanted))
-    return float(max((step for step in STEPS if step * power <= wanted * (1 + ROUNDING)), default=1.0) * power)
+    return float(min(power * STEPS, key=lambda step: abs(np.log(step / wanted))))
 
 
 def held_edges(case: Case, position: Array) -> tuple[Array, ...]:

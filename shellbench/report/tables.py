@@ -289,7 +289,7 @@ COMPARISON = (
     Column("Theory, origin and source", _origin, right=False, wide=True),
     Column("Seeds", _of_solvers(_seeds)),
     Column("Value", _value, key="value"),
-    Column("Own uncertainty", _of_solvers(_own_uncertainty)),
+    Column("Uncertainty", _of_solvers(_own_uncertainty)),
     Column("Error", _error("mean"), key="mean_error"),
     Column("Worst seed", _of_solvers(_worst), key="worst_error"),
     Column("Tolerance", _of_solvers(_tolerance), key="tolerance"),

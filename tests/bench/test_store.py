@@ -21,7 +21,7 @@ from shellbench.bench import store as stores
 from shellbench.bench.record import Record, document
 from shellbench.bench.store import Store, StoreError, newest
 from shellbench.errors import InputError
-from tests.bench.running import behave, run, run_here
+from tests.bench.running import run, run_here
 from tests.patience import GUARD
 
 LOCKS = {stores.LOCK, stores.NUMBERING}

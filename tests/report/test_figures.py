@@ -7,11 +7,13 @@ import pytest
 from matplotlib.colors import to_hex
 
 from shellbench import catalog
+from shellbench.case import build_case
+from shellbench.model import read_toml
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
 from shellbench.report.courses import courses
 from shellbench.report.palette import COLOURS, inks, style
 from shellbench.report.projection import Camera
-from shellbench.report.scene import pictured, shell
+from shellbench.report.scene import picture_scale, pictured, shell
 from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
 from tests.report.conftest import COURSE, TRUTH, Store
 
@@ -130,6 +132,28 @@ def test_a_shell_is_drawn_as_its_case_asks(store, by_id, course_rows, name):
     assert f"u_{{{axis}}}" in bar.get_xlabel()
     power = 0 if "10^" not in bar.get_xlabel() else int(bar.get_xlabel().split("10^{")[1].split("}")[0])
     assert bar.get_xlim()[1] * 10.0**power == pytest.approx(drawn.coloured.max(), rel=1e-6)
+
+
+@pytest.mark.parametrize("theory", ["kirchhoff-love-linear", "kirchhoff-love-nonlinear"])
+@pytest.mark.parametrize("share", [1e-9, 3e-5, 0.002, 0.0499, 0.06, 0.9, 3.0, 1e4])
+def test_without_a_scale_of_its_own_a_picture_shows_something(theory, share):
+    """The largest displacement is drawn as a tenth or a fifth of the extent, by a round factor; as it is where it shows."""
+    data = read_toml(catalog.data_folder("cases") / "scordelis_lo.toml")
+    del data["picture"]["scale"]
+    if theory == "kirchhoff-love-nonlinear":
+        data |= {"theory": theory, "loads": [{"kind": "area", "vector": [0, 0, "-t"]}]}
+    case = build_case(data, "roof", "roof.toml")
+    position = np.stack([*np.meshgrid([0.0, 30.0, 50.0], [0.0, 10.0], indexing="ij"), np.zeros((3, 2))], axis=-1)
+    small, large = np.zeros((3, 2, 3)), np.zeros((3, 2, 3))
+    small[1, 1, 2], large[2, 0] = -0.1 * share * 50, np.array([0.6, 0.0, 0.8]) * share * 50
+    scale = picture_scale(case, position, [small, large])
+    assert float(f"{scale:.0e}".partition("e")[0]) in {1, 2, 5}
+    assert scale == pytest.approx(float(f"{scale:.0e}"))
+    if 0.05 <= share <= 1 or (share > 1 and not case.linear):
+        assert scale == 1
+    else:
+        assert 0.07 <= scale * share <= 0.2
+    assert picture_scale(case, position, [0 * small]) == 1
 
 
 def test_supports_and_loads_are_where_the_case_has_them(store, by_id, course_rows):

@@ -18,7 +18,7 @@ from tests.report.conftest import COURSE, TRUTH, UNCERTAINTY, Store, missing_row
 
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 MARKUP_FORMATS = ("markdown", "latex", "html")
-VALUE, ERROR, WORST, TOLERANCE, VERDICT, UNKNOWNS, SECONDS = -8, -7, -6, -5, -4, -3, -2
+VALUE, OWN, ERROR, WORST, TOLERANCE, VERDICT, UNKNOWNS, SECONDS = -9, -8, -7, -6, -5, -4, -3, -2
 
 
 def number(cell: str) -> tuple[float, float] | None:
@@ -339,3 +339,28 @@ def test_no_cell_of_csv_is_a_formula_to_a_spreadsheet() -> None:
     assert [line["text"] for line in read] == [f"'{text}" for text in FORMULAS] + PLAIN
     assert [line["'=key"] for line in read] == ["-1.0"] * 9 + [""] * 8
     assert [line["mixed"] for line in read] == ["", "-2", "'=1", "-0.5"] + ["1"] * 13
+
+
+def test_a_solvers_own_uncertainty_is_shown_and_that_it_did_not_converge(store, course_rows):
+    stated = {"fem": {"uncertainty": 1.25e-7, "converged": True}, "ndf": {"uncertainty": 3e-6, "converged": False}}
+    told = [
+        row.model_copy(update=stated.get(row.solver, {}))
+        for row in course_rows
+        if row.case == "square_plate" and row.primary
+    ]
+    for format in ("text", "markdown"):
+        cells = solver_lines(render(told, format, store.known_values), format)
+        assert number(cells["square_plate", "fem"][OWN])[0] == pytest.approx(1.25e-7)
+        assert "not converged" not in cells["square_plate", "fem"][OWN]
+        assert number(cells["square_plate", "ndf"][OWN].partition(" (")[0])[0] == pytest.approx(3e-6)
+        assert "not converged" in cells["square_plate", "ndf"][OWN]
+        assert number(cells["square_plate", "ndf-ritz"][OWN]) is None
+
+
+def test_each_run_is_shown_once_unless_suites_are_asked_for(store, course_rows):
+    shared = [row.model_copy(update={"suites": ("obstacle_course", "ablations")}) for row in course_rows]
+    headings = ["Obstacle course", "Ablations"]
+    once = render(shared, "text", store.known_values)
+    assert [once.count(words) for words in headings] == [1, 0]
+    whole = render(shared, "text", store.known_values, whole=True)
+    assert [whole.count(words) for words in headings] == [1, 1]
