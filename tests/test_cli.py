@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench import cli
+from shellbench import __version__, cli
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
 from tests.bench import strip
@@ -292,7 +292,7 @@ def test_vtu_without_pyvista_names_the_extra(shellbench, monkeypatch: pytest.Mon
 
 
 def test_version_and_help(shellbench) -> None:
-    assert shellbench("--version")[:2] == (0, f"shellbench {cli.__version__}\n")
+    assert shellbench("--version")[:2] == (0, f"shellbench {__version__}\n")
     for command in ("list", "run", "table", "gate", "baseline", "report", "export"):
         code, out, _ = shellbench(command, "--help")
         assert code == 0

@@ -9,6 +9,7 @@ from shellbench.bench.gate import Scope, gate
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.suite import read_suite
+from tests.test_faults import findings
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -94,6 +95,7 @@ def test_the_engine_of_the_same_theory_is_held_to_what_was_asked_of_its_converge
 
 def test_a_study_is_judged_only_if_it_is_named(tmp_path):
     """The engines need an extra: who has not installed it is judged without them."""
+    findings(Store(tmp_path), "fem", "square_plate")
 
     def solvers(*suites):
         return {row.solver for row in (f.row for f in gate(Store(tmp_path), None, Scope(suites)).accuracy)}

@@ -107,7 +107,7 @@ def test_a_failed_state_is_marked(tmp_path, runs):
     assert [float(line.get_ydata()[0]) for line in hollow] == [pytest.approx(50.0)]
 
 
-@pytest.mark.parametrize("odd", [None, "low", float("nan"), [1.0]])
+@pytest.mark.parametrize("odd", [None, "low", [1.0]])
 def test_an_energy_that_is_no_number_is_none(tmp_path, odd):
     runs = [stopped(tmp_path, "adam", n, 0.1, energy=odd) for n in (1, 2)]
     assert [stop.energy for stop in stops(tmp_path, runs)] == [None, None]
