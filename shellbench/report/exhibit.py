@@ -68,7 +68,8 @@ class Exhibit:
     def save(self, folder: Path, for_print: bool = True) -> str:
         """Write it as PNG, drawings as SVG too, and PDF for print; return it as a data URI for the page."""
         with style():
-            self.figure.draw_without_rendering()  # lays it out, once for all formats
+            if engine := self.figure.get_layout_engine():
+                engine.execute(self.figure)  # once for all formats
             self.figure.set_layout_engine(None)
             if for_print:
                 (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))

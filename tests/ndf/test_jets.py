@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from shellbench import catalog
 from shellbench.errors import InputError
 from shellbench.ndf import jets
+from shellbench.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.ndf.declines import why_declined
 from shellbench.ndf.jets import ACTIVATIONS, D1, D2, D11, D12, D22, VALUE, Placement, activation, smooth_activation
 from shellbench.ndf.network import Network, random_features, siren
 
@@ -123,3 +126,30 @@ def test_siren_keeps_its_bounds():
     bounds = [w.abs().max().item() for w in network.weights]
     assert 0.9 * 15 / 3 < bounds[0] <= 15 / 3
     assert 0.9 * np.sqrt(6 / 40) < bounds[1] <= np.sqrt(6 / 40)
+
+
+@pytest.mark.parametrize("name", [name for name in catalog.case_names() if catalog.named_case(name).linear])
+def test_values_are_those_of_jets_and_carry_no_derivatives(name):
+    case = catalog.named_case(name)
+    if why_declined(case):
+        pytest.skip("no field can hold it")
+    spec = FieldSpec()
+    inputs, points = build_inputs(case, spec), case.surface.domain.grid(6, 7).reshape(-1, 2)
+    network = random_features(PLACEMENT.tensor(np.full(inputs.count, 2.0)), 5, seed=0)
+    features, ansatz = build_features(case, spec, network, PLACEMENT, inputs), build_ansatz(case, spec)
+    parts = [inputs.jets, features.fixed.jets, ansatz.factors.matrix]
+    for part in parts:
+        whole, values = part(points, PLACEMENT), part(points, PLACEMENT.of_values)
+        assert values.shape == (1, *whole.shape[1:])
+        assert torch.allclose(values[VALUE], whole[VALUE], rtol=1e-14, atol=1e-14)
+    assert torch.allclose(features.values(points), features.jets(points)[VALUE], rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["sine", "cosine"])
+def test_a_function_alone_is_asked_for_nothing_else(name, monkeypatch):
+    asked = []
+    for function in ("sin", "cos"):
+        original = getattr(torch, function)
+        monkeypatch.setattr(torch, function, lambda z, f=function, original=original: asked.append(f) or original(z))
+    found = getattr(jets, name)(torch.ones(3), 0)
+    assert (len(found), asked) == (1, [name[:3]])
