@@ -268,7 +268,7 @@ def table(
     if not rows:
         _say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
     typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
-    if format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
+    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
         typer.echo(f"\n{more}")
 
 
