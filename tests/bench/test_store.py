@@ -18,13 +18,14 @@ import psutil
 import pytest
 
 from shellbench.bench import store as stores
+from shellbench.bench.planned import FOLDER
 from shellbench.bench.record import Record, document
 from shellbench.bench.store import Store, StoreError, newest
 from shellbench.errors import InputError
 from tests.bench.running import run, run_here
 from tests.patience import GUARD
 
-LOCKS = {stores.LOCK, stores.NUMBERING}
+LOCKS = {stores.LOCK, stores.NUMBERING, FOLDER}
 
 
 @pytest.fixture

@@ -67,7 +67,9 @@ def test_without_the_extra_it_says_which_to_install(own_case: Path, store: Store
 
 def test_without_the_extra_local_runs_need_nothing(own_case: Path, store: Store) -> None:
     program = Program.start(WITHOUT_DASK, own_case, "--solver", "toy", "--threads", "1", "--store", store.folder)
-    assert program.end() == (0, "1 solved\n", "")
+    code, out, err = program.end()
+    assert (code, out.splitlines()[1:], err) == (0, ["1 solved"], "")
+    assert out.startswith("ok own_strip toy ")
     assert store.read().records[0].environment.threads == 1
 
 
