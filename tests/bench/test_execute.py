@@ -13,6 +13,7 @@ from shellbench.bench.display import Silent
 from shellbench.bench.execute import execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store, StoreError
 from tests.bench import strip
 from tests.bench.running import behave, run
@@ -178,7 +179,7 @@ def test_good_runs_are_kept_and_failed_ones_are_tried_again(recorded: Store) -> 
 def test_full_disk_in_a_run_is_said_and_leaves_nothing(store: Store) -> None:
     with pytest.raises(StoreError, match="disk is full"):
         behave(store, "disk_full")
-    assert {p.name for p in store.folder.iterdir()} <= {".lock", ".planned"}
+    assert {p.name for p in store.folder.iterdir()} == {".lock", FOLDER}  # it was planned, and did not end
 
 
 def test_killed_server_costs_its_run_only(store: Store) -> None:
