@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -151,11 +150,10 @@ def test_a_killed_command_leaves_its_plan(shellbench, own_case: Path, plugin: Pa
     command = [sys.executable, "-m", "shellbench", "run", str(own_case), "--store", str(store.folder)]
     command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
     process = subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(plugin)}, stderr=subprocess.PIPE)
-    while not list(store.folder.glob(".*.partial/log.txt")):
-        assert process.poll() is None
-        time.sleep(0.05)
+    until(lambda: list(store.folder.glob(".*.partial/log.txt")) or process.poll() is not None)
+    assert process.poll() is None
     process.kill()
-    process.communicate(timeout=600)
+    process.communicate(timeout=GUARD)
     code, out, _ = shellbench("gate", "--store", store.folder)
     assert code == 1
     assert "RED  own_strip toy centre: planned, and did not end" in out
