@@ -46,7 +46,7 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
     if kind == "union_tag_not_found":
         return f"field '{_tag(field, context)}' is missing"
     if kind in {"value_error", "assertion_error"}:
-        message = first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, ")
+        message = _on_one_line(first["msg"].removeprefix("Value error, ").removeprefix("Assertion failed, "))
         return f"field '{field}': {message}" if field else message
     if kind == "json_invalid":
         return f"it is not valid JSON: {context.get('error', 'cut off')}"
@@ -61,7 +61,13 @@ def one_sentence(error: ValidationError, data: Any = None) -> str:
 MEMBERS = {"float", "int", "str", "bool"}  # the end of a problem's place, where a field may be of several types
 
 
+def _on_one_line(text: str) -> str:
+    """Write what can't be printed, such as a line break in a name, as Python does."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
+
+
 def _shown(text: str) -> str:
+    text = _on_one_line(text)
     return text if len(text) <= 60 else text[:57] + "..."
 
 

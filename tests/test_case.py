@@ -84,6 +84,7 @@ def test_the_digest_knows_physics_and_nothing_else():
         (lambda d: d["surface"].update(kind="sphere"), ["sphere", "plane", "cylinder", "expression"]),
         (lambda d: d["surface"].update(xi1=[5, 5]), ["xi1", "smaller"]),
         (lambda d: d["supports"][0].update(on=["north"]), ["rim", "north", "xi1_min"]),
+        (lambda d: d["supports"][0].update(on=["a\n\x1bb"]), ["rim", r"a\n\x1bb", "xi1_min"]),
         (lambda d: d["supports"][0].update(components=["w"]), ["components", "'w'"]),
         (lambda d: d["supports"][0].update(components=["z", "z"]), ["repeat"]),
         (lambda d: d["supports"][0].update(on=["centre"], clamped=True), ["clamped", "centre", "edges"]),

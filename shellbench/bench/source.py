@@ -1,8 +1,9 @@
 """The digest of a solver's source: what must change for an old record not to answer any more.
 
 It is taken over the module, over all that it imports from its own top-level package, and so on (the import
-closure), found by reading the source and not by running it. Comments, docstrings and blank lines do not count:
-hours of training survive a better sentence. Data files that a package reads do not count either; a plug-in
+closure), found by reading the source and not by running it. What counts are the statements of that closure, wherever
+they are. Comments, docstrings, imports and blank lines do not count: hours of training survive a better sentence, and
+a better place. Data files that a package reads do not count either; a plug-in
 that changes them changes its version.
 """
 
@@ -11,6 +12,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import io
+import sys
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -23,11 +25,16 @@ from shellbench.errors import InputError
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
 TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
 BLOCKS = (ast.stmt, ast.excepthandler, ast.match_case)  # what has statements, or is one
+IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def source_digest(modules: Iterable[str], *more: str) -> str:
-    """Return the hexadecimal SHA-256 of the import closures of modules, and of any more text.
+    """Return the hexadecimal SHA-256 of the statements in the import closures of modules, and of any more text.
+
+    The statements are those of the top level, sorted, each counted once, and without the modules that they are in: to
+    move code or to rename a module keeps the digest. So does swapping two definitions of one name between two modules,
+    which no digest without names of modules can see.
 
     Raises
     ------
@@ -37,8 +44,9 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     closure: dict[str, Path] = {}
     for module in modules:
         closure |= import_closure(module)
-    lines = [f"{name} {_looked_at(path, _package(name, path)).digest}" for name, path in sorted(closure.items())]
-    return hashlib.sha256("\n".join([*lines, *more]).encode()).hexdigest()
+    statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
+    lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
+    return hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def import_closure(module: str) -> dict[str, Path]:
@@ -90,9 +98,9 @@ def locate(module: str) -> Path | None:
 
 @dataclass(frozen=True)
 class _File:
-    """What is taken from a file: the digest of its code, and names that may be modules."""
+    """What is taken from a file: its statements, and names that may be modules."""
 
-    digest: str
+    statements: tuple[str, ...]
     imports: tuple[str, ...] = ()
 
 
@@ -105,40 +113,56 @@ def _looked_at(path: Path, package: str) -> _File:
 def _look_at(path: Path, package: str, changed: int, size: int) -> _File:
     data = path.read_bytes()
     if path.suffix != ".py":
-        return _File(hashlib.sha256(data).hexdigest())
+        return _File((hashlib.sha256(data).hexdigest(),))
     source, tree = data.decode("utf-8"), ast.parse(data)
-    digest = hashlib.sha256(_code_of(source, tree).encode()).hexdigest()
     by_name = any(name in source for name in IMPORTERS)
-    return _File(digest, tuple(dict.fromkeys(_imported(tree, package, by_name))))
+    statements = [*_statements_of(source, tree), *_foreign(tree, package.partition(".")[0])]
+    return _File(tuple(statements), tuple(dict.fromkeys(_imported(tree, package, by_name))))
 
 
-def code_only(source: str) -> str:
-    """Return Python source without comments, docstrings, blank lines and trailing blanks."""
-    return _code_of(source, ast.parse(source))
+def _foreign(tree: ast.Module, top: str) -> Iterator[str]:
+    """Yield what is imported from other distributions, for `solve` of SciPy is not that of NumPy.
+
+    Where it is imported does not matter.
+    """
+    for node in _statements(tree):
+        if isinstance(node, ast.Import):
+            names = [(alias.name, alias.asname or alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            names = [(f"{node.module}.{alias.name}", alias.asname or alias.name) for alias in node.names]
+        else:
+            continue
+        for name, known_as in names:
+            if name.partition(".")[0] not in (top, *sys.stdlib_module_names):
+                yield f"import {name} as {known_as}"
 
 
-def _code_of(source: str, tree: ast.Module) -> str:
-    """Return the code of `code_only`.
+def statements_of(source: str) -> list[str]:
+    """Return the statements of a module: without imports, comments, docstrings, blank lines and trailing blanks.
 
-    Tokens are looked at in those statements of the module only that may have comments or strings over several lines:
-    Python's tokenizer takes longer than all else.
+    `__all__` and what is there for types only is no code either.
+    """
+    return list(_statements_of(source, ast.parse(source)))
+
+
+def _statements_of(source: str, tree: ast.Module) -> Iterator[str]:
+    """Yield what `statements_of` returns.
+
+    Tokens are looked at in those statements only that may have comments or strings over several lines: Python's
+    tokenizer takes longer than all else.
     """
     lines = source.splitlines()
-    for row in list(_docstring_rows(lines, tree)):
+    for row in list(_rows_that_do_not_compute(lines, tree)):
         lines[row - 1] = ""
-    verbatim: set[int] = set()  # rows of strings that go over several lines: blanks count there
-    end = 0
     for first, last in _rows_of_statements(tree):
-        for row in range(end + 1, first):
-            lines[row - 1] = ""  # between statements there are comments only
-        end = max(end, last)
         text = lines[first - 1 : last]
+        verbatim: set[int] = set()  # rows of strings that go over several lines: blanks count there
         if any(sign in line for line in text for sign in TO_BE_LOOKED_INTO):
-            verbatim |= {first - 1 + row for row in _strip_comments(text)}
-            lines[first - 1 : last] = text
-    rows = range(1, end + 1)
-    stripped = (lines[row - 1] if row in verbatim else lines[row - 1].rstrip() for row in rows)
-    return "\n".join(line for row, line in zip(rows, stripped, strict=True) if line or row in verbatim)
+            verbatim = _strip_comments(text)
+        stripped = (line if row in verbatim else line.rstrip() for row, line in enumerate(text, start=1))
+        kept = [line for row, line in enumerate(stripped, start=1) if line or row in verbatim]
+        if kept:
+            yield "\n".join(kept)
 
 
 def _rows_of_statements(tree: ast.Module) -> Iterator[tuple[int, int]]:
@@ -168,15 +192,31 @@ def _strip_comments(lines: list[str]) -> set[int]:
     return verbatim
 
 
-def _docstring_rows(lines: list[str], tree: ast.Module) -> Iterator[int]:
+def _rows_that_do_not_compute(lines: list[str], tree: ast.Module) -> Iterator[int]:
+    """Yield the rows of docstrings and imports that share theirs with no other code."""
     for node in _statements(tree):
+        text: ast.AST = node
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             text = node.body[0]
+        elif not (isinstance(node, IMPORTS) or _says_nothing(node)):
+            continue
+        if isinstance(text, ast.stmt):
             last = text.end_lineno or text.lineno
-            alone = lines[text.lineno - 1].lstrip()[:1] in {'"', "'", "r", "R"}
-            ends = lines[last - 1].encode()[text.end_col_offset or 0 :].decode().strip()
-            if alone and (not ends or ends.startswith("#")):
+            before = lines[text.lineno - 1].encode()[: text.col_offset].decode().strip()
+            after = lines[last - 1].encode()[text.end_col_offset or 0 :].decode().strip()
+            if not before and (not after or after.startswith("#")):
                 yield from range(text.lineno, last + 1)
+
+
+def _says_nothing(node: ast.AST) -> bool:
+    """Whether a statement is there for types only, or names what a module offers."""
+    if isinstance(node, ast.If):
+        return _for_types(node) and not node.orelse
+    return isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == "__all__" for t in node.targets)
+
+
+def _for_types(node: ast.If) -> bool:
+    return ast.unparse(node.test) in {"TYPE_CHECKING", "typing.TYPE_CHECKING"}
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
@@ -195,9 +235,8 @@ def _imported(tree: ast.AST, package: str, by_name: bool) -> Iterator[str]:
     for node in ast.iter_child_nodes(tree):
         if not (by_name or isinstance(node, BLOCKS)):
             continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            for other in node.orelse:
-                yield from _imported(other, package, by_name)
+        if isinstance(node, ast.If) and _for_types(node):
+            yield from _imported(ast.Module(node.orelse, []), package, by_name)
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

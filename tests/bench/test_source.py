@@ -9,7 +9,7 @@ import pytest
 
 from shellbench.bench.identity import current_source
 from shellbench.bench.registry import find_solver
-from shellbench.bench.source import code_only, import_closure, locate, source_digest
+from shellbench.bench.source import import_closure, locate, source_digest, statements_of
 from shellbench.errors import InputError
 
 
@@ -27,12 +27,13 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "pack/solver.py": "from . import law\nimport numpy\nfrom pack.deep.inner import x\n",
         "pack/law.py": "def f():\n    from .late import g\n    return g\n",
         "pack/late.py": "from __future__ import annotations\nfrom typing import TYPE_CHECKING\n"
-        "if TYPE_CHECKING:\n    from pack import types_only\n",
+        "if TYPE_CHECKING:\n    from pack import types_only\nelse:\n    from pack import otherwise\n",
         "pack/deep/__init__.py": "from importlib import import_module\nimport_module('pack.dynamic')\n",
         "pack/deep/inner.py": "from ..sibling import *\nx = 1\n",
         "pack/sibling.py": "y = 2\n",
         "pack/dynamic.py": "raise RuntimeError('importing this is a mistake')\n",
         "pack/types_only.py": "",
+        "pack/otherwise.py": "",
         "pack/stranger.py": "",
     }
     for name, text in files.items():
@@ -44,7 +45,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_closure_is_all_that_is_imported_from_the_own_package(package: Path) -> None:
-    expected = {"", ".solver", ".law", ".late", ".deep", ".deep.inner", ".sibling", ".dynamic"}
+    expected = {"", ".solver", ".law", ".late", ".deep", ".deep.inner", ".sibling", ".dynamic", ".otherwise"}
     assert {name.removeprefix("pack") for name in import_closure("pack.solver")} == expected
 
 
@@ -66,6 +67,49 @@ def test_a_change_outside_of_the_closure_does_not(package: Path, name: str) -> N
     before = source_digest(["pack.solver"])
     (package / f"{name}.py").write_text("z = 3\n", encoding="utf-8")
     assert source_digest(["pack.solver"]) == before
+
+
+def move(package: Path, old: str, new: str) -> None:
+    """Rename a module, and everything that names it."""
+    source, target = (package.parent / f"{name.replace('.', '/')}.py" for name in (old, new))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    source.rename(target)
+    target.parent.joinpath("__init__.py").touch()
+    for path in package.rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.replace(old, new), encoding="utf-8")
+
+
+def test_moving_and_renaming_modules_keeps_the_digest(package: Path) -> None:
+    edit(package / "solver.py", "from . import law\n", "from pack.law import f\nF = f\n")
+    edit(package / "law.py", "from .late import g\n", "from pack.late import g\n")
+    (package / "late.py").write_text("def g():\n    return 1.5e-3\n", encoding="utf-8")
+    before = source_digest(["pack.solver"])
+    move(package, "pack.law", "pack.laws.hooke")
+    move(package, "pack.late", "pack.deep.early")
+    assert {"pack.laws.hooke", "pack.deep.early"} <= set(import_closure("pack.solver"))
+    assert source_digest(["pack.solver"]) == before
+    edit(package / "deep" / "early.py", "1.5e-3", "1.6e-3")
+    assert source_digest(["pack.solver"]) != before
+
+
+def test_moving_a_function_to_another_module_keeps_the_digest(package: Path) -> None:
+    definition = "\n\ndef h(a):\n    return a * LENGTH\n"
+    (package / "sibling.py").write_text(f"LENGTH = 2.0\n{definition}", encoding="utf-8")
+    edit(package / "deep" / "inner.py", "from ..sibling import *\n", "from pack.sibling import h\nH = h\n")
+    before = source_digest(["pack.solver"])
+    edit(package / "sibling.py", definition, "")
+    edit(package / "deep" / "inner.py", "import h\n", f"import LENGTH\n{definition}")
+    assert source_digest(["pack.solver"]) == before
+    edit(package / "sibling.py", "2.0", "2.5")
+    assert source_digest(["pack.solver"]) != before
+
+
+def test_a_function_of_the_same_name_from_another_distribution_changes_the_digest(package: Path) -> None:
+    edit(package / "law.py", "def f", "from scipy.linalg import solve\n\n\ndef f")
+    before = source_digest(["pack.solver"])
+    edit(package / "law.py", "from scipy.linalg", "from numpy.linalg")
+    assert source_digest(["pack.solver"]) != before
 
 
 def test_a_new_module_that_shadows_nothing_does_not_count_until_it_is_imported(package: Path) -> None:
@@ -95,10 +139,12 @@ BASE = 'x = 1\n\n\ndef f(a):\n    """Say."""\n    return "# no comment", a\n'
         BASE.replace("x = 1\n", "# a word\nx = 1\n\n"),
         BASE.replace('    """Say."""\n', ""),
         '"""Module."""\n' + BASE,
+        'from shellbench import case\n__all__ = ["f"]\n' + BASE,
+        "if TYPE_CHECKING:\n    import pathlib\n" + BASE,
     ],
 )
 def test_prose_is_no_code(prose: str) -> None:
-    assert code_only(prose) == code_only(BASE)
+    assert statements_of(prose) == statements_of(BASE)
 
 
 @pytest.mark.parametrize(
@@ -114,16 +160,16 @@ def test_prose_is_no_code(prose: str) -> None:
     ],
 )
 def test_code_is_code(changed: str) -> None:
-    assert code_only(changed) != code_only(BASE)
+    assert statements_of(changed) != statements_of(BASE)
 
 
 def test_blank_lines_within_a_text_are_code() -> None:
-    assert code_only('x = """a\n\nb"""\n') != code_only('x = """a\nb"""\n')
-    assert code_only('x = """a  \nb"""\n') != code_only('x = """a\nb"""\n')
+    assert statements_of('x = """a\n\nb"""\n') != statements_of('x = """a\nb"""\n')
+    assert statements_of('x = """a  \nb"""\n') != statements_of('x = """a\nb"""\n')
 
 
 def test_one_line_function_with_a_docstring_is_kept() -> None:
-    assert code_only('def f(): "Say."\n') != code_only("\n")
+    assert statements_of('def f(): "Say."\n') != statements_of("\n")
 
 
 def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
