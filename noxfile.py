@@ -134,7 +134,7 @@ def engines(session: nox.Session) -> None:
     `-- --force` takes them all again.
     """
     install(session, *ENGINES, "test")
-    session.run("pytest", "tests/kratos", "tests/mujoco", "tests/bench/cluster")
+    session.run("pytest", "tests/solvers/kratos", "tests/solvers/mujoco", "tests/bench/cluster")
     one_core = ("--jobs", "1", "--threads", "1", "--store", ENGINES_STORE, *session.posargs)
     for suite in ("engines", "motion_engines"):
         session.run("shellbench", "run", "--suite", suite, *one_core, success_codes=[0, 1])
@@ -162,7 +162,9 @@ def example(session: nox.Session) -> None:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shown = [option for name in (*suites, "published") for option in ("--suite", name)]
-    session.run("python", "-m", "tests.ndf.kept_trainings")  # 50 iterations of each: are they still today's training?
+    session.run(
+        "python", "-m", "tests.solvers.ndf.kept_trainings"
+    )  # 50 iterations of each: are they still today's training?
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
     session.run("shellbench", "report", *shown, "--no-print", "--out", "reports/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from shellbench.solution import Solution
+    from shellbench.problem import Solution
 
 
 class ShellbenchError(Exception):

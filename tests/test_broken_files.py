@@ -8,13 +8,13 @@ import re
 import pytest
 from pydantic_core._pydantic_core import list_all_errors
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.baseline import read_baseline
-from shellbench.case import build_case
+from shellbench.bench.reference import read_known_values
+from shellbench.bench.suite import read_suite
 from shellbench.errors import InputError
 from shellbench.model import read_toml
-from shellbench.reference import read_known_values
-from shellbench.suite import read_suite
+from shellbench.problems.shell.case import build_case
 
 PLACEHOLDER = re.compile(r"\\\{[a-z_]+\\\}")
 RAW = [

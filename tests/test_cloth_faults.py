@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench import catalog
-from shellbench.case import Case, build_case
+from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
-from shellbench.fem import constraints, problem, strain_energy, time_step
-from shellbench.fem.assembly import BlockMatrix
-from shellbench.fem.solver import FemSettings, FemSolver
-from shellbench.measure import measure_all
+from shellbench.problems.shell.case import Case, build_case
+from shellbench.problems.shell.measure import measure_all
+from shellbench.solvers.fem import constraints, problem, strain_energy, time_step
+from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_faults import stiffness
 
 

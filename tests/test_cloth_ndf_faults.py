@@ -14,11 +14,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from shellbench import catalog
-from shellbench.case import Case, build_case
+from shellbench.bench import catalog
 from shellbench.errors import InputError, SolveFailure
-from shellbench.measure import measure_all
-from shellbench.ndf import (
+from shellbench.problems.shell.case import Case, build_case
+from shellbench.problems.shell.measure import measure_all
+from shellbench.solvers.ndf import (
     buckling,
     equilibrium,
     factors,
@@ -30,11 +30,11 @@ from shellbench.ndf import (
     turning,
     undeformed,
 )
-from shellbench.ndf.field import Ansatz, Factors
-from shellbench.ndf.jets import VALUE
-from shellbench.ndf.mass import widest
-from shellbench.ndf.quadrature import RuleSpec
-from shellbench.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.field import Ansatz, Factors
+from shellbench.solvers.ndf.jets import VALUE
+from shellbench.solvers.ndf.mass import widest
+from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 

@@ -11,15 +11,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.gate import Scope, gate
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.bench.worker import run
-from shellbench.fem import assembly, constraints, kinematics
-from shellbench.fem import loads as fem_loads
-from shellbench.material import Material
-from shellbench.ndf import energy, factors, geometry, jets, network, ritz, strain
+from shellbench.problems.shell.material import Material
+from shellbench.solvers.fem import assembly, constraints, kinematics
+from shellbench.solvers.fem import loads as fem_loads
+from shellbench.solvers.ndf import energy, factors, geometry, jets, network, ritz, strain
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from shellbench.fem import deformation, moments, problem, strain_energy
-from shellbench.ndf import equilibrium, strain_measures, undeformed
-from shellbench.ndf import moments as ndf_moments
+from shellbench.solvers.fem import deformation, moments, problem, strain_energy
+from shellbench.solvers.ndf import equilibrium, strain_measures, undeformed
+from shellbench.solvers.ndf import moments as ndf_moments
 from tests.test_faults import (
     Fault,
     Store,

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.polynomial import Legendre, Polynomial
 
-from tests.origins.explicit_motion import largest_frequency, leapfrog, motion
-from tests.origins.free_fall import FreeFall, free_fall, free_fall_of_splines
-from tests.origins.motion import PIN, Resolution, napkin, napkin_plane, napkin_soft_pin
-from tests.origins.over_time import at_time, between, extrapolated
-from tests.origins.paper_napkins import (
+from derivations.explicit_motion import largest_frequency, leapfrog, motion
+from derivations.free_fall import FreeFall, free_fall, free_fall_of_splines
+from derivations.motion import PIN, Resolution, napkin, napkin_plane, napkin_soft_pin
+from derivations.over_time import at_time, between, extrapolated
+from derivations.paper_napkins import (
     FRACTION,
     corner_values,
     edges_values,
@@ -23,11 +23,11 @@ from tests.origins.paper_napkins import (
     napkin_moving_corners,
     toward_both_ends,
 )
-from tests.origins.patch import plane
-from tests.origins.polynomial_napkin import PolynomialNapkin, napkin_plane_polynomials, napkin_soft_pin_polynomials
-from tests.origins.spline_motion import Cloth, Pin
-from tests.origins.spline_shell import Shell, Splines
-from tests.origins.swinging_strip import SwingingStrip, pendulum_polynomials, pendulum_strip, spline_strip
+from derivations.patch import plane
+from derivations.polynomial_napkin import PolynomialNapkin, napkin_plane_polynomials, napkin_soft_pin_polynomials
+from derivations.spline_motion import Cloth, Pin
+from derivations.spline_shell import Shell, Splines
+from derivations.swinging_strip import SwingingStrip, pendulum_polynomials, pendulum_strip, spline_strip
 
 MATERIAL = (5000.0, 0.25, 0.0012, 0.144)
 

@@ -7,32 +7,32 @@ import numpy as np
 import pytest
 from scipy.special import zeta
 
-from tests.origins import large_displacements as large
-from tests.origins import pinched_cylinder_diaphragm, pinched_cylinder_free, scordelis_lo, square_plate, torsion
-from tests.origins import pinched_diaphragm as diaphragm
-from tests.origins import pinched_free as free
-from tests.origins.cylinder import (
+from derivations import large_displacements as large
+from derivations import pinched_cylinder_diaphragm, pinched_cylinder_free, scordelis_lo, square_plate, torsion
+from derivations import pinched_diaphragm as diaphragm
+from derivations import pinched_free as free
+from derivations.cylinder import (
     Cylinder,
     strains_of_angular_harmonic,
     strains_of_axial_harmonic,
     strains_of_double_harmonic,
 )
-from tests.origins.elastica import Cantilever, extensible
-from tests.origins.estimate import algebraic_series_sum
-from tests.origins.exponentials import (
+from derivations.elastica import Cantilever, extensible
+from derivations.estimate import algebraic_series_sum
+from derivations.exponentials import (
     edge_displacement_of_roof_harmonic,
     end_displacement_under_point_load,
 )
-from tests.origins.hinged_roof import Path, hinged_roof
-from tests.origins.levy_roof import CROWN, HALF_ANGLE, LOAD, roof, solve_roof
-from tests.origins.navier_plate import SquarePlate, levy, navier
-from tests.origins.patch import Mesh, breaks, cylinder, plane, ring
-from tests.origins.roll_up import Strip as RolledStrip
-from tests.origins.roll_up import energies, rolled_strip
-from tests.origins.spline_path import Condition, arc_length, displacement_control, equilibrium, load_control
-from tests.origins.spline_shell import Shell, Splines, State
-from tests.origins.strip import Strip
-from tests.origins.surface_strains import first_variation, second_variation, strains
+from derivations.hinged_roof import Path, hinged_roof
+from derivations.levy_roof import CROWN, HALF_ANGLE, LOAD, roof, solve_roof
+from derivations.navier_plate import SquarePlate, levy, navier
+from derivations.patch import Mesh, breaks, cylinder, plane, ring
+from derivations.roll_up import Strip as RolledStrip
+from derivations.roll_up import energies, rolled_strip
+from derivations.spline_path import Condition, arc_length, displacement_control, equilibrium, load_control
+from derivations.spline_shell import Shell, Splines, State
+from derivations.strip import Strip
+from derivations.surface_strains import first_variation, second_variation, strains
 
 
 def slope(sizes, errors):

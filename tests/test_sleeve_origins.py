@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.origins.sleeve import Rims, Sleeve
-from tests.origins.sleeve_buckling import (
+from derivations.sleeve import Rims, Sleeve
+from derivations.sleeve_buckling import (
     THICK,
     THIN,
     axisymmetric,
@@ -17,8 +17,8 @@ from tests.origins.sleeve_buckling import (
     stiffness_at_rest,
     twisting,
 )
-from tests.origins.sleeve_functions import Around, along
-from tests.origins.sleeve_path import BEFORE, BEYOND, Level, buckled, margins, perturbed, states, turned_over
+from derivations.sleeve_functions import Around, along
+from derivations.sleeve_path import BEFORE, BEYOND, Level, buckled, margins, perturbed, states, turned_over
 
 RIMS = Rims(twist=0.3, shortening=0.02)
 

@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from shellbench import catalog
-from tests.origins import pinched_diaphragm as diaphragm
-from tests.origins import pinched_free as free
-from tests.origins.cylinder import strains_of_axial_harmonic
-from tests.origins.exponentials import edge_displacement_of_roof_harmonic
-from tests.origins.levy_roof import HALF_ANGLE, LOAD, roof, scordelis_lo, solve_roof
+from derivations import pinched_diaphragm as diaphragm
+from derivations import pinched_free as free
+from derivations.cylinder import strains_of_axial_harmonic
+from derivations.exponentials import edge_displacement_of_roof_harmonic
+from derivations.levy_roof import HALF_ANGLE, LOAD, roof, scordelis_lo, solve_roof
+from shellbench.bench import catalog
 
 RATIOS = {
     "roof_thinness_1e_2": 1e-2,

@@ -26,7 +26,7 @@ from shellbench.bench.scheduler import Scheduler, connected
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
-from shellbench.solution import Progress
+from shellbench.problem import Progress
 
 LOSSES = 3  # workers that a run may lose before it counts as failed
 LOOK = 1.0  # seconds between two looks at the workers

@@ -13,20 +13,20 @@ from collections.abc import Iterable, Sequence
 from statistics import median
 from typing import Any, Literal
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs
 from shellbench.bench.identity import GATED_DTYPE, difference
 from shellbench.bench.marks import mark_of, telling_mark
 from shellbench.bench.plan import is_own
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
-from shellbench.case import LONGEST_TITLE, Case
 from shellbench.errors import InputError
-from shellbench.quantities import QuantityModel
-from shellbench.reference import KnownValue, KnownValues
+from shellbench.problems.shell.case import LONGEST_TITLE, Case
+from shellbench.problems.shell.quantities import QuantityModel
 
 SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
 

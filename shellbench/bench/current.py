@@ -14,18 +14,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.environment import engine_distribution
 from shellbench.bench.identity import current_source, difference, with_overrides
 from shellbench.bench.plan import declared_runs
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
 from shellbench.bench.store import Contents, newest
+from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task
-from shellbench.case import Case
 from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
-from shellbench.suite import SuiteRun
+from shellbench.problems.shell.case import Case
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from shellbench import solution
+from shellbench import problem as solution
 from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.task import Task
-from shellbench.case import Case
+from shellbench.problems.shell.case import Case
 
 COLOURS = {"ok": "green", "failed": "red", "timeout": "red"}
 

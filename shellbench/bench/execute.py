@@ -13,7 +13,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
-from shellbench.solution import Progress
+from shellbench.problem import Progress
 
 
 @dataclass(frozen=True)

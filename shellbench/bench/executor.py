@@ -14,7 +14,7 @@ from typing import Protocol
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
-from shellbench.solution import Progress
+from shellbench.problem import Progress
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
 from shellbench.bench.marks import mark_words
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.store import Say, Store, said_plainly, silent
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.solution import FIELDS
+from shellbench.problem import FIELDS
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Sample:
     position, displacement
         (n, n, 3) of the reference midsurface, metres.
     fields
-        Strains (n, n, 3) and energy densities (n, n), see `shellbench.solution.FIELDS`; also `strain_energy_density`
+        Strains (n, n, 3) and energy densities (n, n), see `shellbench.problem.FIELDS`; also `strain_energy_density`
         (n, n), the sum of its two parts.
     title
         One line on where it comes from.

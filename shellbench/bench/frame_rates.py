@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from shellbench.bench.probes import probes_of, state_at
 from shellbench.bench.record import FrameRateStep
 from shellbench.bench.series import reached
-from shellbench.case import Case
-from shellbench.solution import Solution
+from shellbench.problem import Solution
+from shellbench.problems.shell.case import Case
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
 from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, row_of, rows_and_notes
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
@@ -23,9 +23,9 @@ from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
-from shellbench.case import Case
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.quantities import QuantityModel
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import QuantityModel
 
 Lack = tuple[Literal["missing", "declined"], str]
 NOTHING_LACKS: Lack = ("missing", "")

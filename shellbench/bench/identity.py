@@ -18,10 +18,10 @@ from pydantic import ValidationError
 from shellbench.bench.record import Identity
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.source import source_digest
-from shellbench.case import Case
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
-from shellbench.solution import SeededSettings, Settings, Solver
+from shellbench.problem import SeededSettings, Settings, Solver
+from shellbench.problems.shell.case import Case
 
 MEASURING = "shellbench.bench.worker"  # what measures a solution counts as its source
 APART = {"seed", "device"}  # settings that an identity keeps in fields of their own

@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
 from shellbench.engine import ENGINE
 from shellbench.errors import InputError
-from shellbench.solution import SeededSettings, Settings
+from shellbench.problem import SeededSettings, Settings
 
 WIDTH = 110  # characters
 

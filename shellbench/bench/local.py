@@ -19,7 +19,7 @@ from shellbench.bench.store import Store, StoreError
 from shellbench.bench.task import Task
 from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.errors import InputError
-from shellbench.solution import Progress
+from shellbench.problem import Progress
 
 LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
 

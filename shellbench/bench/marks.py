@@ -1,12 +1,12 @@
 """Marks: which state of a case a figure belongs to, as a number and in words.
 
-A mark is a time or load factor, or the displacement by which a path is controlled (see `shellbench.path.Path`).
+A mark is a time or load factor, or the displacement by which a path is controlled (see `path.Path`).
 """
 
 from __future__ import annotations
 
-from shellbench.case import Case
-from shellbench.quantities import QuantityModel, Unmarked
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import QuantityModel, Unmarked
 
 FULL = 1.0  # the load factor of a figure of which nothing else is said
 

@@ -21,11 +21,11 @@ from shellbench.bench.precision import precision_study
 from shellbench.bench.record import MOST, HistoryStep, Measured, finite
 from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
 from shellbench.bench.series import series_of
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.measure import measure
 from shellbench.model import one_sentence
-from shellbench.solution import Solution
+from shellbench.problem import Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"

@@ -16,17 +16,17 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.environment import engine_distribution, environment
 from shellbench.bench.identity import dump_settings, make_identity, make_settings, run_key
 from shellbench.bench.record import Environment
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.store import Contents, newest
+from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.solution import SeededSettings, Solver
-from shellbench.suite import SuiteRun
+from shellbench.problem import SeededSettings, Solver
+from shellbench.problems.shell.case import Case
 
 DEFAULT_SUITE = "obstacle_course"
 FIRST_SEED = 0

@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from shellbench.bench.probes import probes_of, state_at
 from shellbench.bench.record import PrecisionStep, finite
 from shellbench.bench.series import frames
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.measure import measure
-from shellbench.quantities import (
+from shellbench.problem import NumberFormat, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.quantities import (
     CentreOfMass,
     DisplacementQuantity,
     EnergyQuantity,
     LargestDisplacement,
     PositionQuantity,
 )
-from shellbench.solution import NumberFormat, Solution
 
 Array = NDArray[np.float64]
 

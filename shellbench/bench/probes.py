@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.bench.series import frames
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.solution import Solution
-from shellbench.surface import Domain
+from shellbench.problem import Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
 from shellbench.model import Model, one_sentence
-from shellbench.solution import Phase
+from shellbench.problem import Phase
 
 SCHEMA = 1
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
@@ -102,7 +102,7 @@ class Measured(Model):
 
 
 class HistoryStep(Model):
-    """One entry of the solve's history (see `shellbench.solution.Step`)."""
+    """One entry of the solve's history (see `shellbench.problem.Step`)."""
 
     iteration: Count
     seconds: Seconds
@@ -121,7 +121,7 @@ class StateEnergies(Model):
     Attributes
     ----------
     at
-        The state's mark (see `shellbench.path.Path`).
+        The state's mark (see `shellbench.problems.shell.path.Path`).
     """
 
     at: Figure

@@ -14,7 +14,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 
 from shellbench.errors import InputError
-from shellbench.solution import Solver
+from shellbench.problem import Solver
 
 GROUP = "shellbench.solvers"
 PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")

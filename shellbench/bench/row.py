@@ -28,7 +28,7 @@ class Row(Model):
         None for a deterministic solver.
     quantity, primary, at
         What was measured; whether it is the case's headline; time, s, load factor, or displacement that marks the
-        state (see `shellbench.path.Path`); None for a turning point of a path. `mark` says it in words, where the
+        state (see `path.Path`); None for a turning point of a path. `mark` says it in words, where the
         case's figures belong to several states.
     value
         In the quantity's `unit`; None if the run left none.

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from shellbench.bench.probes import probe_fields, state_at, states_at
 from shellbench.bench.record import ResolutionStep, StateEnergies
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.places import Point
-from shellbench.solution import Solution
-from shellbench.surface import Domain
+from shellbench.problem import Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]
 

@@ -18,10 +18,11 @@ from pydantic import ValidationError
 from shellbench.bench.record import Series, finite
 from shellbench.bench.snapshot import snapshot_of
 from shellbench.bench.task import case_data
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.measure import measure
-from shellbench.quantities import (
+from shellbench.problem import Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.quantities import (
     EnergyQuantity,
     LargestDisplacement,
     LoadQuantity,
@@ -31,7 +32,6 @@ from shellbench.quantities import (
     TorqueQuantity,
     Unmarked,
 )
-from shellbench.solution import Solution
 
 SAMPLES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
 FRAMES = 21  # times at which the field is kept, rest among them: every twentieth of the whole time

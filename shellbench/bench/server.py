@@ -32,7 +32,7 @@ from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
 from shellbench.bench.source import import_closure, source_digest
 from shellbench.bench.store import LOG
-from shellbench.solution import Progress
+from shellbench.problem import Progress
 
 LINE = 300  # characters of a message; a line up to PIPE_BUF (512 bytes at least, 4096 mostly) is written in one piece
 LOOK = 0.5  # seconds between two looks whether a run has ended that left processes behind

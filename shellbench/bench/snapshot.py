@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.solution import Solution
+from shellbench.problem import Solution
 
 Array = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.identity import run_key
 from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable, too_large
 from shellbench.errors import InputError, ShellbenchError

@@ -11,8 +11,8 @@ from typing import Any
 from pydantic import Field
 
 from shellbench.bench.record import Environment, Identity, Record, shortened
-from shellbench.case import Case
 from shellbench.model import Model
+from shellbench.problems.shell.case import Case
 
 TASK = "task.json"
 
@@ -25,7 +25,7 @@ class Task(Model):
     target
         Where the solver is, ``module:attribute``.
     case
-        The case as it was read; `shellbench.case.Case` makes it again.
+        The case as it was read; `shellbench.problems.shell.case.Case` makes it again.
     settings
         All that was set for the solver, seed and device included.
     defaults
@@ -71,7 +71,7 @@ class Task(Model):
 
 
 def case_data(case: Case) -> dict[str, Any]:
-    """Return a case as JSON data from which `shellbench.case.Case` makes it again."""
+    """Return a case as JSON data from which `shellbench.problems.shell.case.Case` makes it again."""
     return case.model_dump(mode="json", exclude_unset=True)
 
 

@@ -22,14 +22,14 @@ from shellbench.bench.measuring import measured, pass_on_full_disk, said
 from shellbench.bench.record import Record, document, finite, readable
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
-from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solution import Progress, Solution, Solver
+from shellbench.problem import Progress, Solution, Solver
+from shellbench.problems.shell.case import Case
 
 RECORD = "record.json"
 REFUSED = "refused.txt"
 DISK_FULL = "disk_full"
-CHECKPOINT = "checkpoint"  # the setting, see `shellbench.solution.Settings`
+CHECKPOINT = "checkpoint"  # the setting, see `shellbench.problem.Settings`
 CHECKPOINTS = "checkpoints"  # folder in the store
 PAUSE = 0.1  # seconds between two words on progress
 

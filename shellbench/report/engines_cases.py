@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.bench.suite import Study, value_words
 from shellbench.engine import ENGINE
 from shellbench.report.accuracy import Family, Point, failed_runs, point_of
 from shellbench.report.engines_timing import why_incomparable
 from shellbench.report.solutions import grouped, heading, same_but_for_seed
 from shellbench.report.studies import rows_of_study, study_of
 from shellbench.report.yardstick import Yardstick, yardstick_of
-from shellbench.suite import Study, value_words
 
 STUDY: Study = "engines"
 Size = tuple[Point, Sequence[Row]]

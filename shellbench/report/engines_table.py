@@ -7,8 +7,8 @@ from typing import Any
 
 import pandas as pd
 
-from shellbench import catalog
-from shellbench.reference import KnownValue
+from shellbench.bench import catalog
+from shellbench.bench.reference import KnownValue
 from shellbench.report.digits import duration, rounded
 from shellbench.report.engines_cases import CheckedCase, Contender
 from shellbench.report.notation import TEXT, Notation

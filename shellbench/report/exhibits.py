@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from shellbench.bench.marks import mark_words
 from shellbench.bench.record import Record
+from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.series import Asked
-from shellbench.case import Case
-from shellbench.quantities import CriticalPoint
-from shellbench.reference import KnownValues
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import CriticalPoint
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure

@@ -11,7 +11,7 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
+from shellbench.problems.shell.case import Case
 from shellbench.report.digits import duration, quoted, rounded
 from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
+from shellbench.problems.shell.case import Case
 from shellbench.report.fields import Fields, areas, read_fields
 from shellbench.report.traces import Trace
 

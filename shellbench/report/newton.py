@@ -14,12 +14,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.conditions import GravityLoad
-from shellbench.quantities import DisplacementQuantity
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import GravityLoad
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.report.derivation import TITLE
 from shellbench.report.digits import rounded
 from shellbench.report.exhibit import Exhibit

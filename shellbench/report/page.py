@@ -10,7 +10,8 @@ from typing import Any
 
 import jinja2
 
-from shellbench import __version__, catalog
+from shellbench import __version__
+from shellbench.bench import catalog
 from shellbench.bench.compare import beyond
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row

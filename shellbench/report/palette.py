@@ -11,8 +11,8 @@ from typing import Any, cast
 
 import matplotlib as mpl
 
-from shellbench import catalog
-from shellbench.suite import Study
+from shellbench.bench import catalog
+from shellbench.bench.suite import Study
 
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""

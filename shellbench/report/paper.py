@@ -13,7 +13,8 @@ from typing import Any
 
 import jinja2
 
-from shellbench import __version__, catalog
+from shellbench import __version__
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
@@ -41,7 +42,7 @@ DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
 OWN = "shellbench"  # source of known values that were computed here, by independent programs
 OWN_ENTRY = f"""@misc{{{OWN},
   title = {{shellbench {__version__}}},
-  note  = {{Computed for this suite by a program of its own; see its folders references and tests/origins}},
+  note  = {{Computed for this suite by a program of its own; see its folders references and derivations}},
 }}
 """
 LINE_INCHES = 17 / 2.54  # of the document

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from shellbench.bench.record import Record
+from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.reference import KnownValues
+from shellbench.problems.shell.case import Case
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import is_cloth

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from shellbench.bench.record import Record
+from shellbench.bench.reference import KnownValue, KnownValues, Role
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.load_curve import Curve
-from shellbench.quantities import DisplacementQuantity, LimitPoint, LoadQuantity
-from shellbench.reference import KnownValue, KnownValues, Role
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.load_curve import Curve
+from shellbench.problems.shell.quantities import DisplacementQuantity, LimitPoint, LoadQuantity
 from shellbench.report.solutions import theory_words
 
 Array = NDArray[np.float64]

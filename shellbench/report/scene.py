@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from shellbench.bench.marks import mark_words
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.conditions import PointLoad
-from shellbench.places import Edge, Point
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.places import Edge, Point
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera

@@ -13,9 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from shellbench import catalog
+from shellbench.bench import catalog
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
-from shellbench.reference import KnownValue, KnownValues
 
 Known = Callable[[str], KnownValues]
 Block = tuple[str, bool, str, float | None]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.row import Row
-from shellbench.suite import Study
+from shellbench.bench.suite import Study
 
 
 def studies_of(row: Row) -> set[Study]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import LONGEST_TITLE
+from shellbench.problems.shell.case import LONGEST_TITLE
 from shellbench.report.studies import study_of
 
 OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.compare import as_json
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store

@@ -16,7 +16,9 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
+from shellbench.bench.suite import Study
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.surface import Surface
 from shellbench.report.digits import duration, percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -27,8 +29,6 @@ from shellbench.report.solutions import Known, grouped, solution_name
 from shellbench.report.studies import remarks_on, studies_of
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.thinness_figure import thinness_figure
-from shellbench.suite import Study
-from shellbench.surface import Surface
 
 STUDY: Study = "thinness"
 SAMPLES = 33  # points a side of the grid that measures a surface's extent

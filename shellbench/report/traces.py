@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.bench.record import HistoryStep, Record
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.series import Asked, asked_series
-from shellbench.case import Case
-from shellbench.quantities import CriticalPoint, EnergyQuantity, MotionEnergy
-from shellbench.reference import KnownValue, KnownValues
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import CriticalPoint, EnergyQuantity, MotionEnergy
 from shellbench.report.paths import words_of
 
 Array = NDArray[np.float64]
 
 ENERGIES = ("kinetic_energy", "membrane_energy", "bending_energy", "total_energy")
-BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.solution.Step.energy` of a step in time
+BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.problem.Step.energy` of a step in time
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from shellbench.bench.marks import mark_words
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.places import Edge
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import Edge
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera

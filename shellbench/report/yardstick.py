@@ -10,8 +10,8 @@ import numpy as np
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.quantities import DisplacementQuantity
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.report.paths import case_of
 
 GRID = 33  # points a side from which the extent of a shell is taken

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.running import run

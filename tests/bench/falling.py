@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solution import Capabilities, Settings, Step
+from shellbench.problem import Capabilities, Settings, Step
+from shellbench.problems.shell.case import Case
 
 GRAVITY = np.array([0.0, 0.0, -9.8])
 STEPS = 48

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.case import Case, build_case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solution import Capabilities, Settings, Step
+from shellbench.problem import Capabilities, Settings, Step
+from shellbench.problems.shell.case import Case, build_case
 
 FIRST, SECOND, END = 10.0, 20.0, 30.0  # displacements at which the load turns, and where the path ends, m
 REASON = "no equilibrium was found at load factor 0.61; the last converged load factor is 0.5"

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, read_baseline, regression_finding
 from shellbench.bench.compare import judged, with_known_values
 from shellbench.bench.marks import mark_of
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.errors import InputError
-from shellbench.reference import KnownValue, KnownValues
 
 
 def row_of(case_name: str, quantity_name: str, value: float | None, known: float | None, solver: str = "fem") -> Row:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.compare import Row, as_json, held_against_each_other, rows
 from shellbench.bench.current import current_runs
 from shellbench.bench.store import Store

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline
 from shellbench.bench.compare import rows, rows_and_notes
 from shellbench.bench.current import current_runs

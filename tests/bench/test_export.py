@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.export import Sample, export, quadrilaterals, sample, stored_run
 from shellbench.bench.store import Store, StoreError
 from shellbench.errors import InputError
-from shellbench.solution import FIELDS
+from shellbench.problem import FIELDS
 from tests.bench.running import run
 
 N = 13

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.frame_rates import MOST, RATES, frame_rate_study, joined
 from shellbench.bench.series import reached
-from shellbench.case import Case
+from shellbench.problems.shell.case import Case
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

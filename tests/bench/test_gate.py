@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.baseline import DEVIATIONS, REPEATS, Baseline, BaselineValue, read_baseline, write_baseline
 from shellbench.bench.compare import rows
 from shellbench.bench.gate import Scope, Verdict, gate, missing_rows, move_baseline

@@ -10,7 +10,7 @@ from shellbench.bench import listing
 from shellbench.bench.registry import SolverEntry
 from shellbench.engine import engine_version, need
 from shellbench.errors import InputError
-from shellbench.solution import Settings
+from shellbench.problem import Settings
 
 VERSION = engine_version("numpy")  # a distribution that is surely installed
 

@@ -1,6 +1,6 @@
 """Marks: which state a figure belongs to, and in what words."""
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.marks import mark_of, mark_words, telling_mark
 from tests.bench import spring
 

@@ -25,9 +25,9 @@ from shellbench.bench.sampling import PICTURE, RESOLUTIONS, energies_of_states, 
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task, case_data
 from shellbench.bench.worker import RECORD, run, work
-from shellbench.case import Case
 from shellbench.errors import SolveFailure
-from shellbench.solution import Capabilities, Settings, Step
+from shellbench.problem import Capabilities, Settings, Step
+from shellbench.problems.shell.case import Case
 from tests.bench import spring
 from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
 

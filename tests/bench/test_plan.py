@@ -8,16 +8,15 @@ from typing import Any
 
 import pytest
 
-from shellbench import catalog
-from shellbench.bench import environment
+from shellbench.bench import catalog, environment
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.plan import Plan, Request, is_own, make_plan
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.store import Contents, Store
 from shellbench.bench.task import Task
-from shellbench.case import Case, build_case, read_case
 from shellbench.errors import InputError
 from shellbench.model import read_toml
+from shellbench.problems.shell.case import Case, build_case, read_case
 from tests.bench import strip
 from tests.bench.running import run
 

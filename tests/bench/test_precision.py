@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.precision import FORMATS, MARKS, marks_of, precision_study
 from shellbench.bench.series import frames
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.solution import NumberFormat
+from shellbench.problem import NumberFormat
+from shellbench.problems.shell.case import Case
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

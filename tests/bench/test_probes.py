@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shellbench import catalog
-from shellbench.bench import sampling
+from shellbench.bench import catalog, sampling
 from shellbench.bench.probes import PROBES, probe_fields, probes_of
 from shellbench.bench.sampling import write_fields
 from shellbench.bench.series import frames
-from shellbench.case import Case
-from shellbench.surface import Domain
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.surface import Domain
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import END, FIRST, SECOND, SpringSolution

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.environment import environment
 from shellbench.bench.measuring import measured
 from shellbench.bench.record import Identity, Record
@@ -15,9 +15,9 @@ from shellbench.bench.sampling import PICTURE
 from shellbench.bench.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
 from shellbench.bench.task import Task, case_data
 from shellbench.bench.worker import run
-from shellbench.case import Case, build_case
 from shellbench.errors import InputError
-from shellbench.solution import Step
+from shellbench.problem import Step
+from shellbench.problems.shell.case import Case, build_case
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution
 from tests.bench.spring import SpringSolution

@@ -177,7 +177,9 @@ def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
     before = current_source(entry)
     edit(plugin / "toy_shells" / "strip.py", "24", "25")
     assert current_source(entry) != before
-    assert {"shellbench.measure", "shellbench.bench.sampling"} <= set(import_closure("shellbench.bench.worker"))
+    assert {"shellbench.problems.shell.measure", "shellbench.bench.sampling"} <= set(
+        import_closure("shellbench.bench.worker")
+    )
 
 
 def test_version_of_a_plugin_counts(plugin: Path) -> None:
@@ -189,6 +191,6 @@ def test_version_of_a_plugin_counts(plugin: Path) -> None:
 def test_own_solvers_count_with_their_own_mechanics_only() -> None:
     fem = set(import_closure(find_solver("fem").module))
     ndf = set(import_closure(find_solver("ndf-ritz").module))
-    assert not any(name.startswith("shellbench.ndf") for name in fem)
-    assert not any(name.startswith("shellbench.fem") for name in ndf)
-    assert "shellbench.surface" in fem & ndf
+    assert not any(name.startswith("shellbench.solvers.ndf") for name in fem)
+    assert not any(name.startswith("shellbench.solvers.fem") for name in ndf)
+    assert "shellbench.problems.shell.surface" in fem & ndf

@@ -11,10 +11,10 @@ from itertools import cycle
 import pytest
 import torch
 
-from shellbench.catalog import named_case
-from shellbench.ndf.published_loss import stratified_samples
-from tests.ndf.nested import diaphragm_factor, nested_loss, plate_factor
-from tests.ndf.trainings import sampler_of
+from shellbench.bench.catalog import named_case
+from shellbench.solvers.ndf.published_loss import stratified_samples
+from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
+from tests.solvers.ndf.trainings import sampler_of
 
 LAYERS, WIDTH, CELLS = 5, 512, (20, 20)
 ROUNDS = 5

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Environment, HistoryStep, Identity, Measured, Record, ResolutionStep
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
-from shellbench.case import Case
-from shellbench.reference import KnownValue, KnownValues
+from shellbench.problems.shell.case import Case
 
 COURSE = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
 TRUTH = {  # round figures in the neighbourhood of the real ones

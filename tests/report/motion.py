@@ -10,18 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench import catalog
-from shellbench.bench import sampling
+from shellbench.bench import catalog, sampling
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
 from shellbench.bench.measuring import measured
 from shellbench.bench.record import Identity, Record
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.reference import KnownValue, KnownValues
-from shellbench.solution import Step
+from shellbench.problem import Step
+from shellbench.problems.shell.case import Case
 from tests.report.conftest import ENVIRONMENT, Store
 
 THEORY = "kirchhoff-love-nonlinear"

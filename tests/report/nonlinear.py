@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
 from shellbench.bench.record import HistoryStep, Identity, Measured, Record, StateEnergies
+from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
-from shellbench.case import Case
-from shellbench.quantities import DisplacementQuantity
-from shellbench.reference import KnownCurve, KnownValue, KnownValues
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from tests.report.conftest import ENVIRONMENT, Store
 
 THEORY = "kirchhoff-love-nonlinear"

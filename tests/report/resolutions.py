@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import (
     FrameRateStep,
     HistoryStep,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import HistoryStep, Record
 from shellbench.bench.row import Row
+from shellbench.bench.suite import value_words
 from shellbench.report.evidence import Evidence
-from shellbench.suite import value_words
 from tests.report.conftest import record, row
 
 IDLE = 200_000_000  # bytes before the solve

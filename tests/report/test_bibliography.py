@@ -1,4 +1,4 @@
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.bibliography import read_bibliography
 
 BIBTEX = r"""

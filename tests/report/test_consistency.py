@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.consistency import consistency_table, details, section, yardstick_words
 from shellbench.report.ladder import case_runs
 from shellbench.report.probes import Probes, difference, read_probes

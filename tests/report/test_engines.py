@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Environment
+from shellbench.bench.suite import SuiteRun
 from shellbench.report import tables
 from shellbench.report.engines import section
 from shellbench.report.engines_cases import checked_cases
@@ -14,7 +15,6 @@ from shellbench.report.engines_table import LEVELS, cross_check_table
 from shellbench.report.engines_timing import TOGETHER, why_incomparable
 from shellbench.report.palette import inks
 from shellbench.report.suites import compared
-from shellbench.suite import SuiteRun
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
 from tests.report.test_sections_agree import assert_they_agree

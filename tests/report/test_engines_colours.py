@@ -1,8 +1,8 @@
 """Colours of the solvers of all suites: each has its own, and those that came later left the others what they were."""
 
-from shellbench import catalog
+from shellbench.bench import catalog
+from shellbench.bench.suite import Suite, SuiteRun
 from shellbench.report.palette import COLOURS, MARKERS, OKABE_ITO, declared_solvers, inks
-from shellbench.suite import Suite, SuiteRun
 
 
 def test_every_solver_of_the_suites_has_a_colour_and_a_marker_of_its_own():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.fields import Fields, areas, differences, field_table
 from tests.report.conftest import Store
 

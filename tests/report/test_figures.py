@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from shellbench import catalog
-from shellbench.case import build_case
+from shellbench.bench import catalog
 from shellbench.model import read_toml
+from shellbench.problems.shell.case import build_case
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
 from shellbench.report.courses import courses
 from shellbench.report.palette import COLOURS, inks, style

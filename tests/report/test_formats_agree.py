@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench import store as bench
 from shellbench.report.page import write_report
 from shellbench.report.resolution import mesh_table, resolution_table

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.answers import BYTES_A_POINT, LEVELS, answers, fewest, fewest_for_headline
 from shellbench.report.ladder import case_runs
 from shellbench.report.memory import details, section

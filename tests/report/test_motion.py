@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.fields import read_fields
 from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure
 from shellbench.report.motion_exhibits import CLOTH, is_cloth, load_words, motion_exhibits

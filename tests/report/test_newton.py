@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import minimize
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
 from shellbench.report.derivation import DERIVATION

@@ -113,7 +113,7 @@ def test_the_report_needs_records_and_rows_alone(nonlinear, tmp_path):
         "from shellbench.bench.row import Row; from shellbench.bench.store import Store;"
         "rows = [Row.model_validate(d) for d in json.loads(Path(sys.argv[2]).read_text())];"
         "page.write_report(Store(Path(sys.argv[1])), rows, Path(sys.argv[3]));"
-        "print([name for name in ('torch', 'skfem', 'shellbench.fem', 'shellbench.ndf') if name in sys.modules])"
+        "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, str(nonlinear.folder), str(rows), str(tmp_path / "out")],

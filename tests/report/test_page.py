@@ -18,7 +18,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
@@ -353,7 +353,7 @@ def test_reports_need_records_alone(store):
         "import sys; from shellbench.report import page, tables, exhibits; from shellbench.bench.store import Store;"
         "from pathlib import Path; import tempfile;"
         "page.write_report(Store(Path(sys.argv[1])), [], Path(tempfile.mkdtemp()));"
-        "print([name for name in ('torch', 'skfem', 'shellbench.fem', 'shellbench.ndf') if name in sys.modules])"
+        "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code, str(store.folder)], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench import store as bench
 from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography

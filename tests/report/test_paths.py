@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from shellbench import catalog
+from shellbench.bench import catalog
+from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
 from shellbench.bench.task import case_data
-from shellbench.case import Case
-from shellbench.reference import KnownCurve, KnownValue, KnownValues
+from shellbench.problems.shell.case import Case
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.palette import inks, style
 from shellbench.report.path_exhibits import path_exhibits

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report import consistency, cost, held_supports, memory, sampling_study, seeds
 from tests.report import resolutions, studied
 from tests.report.test_formats_agree import lines, numbers_of, words

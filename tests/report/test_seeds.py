@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.evidence import Evidence
 from shellbench.report.palette import inks
 from shellbench.report.seed_figure import seed_figure

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.palette import style
 from shellbench.report.path_exhibits import path_exhibits, rolling_stiffness
 from shellbench.report.strain_figure import CURVATURE, ENERGY, INKS, exact_energy

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from shellbench.reference import KnownValue, KnownValues
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.report.table import Table
 from shellbench.report.tables import displacement_tables, render
 from tests.report.conftest import COURSE, TRUTH, UNCERTAINTY, Store, missing_row, row

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import Measured
+from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
-from shellbench.reference import KnownValue, KnownValues
 from shellbench.report.evidence import Evidence
 from shellbench.report.table import WRITERS
 from shellbench.report.thinness import bending_share, extent, findings, section, thinning

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.record import HistoryStep
 from shellbench.report.training_time import section, training_stops, training_table
 from tests.report.conftest import GRID, TRUTH, field

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.report.fields import read_fields
 from shellbench.report.view import COARSE, FINE, MOST_STATES, answered, stride, views
 from shellbench.report.view_data import LARGEST, packed, palettes_json, view_json

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from shellbench import catalog
+from shellbench.bench import catalog
 from shellbench.bench.identity import current_source
 from shellbench.bench.registry import solver_entries
 from tests.patience import GUARD
 from tests.report.conftest import record
 
-PACKAGES = ("torch", "skfem", "pypardiso", "shellbench.fem", "shellbench.ndf", "shellbench.cst")
+PACKAGES = ("torch", "skfem", "pypardiso", "shellbench.solvers.fem", "shellbench.solvers.ndf", "shellbench.solvers.cst")
 SOLVERS = ("fem", "ndf-ritz", "ndf")
 TEXT = (".md", ".csv", ".tex", ".json", ".html")
 PROGRAM = f"""

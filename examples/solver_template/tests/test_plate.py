@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shellbench.case import Case, build_case
 from shellbench.errors import InputError
-from shellbench.measure import measure_all
+from shellbench.problems.shell.case import Case, build_case
+from shellbench.problems.shell.measure import measure_all
 
 from plate_series.solver import PlateSeriesSolver, PlateSettings
 

@@ -6,8 +6,8 @@ as "not applicable: ...", and costs nothing. A case that is solved wrongly is a 
 
 from __future__ import annotations
 
-from shellbench.case import Case
-from shellbench.conditions import AreaLoad, PressureLoad
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import AreaLoad, PressureLoad
 
 from plate_series.plate import Plate
 

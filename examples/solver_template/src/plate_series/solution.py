@@ -1,4 +1,4 @@
-"""The answer: a displacement field that can be asked anywhere (the protocol `shellbench.solution.Solution`).
+"""The answer: a displacement field that can be asked anywhere (the protocol `shellbench.problem.Solution`).
 
 Everything that shellbench shows of a solver it measures through this class. A solution must answer at any points,
 one or a million, in any shape (..., 2); a solver on a mesh interpolates with its own basis.
@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from shellbench.case import Case
 from shellbench.errors import InputError
-from shellbench.rounding import shortened
-from shellbench.solution import NumberFormat, Step
+from shellbench.problem import NumberFormat, Step
+from shellbench.problems.rounding import shortened
+from shellbench.problems.shell.case import Case
 
 from plate_series import plate as series
 from plate_series.plate import Array, Plate
@@ -85,7 +85,7 @@ class PlateSolution:
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return strains (..., 3) or energy densities (...) at points (..., 2); KeyError for an unknown name.
 
-        The names, components and units are those of `shellbench.solution.FIELDS`. In linear theory a plate under
+        The names, components and units are those of `shellbench.problem.FIELDS`. In linear theory a plate under
         normal load does not stretch.
         """
         xi = np.asarray(points, dtype=float)

@@ -1,4 +1,4 @@
-"""The solver as shellbench sees it (the protocol `shellbench.solution.Solver`): a name, what it can do, and `solve`.
+"""The solver as shellbench sees it (the protocol `shellbench.problem.Solver`): a name, what it can do, and `solve`.
 
 shellbench makes one by calling the class without arguments, reads its settings from ``--set plate-series.terms=8``,
 and runs `solve` in a process of its own, so that a crash or a leak costs that run only.
@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
-from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.measure import measure_all
-from shellbench.solution import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure_all
 
 from plate_series import plate as series
 from plate_series import reading

@@ -15,9 +15,9 @@ import numpy as np
 import psutil
 from pydantic import Field
 
-from shellbench.case import Case
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solution import Capabilities, Progress, SeededSettings, Settings, Step
+from shellbench.problem import Capabilities, Progress, SeededSettings, Settings, Step
+from shellbench.problems.shell.case import Case
 from toy_shells import strip
 
 Behaviour = Literal[

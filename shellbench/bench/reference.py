@@ -1,0 +1,124 @@
+"""Known values: each with its theory, its source and how sure it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError, model_validator
+
+from shellbench.errors import InputError
+from shellbench.model import Finite, Model, one_sentence, read_toml
+from shellbench.problems.shell.conditions import Name
+
+KnownTheory = Literal[
+    "kirchhoff-love-linear",
+    "kirchhoff-love-nonlinear",
+    "reissner-mindlin",
+    "inextensional",
+    "membrane",
+    "mixed",
+    "unstated",
+]
+Role = Literal["judge", "origin", "literature", "published"]
+"""judge: decides; origin: an independent second derivation of it; literature: the figure usually quoted;
+published: what a paper reports of its own solver."""
+
+
+class KnownValue(Model):
+    """One figure for one quantity of a case.
+
+    Attributes
+    ----------
+    value, uncertainty
+        In the quantity's own unit; the uncertainty is a half width that surely covers the truth, null if unknown.
+    origin
+        How the figure came about (a series, an engine, a measurement), in a few words.
+    source
+        Key in references/bibliography.bib.
+    locator
+        Where in the source: table, equation, page.
+    label
+        What a table calls it, such as "GELU" for an ablation.
+    """
+
+    quantity: Name
+    role: Role
+    value: Finite
+    uncertainty: Annotated[Finite, Field(ge=0)] | None = None
+    theory: KnownTheory
+    origin: str
+    source: str
+    locator: str = ""
+    label: str = ""
+    note: str = ""
+
+
+class KnownCurve(Model):
+    """A tabulated load-displacement curve of one quantity of a case.
+
+    Attributes
+    ----------
+    loads, values
+        Load factors and the quantity in its own unit, in the order of the path; as many of one as of the other.
+    label
+        What a figure calls it; the source if empty.
+    """
+
+    quantity: Name
+    role: Literal["origin", "literature", "published"] = "literature"
+    theory: KnownTheory
+    origin: str
+    source: str
+    locator: str = ""
+    label: str = ""
+    note: str = ""
+    loads: tuple[Finite, ...] = Field(min_length=1)
+    values: tuple[Finite, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _pairs(self) -> KnownCurve:
+        if len(self.loads) != len(self.values):
+            raise ValueError(f"the curve of {self.quantity} has {len(self.loads)} loads but {len(self.values)} values")
+        return self
+
+
+class KnownValues(Model):
+    """All known values and tabulated curves of a case."""
+
+    values: tuple[KnownValue, ...] = ()
+    curves: tuple[KnownCurve, ...] = ()
+
+    def judge(self, quantity: str, theory: str) -> KnownValue | None:
+        """Return the value that decides on a quantity under a theory, if there is one."""
+        for value in self.values:
+            if value.role == "judge" and value.quantity == quantity and value.theory == theory:
+                return value
+        return None
+
+    def of(self, quantity: str, *roles: Role) -> tuple[KnownValue, ...]:
+        """Return the values of a quantity that have one of the roles."""
+        return tuple(v for v in self.values if v.quantity == quantity and v.role in roles)
+
+    @model_validator(mode="after")
+    def _one_judge_each(self) -> KnownValues:
+        judges = [(v.quantity, v.theory) for v in self.values if v.role == "judge"]
+        for quantity, theory in judges:
+            if judges.count((quantity, theory)) > 1:
+                raise ValueError(f"two values judge {quantity} under {theory}; one must")
+        return self
+
+
+def read_known_values(path: Path) -> KnownValues:
+    """Read a file of known values.
+
+    Raises
+    ------
+    InputError
+        In one sentence with the file and the field.
+    """
+    data = read_toml(path)
+    try:
+        return KnownValues.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{path}: {one_sentence(error, data)}") from None

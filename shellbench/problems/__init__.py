@@ -1,0 +1,1 @@
+"""Kinds of problem: what is asked of solvers."""

@@ -1,0 +1,1 @@
+"""Thin shells by the theory of Kirchhoff and Love."""

@@ -1,0 +1,178 @@
+"""What a case must be like so that its path or its motion begins at rest and can be followed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.conditions import (
+    COMPONENTS,
+    AreaLoad,
+    EdgeLoad,
+    Formula,
+    GravityLoad,
+    Load,
+    MomentLoad,
+    PointLoad,
+    PressureLoad,
+)
+from shellbench.problems.shell.places import Whole
+from shellbench.problems.shell.quantities import (
+    CriticalPoint,
+    DisplacementQuantity,
+    LimitPoint,
+    LoadQuantity,
+    MotionEnergy,
+    Unmarked,
+)
+
+if TYPE_CHECKING:
+    from shellbench.problems.shell.case import Case
+
+Array = NDArray[np.float64]
+
+SAMPLES = 9  # points a side at which loads and motions are looked at
+TIMES, GOLDEN = 32, (5**0.5 - 1) / 2  # further instants, in no rhythm that a formula might have
+PROPORTIONAL = 1e-12  # relative departure from proportional loads that is rounding
+INSTANT = 1e-6  # of the whole time, after which a motion from rest has gone next to nowhere
+AT_REST = 1e-3  # of a support's mean velocity: the velocity it may have after that instant
+
+
+def formulas_of(load: Load) -> tuple[Formula, ...]:
+    """Return the numbers and formulas of a load."""
+    match load:
+        case AreaLoad() | EdgeLoad():
+            return load.vector
+        case PointLoad():
+            return load.force
+        case GravityLoad():
+            return load.acceleration
+        case PressureLoad() | MomentLoad():
+            return (load.value,)
+
+
+def check_path(case: Case) -> None:
+    """Check that a static case's path starts from rest and is one that solvers can follow.
+
+    Raises
+    ------
+    ValueError
+        In one clause that says what is wrong.
+    """
+    path = case.path
+    if case.springs:
+        raise ValueError("springs belong to a case with [dynamics]")
+    if case.held_everywhere:
+        raise ValueError("a component that is held on the whole surface belongs to a case with [dynamics]")
+    if path.quantity is not None:
+        named = next((q for q in case.quantities if q.name == path.quantity), None)
+        if not isinstance(named, DisplacementQuantity):
+            raise ValueError(f"the path names '{path.quantity}', which is no displacement quantity")
+        if case.linear:
+            raise ValueError(f"a path with control = '{path.control}' belongs to the non-linear theory")
+        if any(isinstance(place, Whole) for _, place in case.supported_places()):
+            raise ValueError(
+                f"where everything is prescribed no path is followed, so that control can't be '{path.control}'"
+            )
+    for quantity in case.quantities:
+        if isinstance(quantity, LoadQuantity | LimitPoint) and path.quantity is None:
+            raise ValueError(f"quantity '{quantity.name}' needs a path with control 'displacement' or 'arc_length'")
+        if isinstance(quantity, CriticalPoint) and (case.linear or path.control != "load"):
+            raise ValueError(f"quantity '{quantity.name}' needs the non-linear theory and a path with control = 'load'")
+        if isinstance(quantity, MotionEnergy):
+            raise ValueError(f"quantity '{quantity.name}' needs a case with [dynamics]")
+    if case.linear:
+        return
+    beyond = [state for state in case.states if not 0 < state <= path.until]
+    if beyond:
+        raise ValueError(f"a state is asked for at {beyond[0]:g}, but the path goes from 0 to {path.until:g}")
+    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    for what, at in (*_moves(case, sample), *_loads(case, sample)):
+        rest, unit, twice = at(0.0), at(1.0), at(2.0)
+        if np.any(rest != 0):
+            raise ValueError(f"{what} acts at t = 0; in the non-linear theory t is the load factor, and rest is at 0")
+        for t in np.linspace(0.0, path.until, SAMPLES)[1:] if path.quantity is None else ():
+            if not np.all(np.isfinite(at(float(t)))):
+                raise ValueError(f"{what} is not finite at t = {t:.4g}, on the way to {path.until:g}")
+        if path.quantity is not None and np.abs(twice - 2 * unit).max() > PROPORTIONAL * np.abs(unit).max():
+            raise ValueError(f"{what} is not proportional to t, as a path with control '{path.control}' needs")
+
+
+def check_motion(case: Case) -> None:
+    """Check that a case with [dynamics] starts from rest and says all that its motion needs.
+
+    Raises
+    ------
+    ValueError
+        In one clause that says what is wrong.
+    """
+    assert case.dynamics is not None
+    until = case.dynamics.until
+    if case.linear:
+        raise ValueError("[dynamics] belongs to the theory kirchhoff-love-nonlinear")
+    if "path" in case.model_fields_set:
+        raise ValueError("a case has a [path] or [dynamics], not both")
+    if case.material.areal_density <= 0:
+        raise ValueError("field 'material.areal_density' must be given and positive where the shell moves")
+    if case.prescribed:
+        raise ValueError("where everything is prescribed nothing is left to move by Newton's law")
+    if len(case.held_everywhere) == len(COMPONENTS):
+        raise ValueError("all components are held on the whole surface, so that nothing is left to move")
+    if case.remove_rigid_motions:
+        raise ValueError("in motion no rigid motion is removed: what nothing holds moves")
+    beyond = [state for state in case.states if not 0 < state <= until]
+    if beyond:
+        raise ValueError(
+            f"a state is asked for at {beyond[0]:g} s, but the motion starts from rest at 0 s and ends at {until:g} s"
+        )
+    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    times = until * np.concatenate([np.linspace(0.0, 1.0, SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
+    constant = case.steady
+    for what, at in _moves(case, sample):
+        values = [at(float(t)) for t in times]
+        if not np.all(np.isfinite(values)):
+            raise ValueError(f"{what} is not finite on the way to {until:g} s")
+        constant = constant and not np.any(values)
+        farthest = np.abs(values).max()
+        if np.any(values[0] != 0):
+            raise ValueError(f"{what} is not zero at t = 0, where the shell is at rest")
+        if np.abs(at(INSTANT * until)).max() > AT_REST * INSTANT * farthest:
+            raise ValueError(f"{what} has a velocity at t = 0, where the shell is at rest: ramp it smoothly")
+    for what, at in _loads(case, sample):
+        if not np.all(np.isfinite([at(float(t)) for t in times])):
+            raise ValueError(f"{what} is not finite on the way to {until:g} s")
+    spread = all(isinstance(load, AreaLoad | PressureLoad | GravityLoad) for load in case.loads)
+    for quantity in case.quantities:
+        if isinstance(quantity, LoadQuantity | Unmarked):
+            raise ValueError(f"quantity '{quantity.name}' belongs to a [path], not to [dynamics]")
+        if isinstance(quantity, MotionEnergy) and quantity.kind == "total_energy" and not (constant and spread):
+            raise ValueError(
+                f"quantity '{quantity.name}' needs supports at rest, and loads that are constant and spread out"
+            )
+
+
+Acting = tuple[str, Callable[[float], Array]]
+
+
+def _moves(case: Case, sample: Array) -> Iterator[Acting]:
+    """Yield the motions of supports as functions of t."""
+    for support, place in case.supported_places():
+        if isinstance(place, Whole):
+            continue  # where everything is prescribed no path leads there from rest
+        yield (
+            f"the motion of support '{support.name}'",
+            lambda t, s=support, p=place: case.motion(s, p, sample, t)[0, 0],  # type: ignore[misc]
+        )
+
+
+def _loads(case: Case, sample: Array) -> Iterator[Acting]:
+    """Yield the loads as functions of t."""
+    for load in case.loads:
+        formulas = [case.formula(formula) for formula in formulas_of(load)]
+        yield (
+            f"a load of kind '{load.kind}'",
+            lambda t, fs=formulas: np.stack([f.derivatives(sample, 0, t)[0, 0] for f in fs]),  # type: ignore[misc]
+        )

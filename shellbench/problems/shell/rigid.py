@@ -1,0 +1,109 @@
+"""Rigid motions of a shell, and which of them the supports leave free."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.problems.shell.places import Edge, Point
+from shellbench.problems.shell.surface import Surface
+
+if TYPE_CHECKING:
+    from shellbench.problems.shell.case import Case
+
+Array = NDArray[np.float64]
+RigidMotion = Literal["translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z"]
+RIGID_MOTIONS: tuple[RigidMotion, ...] = (
+    "translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z",
+)  # fmt: skip
+
+SAMPLES_A_SIDE = 9  # of the grid that gives the middle and the size of a surface
+EDGE_SAMPLES = 17  # points on an edge at which its supports are applied to the rigid motions
+RANK_TOLERANCE = 1e-9  # singular values below this, relative to the largest, are zero
+
+
+def rigid_modes(surface: Surface, points: ArrayLike, order: int = 0) -> dict[tuple[int, int], Array]:
+    """Return the six infinitesimal rigid motions and their derivatives.
+
+    Rotations are about the middle of the surface and divided by its size, so that all six have like magnitude.
+
+    Parameters
+    ----------
+    surface
+        The midsurface.
+    points
+        (..., 2) curvilinear coordinates.
+    order
+        Highest order of derivatives.
+
+    Returns
+    -------
+    dict
+        (i, j) -> (..., 3, 6), in the order of `RIGID_MOTIONS`.
+    """
+    sample = surface.position(surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE)).reshape(-1, 3)
+    centre = (sample.max(axis=0) + sample.min(axis=0)) / 2
+    size = np.linalg.norm(sample - centre, axis=1).max()
+    modes = {}
+    for key, x in surface.derivatives(points, order).items():
+        arm = (x - centre if key == (0, 0) else x) / size
+        translations = np.zeros((*x.shape, 3))
+        if key == (0, 0):
+            translations[...] = np.eye(3)
+        rotations = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=-1)
+        modes[key] = np.concatenate([translations, rotations], axis=-1)
+    return modes
+
+
+def free_motions(case: Case) -> Array:
+    """Return an orthonormal basis (6, n) of the rigid motions that no support resists."""
+    rows = [np.zeros((1, 6))]
+    for support, place in case.supported_places():
+        components = ["xyz".index(c) for c in support.held]
+        if isinstance(place, Edge):
+            domain = case.surface.domain
+            running = 1 - place.axis
+            points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
+        elif isinstance(place, Point):
+            points = np.asarray([place.xi])
+        else:
+            points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
+        modes = rigid_modes(case.surface, points, order=1)
+        rows.append(modes[0, 0][:, components].reshape(-1, 6))
+        if support.holds_slope and isinstance(place, Edge):
+            x = case.surface.derivatives(points, order=1)
+            tangent = (x[0, 1], x[1, 0])[place.axis]
+            normal = np.cross(x[1, 0], x[0, 1])
+            normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+            # the rotation about the edge's tangent, which a held slope prevents
+            tilt = np.cross(tangent, normal) / np.linalg.norm(tangent, axis=-1, keepdims=True)
+            spin = np.stack([np.cross(axis, tilt) for axis in np.eye(3)], axis=-1)
+            rows.append(np.concatenate([np.zeros((len(points), 3)), np.einsum("pi,pik->pk", normal, spin)], axis=1))
+    matrix = np.concatenate(rows)
+    _, values, basis = np.linalg.svd(matrix, full_matrices=True)
+    held = np.count_nonzero(values > RANK_TOLERANCE * max(1.0, values.max()))
+    return basis[held:].T
+
+
+def check_held(case: Case) -> None:
+    """Check that supports and removed rigid motions together hold the shell.
+
+    Raises
+    ------
+    ValueError
+        If a rigid motion is left free, or one is removed that the supports hold already.
+    """
+    free = free_motions(case)
+    removed = np.eye(6)[:, [RIGID_MOTIONS.index(name) for name in case.remove_rigid_motions]]
+    for name, motion in zip(case.remove_rigid_motions, removed.T, strict=True):
+        if np.linalg.norm(free.T @ motion) < 1e-6:
+            raise ValueError(f"remove_rigid_motions names {name}, which the supports already hold")
+    loose = free - removed @ (removed.T @ free)
+    if free.size and np.linalg.norm(loose) > 1e-6:
+        strongest = RIGID_MOTIONS[int(np.argmax(np.linalg.norm(loose, axis=1)))]
+        raise ValueError(
+            f"the problem is singular: nothing holds the shell against {strongest};"
+            " add a support, or name the motion in remove_rigid_motions if the loads are in balance"
+        )

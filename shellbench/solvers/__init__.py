@@ -1,0 +1,1 @@
+"""Solvers of ours, a folder each or a family."""

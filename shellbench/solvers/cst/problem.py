@@ -1,0 +1,165 @@
+"""A case on a mesh: elastic energy, what acts on it, what holds it, and the minimum of their sum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.cst.elastic import Elastic, Pattern
+from shellbench.solvers.cst.loading import Loading
+from shellbench.solvers.cst.mesh import TriangleMesh
+from shellbench.solvers.cst.supports import Loose, Supports
+
+Array = NDArray[np.float64]
+
+ARMIJO = 1e-4  # share of the decrease that the slope promises which a step must bring
+SHORTEST = 2.0**-30  # part of Newton's step below which a search along it gives up
+ROUNDING = 1e-13  # of the energies that are added: a difference that says nothing
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that is fixed while a case is solved on a mesh."""
+
+    case: Case
+    mesh: TriangleMesh
+    elastic: Elastic
+    loading: Loading
+    supports: Supports
+    loose: Loose
+
+    @classmethod
+    def of(cls, case: Case, mesh: TriangleMesh) -> Problem:
+        """Put a case on a mesh; InputError if it does not fit it."""
+        elastic = Elastic.of(case, mesh)
+        supports = Supports.of(case, mesh)
+        return cls(case, mesh, elastic, Loading.of(case, mesh, elastic), supports, Loose.of(case, supports))
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Of the matrices of what is neither held nor pinned."""
+        return Pattern.of(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
+
+    def internal(self, displacement: Array) -> Array:
+        """Return the forces (v, 3) that triangles, hinges and springs need to be held so, N."""
+        return self.elastic.gradient(displacement) + self.loading.springs * displacement
+
+    def strain_energy(self, displacement: Array) -> float:
+        """Return the energy of triangles, hinges and springs, J."""
+        return sum(self.elastic.energies(displacement)) + float(np.sum(self.loading.springs * displacement**2) / 2)
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where Newton's method ended.
+
+    Attributes
+    ----------
+    displacement
+        (v, 3).
+    iterations
+        Newton steps.
+    correction
+        The largest displacement of the last one, m.
+    """
+
+    displacement: Array
+    iterations: int
+    correction: float
+
+
+def factorised(matrix: csc_array) -> Callable[[Array], Array]:
+    """Factorise a symmetric matrix; SolveFailure if it is singular."""
+    try:
+        options = {"SymmetricMode": True}
+        solve: Callable[[Array], Array] = splu(
+            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
+        ).solve
+    except RuntimeError:
+        raise SolveFailure("the stiffness matrix is singular") from None
+    return solve
+
+
+def minimise(
+    problem: Problem, start: Array, force: Array, inertia: Array, target: Array, smallest: float, most: int
+) -> Minimum:
+    """Minimise W(u) - f.u + 1/2 sum of m_i |u_i - target_i|^2 over the free vertices by Newton's method.
+
+    The exact second derivative is used where it leads downhill and is convex along the step, else a positive definite
+    one; each step is halved until it brings a decrease (Armijo).
+
+    Parameters
+    ----------
+    problem
+        Case and mesh.
+    start
+        (v, 3) where to begin; held vertices stay there.
+    force
+        (v, 3) f, N.
+    inertia
+        (v,) m, kg/s^2; zero in statics.
+    target
+        (v, 3) where inertia draws the vertices.
+    smallest
+        Step, m, at which the minimum is found.
+    most
+        Newton steps after which the search gives up.
+
+    Raises
+    ------
+    SolveFailure
+        If no minimum is found.
+    """
+    pattern, springs = problem.pattern, problem.loading.springs
+    diagonal = (inertia[:, None] + springs).ravel()[pattern.free]
+
+    def energy(u: Array) -> tuple[float, float]:
+        parts = np.array([
+            problem.strain_energy(u), -np.sum(force * u), np.sum(inertia[:, None] * (u - target) ** 2) / 2,
+        ])  # fmt: skip
+        return float(parts.sum()), float(np.abs(parts).sum())
+
+    u = start.copy()
+    value, scale = energy(u)
+    for iteration in range(1, most + 1):
+        gradient = problem.internal(u) - force + inertia[:, None] * (u - target)
+        g = gradient.ravel()[pattern.free]
+        step = _newton_step(problem, u, g, diagonal)
+        correction, slope, part = float(np.abs(step).max(initial=0.0)), float(g @ step), 1.0
+        while True:
+            trial = u.copy()
+            trial.ravel()[pattern.free] += part * step
+            if correction <= smallest:  # too short for energies to tell up from down
+                return Minimum(trial, iteration, correction)
+            found, size = energy(trial)
+            if found - value <= ARMIJO * part * slope + ROUNDING * max(scale, size):
+                break
+            part /= 2
+            if part < SHORTEST:
+                raise SolveFailure("Newton's method finds no way downhill")
+        u, value, scale = trial, found, size
+    raise SolveFailure(f"Newton's method did not converge in {most} steps")
+
+
+def _newton_step(problem: Problem, u: Array, g: Array, diagonal: Array) -> Array:
+    for definite in (False, True):
+        matrix = problem.pattern.matrix(problem.elastic.tangent_values(u, definite), diagonal)
+        try:
+            step = -factorised(matrix)(g)
+        except SolveFailure:
+            if definite:
+                raise
+            continue
+        if definite or (np.all(np.isfinite(step)) and g @ step < 0 < step @ (matrix @ step)):
+            return step
+        if not g.any():
+            return step
+    raise AssertionError  # the definite step is always returned

@@ -1,0 +1,77 @@
+"""The solver `cst-hinge`: what cloth simulators compute, put to the questions of the suite."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field
+
+from shellbench.errors import InputError
+from shellbench.model import Finite
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.cst import declines
+from shellbench.solvers.cst.choices import Diagonal
+
+if TYPE_CHECKING:
+    from shellbench.solvers.cst.solution import CstSolution
+
+TOLERANCE = 1e-9  # of Newton's last step, relative to the shell's size
+
+
+class CstSettings(Settings):
+    """Settings of `CstSolver`."""
+
+    cells: tuple[int, int] | None = Field(None, description="cells along xi1 and xi2; None: 32 on the longer side")
+    diagonal: Diagonal = Field("right", description="how cells are cut into triangles")
+    time_step: Finite | None = Field(
+        None, gt=0, description="longest step in time, s; None: 1/240 s; static cases have none"
+    )
+    tolerance: Finite = Field(TOLERANCE, gt=0, le=1e-2, description="Newton's last step, relative to the shell's size")
+
+
+class CstSolver:
+    """Constant-strain triangles with hinges, on one mesh; motions by backward Euler."""
+
+    name: ClassVar[str] = "cst-hinge"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
+        label="constant-strain triangles with hinge bending (as cloth simulators)",
+    )
+    settings_type: ClassVar[type[Settings]] = CstSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the solver can't take this case, as one clause, or None if it can."""
+        return declines.reason(case)
+
+    def solve(
+        self,
+        case: Case,
+        settings: Any,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> CstSolution:
+        """Solve a case on one mesh; an earlier solution `start` is not used.
+
+        Raises
+        ------
+        SolveFailure
+            If a matrix is singular, loads are not in balance, or Newton's method fails; the states that were found
+            come with it.
+        InputError
+            If the mesh does not fit the case.
+        """
+        chosen = settings if isinstance(settings, CstSettings) else CstSettings.model_validate(settings or {})
+        refusal = self.declines(case)
+        if refusal:
+            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
+        from shellbench.solvers.cst import solving
+
+        return solving.solve(case, chosen, progress or (lambda _: None))
+
+    def load(self, path: Path) -> CstSolution:
+        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        from shellbench.solvers.cst.solution import CstSolution
+
+        return CstSolution.load(path)

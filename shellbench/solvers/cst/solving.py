@@ -1,0 +1,159 @@
+"""Solving a case on one mesh of triangles: its states or frames, one after the other."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import ThreadpoolController
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.solvers.cst import motion, static
+from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
+from shellbench.solvers.cst.problem import Problem
+from shellbench.solvers.cst.solution import CstSolution
+from shellbench.solvers.cst.solver import CstSettings
+
+LONGER_SIDE = 32  # cells, unless settings say otherwise
+MOST_CELLS = 5000  # along a coordinate: 150 million unknowns, more than any direct solve takes
+TIME_STEP = 1 / 240  # s: four steps a frame of 60 Hz
+
+
+def usual_cells(case: Case) -> tuple[int, int]:
+    """Return 32 cells on the longer side and as many on the other as make them square, or a few more.
+
+    Named points lie on vertices where some number up to twice as large allows it.
+    """
+    domain = case.surface.domain
+    x = case.surface.position(domain.grid(LONGER_SIDE + 1, LONGER_SIDE + 1))
+    lengths = [np.linalg.norm(np.diff(x, axis=a), axis=-1).sum(axis=a).max() for a in (0, 1)]
+    named = np.array([p.xi for p in case.places.values() if isinstance(p, Point)]).reshape(-1, 2)
+    cells = []
+    for axis in (0, 1):
+        places = (named[:, axis] - domain.lower[axis]) / domain.size[axis]
+        fewest = max(FEWEST_PERIODIC, math.ceil(LONGER_SIDE * lengths[axis] / max(lengths) - 1e-6))
+        tries = range(fewest, 2 * fewest + 1)
+        fitting = (n for n in tries if np.all(np.abs(places * n - np.rint(places * n)) < 1e-9))
+        cells.append(next(fitting, fewest))
+    return cells[0], cells[1]
+
+
+@dataclass
+class _Course:
+    """What is known of a solve so far."""
+
+    problem: Problem
+    settings: CstSettings
+    progress: ProgressCallback
+    began: float = field(default_factory=time.perf_counter)
+    marks: list[float] = field(default_factory=list)
+    frames: list[Any] = field(default_factory=list)
+    history: list[Step] = field(default_factory=list)
+    figures: dict[str, Any] = field(default_factory=dict)
+
+    def solution(self) -> CstSolution:
+        """Return what was reached."""
+        mesh = self.problem.mesh
+        figures = {"cells": list(mesh.cells), "diagonal": mesh.diagonal, **self.figures}
+        frames = np.stack(self.frames, axis=-1)
+        unknowns = len(self.problem.pattern.free)
+        return CstSolution(
+            self.problem.case, mesh, np.array(self.marks), frames, unknowns, tuple(self.history), figures
+        )
+
+    def partial(self) -> CstSolution | None:
+        """Return what was reached, or None before the first state."""
+        return self.solution() if self.history else None
+
+    def add_state(self, state: static.State) -> None:
+        """Keep a state of a static case, with the displacements that are asked for."""
+        self.marks.append(state.at)
+        self.frames.append(state.displacement)
+        self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
+        step = self._step(state.at, state.energy, state.iterations)
+        if self.problem.case.linear:
+            self.history.append(step)
+            return
+        solution = self.solution()
+        asked = [q for q in self.problem.case.quantities if isinstance(q, DisplacementQuantity)]
+        values = {q.name: measure(solution, q.model_copy(update={"at": state.at})) for q in asked}
+        self.history.append(replace(step, phase="path", quantities=values))
+        self.progress(Progress(len(self.history), len(self.problem.case.states), f"load factor {state.at:.4g}"))
+
+    def add_frame(self, frame: motion.Frame, steps: int) -> None:
+        """Keep a frame of a motion."""
+        self.marks.append(frame.at)
+        self.frames.append(frame.displacement)
+        self.history.append(replace(self._step(frame.at, frame.energy, frame.iterations), phase="time"))
+        self.progress(Progress(len(self.history), steps, f"{frame.at:.4g} s"))
+
+    def _step(self, at: float, energy: float, iterations: int) -> Step:
+        seconds = time.perf_counter() - self.began
+        unknowns = len(self.problem.pattern.free)
+        return Step(len(self.history), seconds, energy, unknowns, at, iterations=iterations)
+
+
+def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSolution:
+    """Solve a case; see `shellbench.solvers.cst.solver.CstSolver`."""
+    with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
+        course: _Course | None = None
+        try:
+            course = _Course(Problem.of(case, mesh_of(case, chosen)), chosen, progress)
+            return _solve(course)
+        except SolveFailure as failure:
+            raise SolveFailure(str(failure), partial=course.partial() if course else None) from None
+        except MemoryError:
+            partial = course.partial() if course else None
+            raise SolveFailure("the mesh does not fit into memory", partial=partial) from None
+
+
+def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
+    """Return the mesh that settings ask for; InputError if it can't be."""
+    cells = settings.cells or usual_cells(case)
+    if min(cells) < 1 or max(cells) > MOST_CELLS:
+        raise InputError(f"field 'cells': found {list(cells)}, both must be from 1 to {MOST_CELLS}")
+    closed = [n for n, turns in zip(cells, case.surface.domain.periodic, strict=True) if turns]
+    if settings.diagonal == "alternating" and any(n % 2 for n in closed):
+        raise InputError(f"field 'cells': found {list(cells)}, but around a closed shell an even number alternates")
+    try:
+        return TriangleMesh(case.surface.domain, cells, settings.diagonal)
+    except ValueError as error:
+        raise InputError(f"field 'cells': {error}") from None
+
+
+def _solve(course: _Course) -> CstSolution:
+    case, problem, settings = course.problem.case, course.problem, course.settings
+    if case.dynamics is not None:
+        steps = motion.step_count(case.dynamics.until, settings.time_step or TIME_STEP)
+        course.figures["time_step"] = case.dynamics.until / steps
+        course.marks.append(0.0)
+        course.frames.append(np.zeros_like(problem.elastic.rest))
+        motion.march(
+            problem, case.dynamics.until, steps, settings.tolerance, lambda frame: course.add_frame(frame, steps)
+        )
+        return course.solution()
+    if case.linear:
+        for state in static.solve_linear(problem, case.states):
+            course.add_state(state)
+    else:
+        static.follow_path(problem, case.states, settings.tolerance, course.add_state)
+    solution = course.solution()
+    last = solution.history[-1]
+    whole = replace(
+        last,
+        iteration=0,
+        seconds=time.perf_counter() - course.began,
+        quantities=measure_all(solution),
+        phase="solve",
+        iterations=None,
+    )
+    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
+    return replace(solution, history=(whole, *path))

@@ -1,0 +1,248 @@
+"""Through buckling: the critical state by the inertia of the tangent, and the way from there to a stable one.
+
+On a path of states that are all in equilibrium the first one at which the tangent has a negative eigenvalue is
+bracketed by bisection. Beyond it the shell is left to itself: from a state pushed a little along the softest mode,
+pseudo-transient continuation,
+
+    (K + mu M) dq = r,
+
+goes downhill in the potential energy, M being the shell's area as a mass and 1/mu the length of a step in time
+(Kelley & Keyes 1998). mu is large enough that the matrix is positive definite and the energy falls, and smaller the
+better that works; at the end it is Newton's method. Only a minimum is taken for an answer.
+
+Waves that may travel around a shell of revolution are held where they are (`revolution`); in a relaxation, which is
+free to move them, mu does not fall below `NEUTRAL` of the softest stiffness at rest.
+
+Kelley & Keyes (1998), Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix
+from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
+from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.hermite import KINDS
+from shellbench.solvers.fem.inertia import weighted_products
+from shellbench.solvers.fem.problem import NotConvergedError, Problem, State
+
+Array = NDArray[np.float64]
+
+NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
+BRACKET = 1e-5  # of the load factor: how closely the critical state is bracketed
+BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
+INVERSE_STEPS = 12  # of inverse iteration for the softest mode
+PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
+SADDLES = 5  # that are left again before a relaxation gives up
+EASIER, HARDER = 0.2, 8.0  # of mu after a step that lowers the energy as it should, and after one that does not
+GAINED = 0.25  # share of the predicted gain of energy below which mu does not fall
+MOST_STEPS = 400  # of a relaxation
+RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
+
+
+def following_steps(problem: Problem, marks: Sequence[float], first: float, shortest: float) -> Iterator[State]:
+    """Yield the stable states on the way from rest to the last of increasing load factors, through buckling.
+
+    Parameters
+    ----------
+    problem
+        What is solved.
+    marks
+        Load factors that are landed on.
+    first, shortest
+        Length of the first step, and of the shortest one.
+
+    Raises
+    ------
+    PathEndsError
+        If no stable state is found.
+    """
+    buckling = Buckling(problem)
+    state, step, buckled = problem.rest(), first, False
+    for mark in marks:
+        while state.t < mark:
+            remaining = mark - state.t
+            parts = np.ceil(remaining / step * (1 - 1e-9))
+            target = mark if parts <= 1 else state.t + remaining / parts
+            try:
+                found = (buckling.holding if buckled else problem).equilibrium(state, target)
+                stable = found.stable
+            except NotConvergedError:
+                found, stable = state, False
+            if not stable and not buckled and found is not state:
+                state = buckling.critical(state, found)
+                yield replace(state, critical=True)
+                buckled, step = True, BEYOND * state.t
+                state = _left_to_itself(buckling, state, min(mark, state.t + step))
+                yield state
+                continue
+            if not stable:
+                step = (target - state.t) * CUT
+                if step >= shortest:
+                    continue
+                step = BEYOND * state.t  # far enough for the instability to show
+                found = _left_to_itself(buckling, state, min(mark, state.t + step))
+            elif found.iterations <= EASY:
+                step = max(step, (target - state.t) * GROWTH)
+            state = found
+            yield state
+
+
+def _left_to_itself(buckling: Buckling, state: State, t: float) -> State:
+    try:
+        return buckling.relaxed(state, t)
+    except NotConvergedError:
+        raise PathEndsError(f"no stable state was found at load factor {t:.6g}") from None
+
+
+@dataclass(frozen=True)
+class Buckling:
+    """The means to follow a shell through buckling."""
+
+    problem: Problem
+
+    @cached_property
+    def area(self) -> BlockMatrix:
+        """The area as a mass, m^2."""
+        case, mesh = self.problem.case, self.problem.mesh
+        return weighted_products(
+            mesh, case.surface, self.problem.quadrature, lambda points: np.ones((len(points), COMPONENTS))
+        )
+
+    @cached_property
+    def softest(self) -> float:
+        """Stiffness of the softest mode at rest, N/m^3."""
+        rest = self.problem.rest()
+        if rest.factor is None:
+            raise NotConvergedError
+        mode = self.softest_mode(self.problem.ties(0.0), rest.factor)
+        stiffness = self.problem.tangent(rest.q, 0.0, rest.strained, rest.strained.stresses)
+        return float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode)))
+
+    @cached_property
+    def holding(self) -> Problem:
+        """The problem with travelling waves held."""
+        return replace(self.problem, holding=True)
+
+    def softest_mode(self, ties: Ties, factor: Factor) -> Array:
+        """Return the mode (nodes, 12) of the least stiffness in magnitude, of unit largest displacement."""
+        mode = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12))
+        for _ in range(INVERSE_STEPS):
+            mode = _on_free(ties, factor, _times(self.area, mode))
+            mode = mode / np.abs(mode[:, :: len(KINDS)]).max()
+        return mode
+
+    def stiffness(self, state: State, mu: float) -> Factor:
+        """Return the factorised K + mu M at a state.
+
+        Raises
+        ------
+        NotConvergedError
+            If it is singular.
+        """
+        matrix = self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
+        matrix.blocks[...] += mu * self.area.blocks
+        reduced = self.problem.ties(state.t).reduce(matrix)
+        if not np.all(np.isfinite(reduced.blocks)):
+            raise NotConvergedError
+        try:
+            return factorise(reduced, self.problem.dissection, "reported")
+        except NotPositiveDefiniteError:
+            raise NotConvergedError from None
+
+    def critical(self, below: State, above: State) -> State:
+        """Return the last stable state between a stable and an unstable one, within `BRACKET` of where that ends.
+
+        Raises
+        ------
+        PathEndsError
+            If the path can't be followed between them.
+        """
+        low, high, unstable = below, above.t, above.t
+        while high - low.t > BRACKET * high:
+            half = (low.t + high) / 2
+            try:
+                middle = self.problem.equilibrium(low, half)
+            except NotConvergedError:
+                high = half  # too long a step, or beyond buckling: a shorter one tells
+                continue
+            if middle.stable:
+                low = middle
+            else:
+                high = unstable = half
+        if high != unstable:  # failures of Newton's method are no evidence of buckling
+            raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
+        return low
+
+    def relaxed(self, start: State, t: float) -> State:
+        """Return a stable state at a load factor, downhill from another state whose supports are moved there.
+
+        Raises
+        ------
+        NotConvergedError
+            If none is found.
+        """
+        state = self._carried(start, t)
+        for _ in range(SADDLES):
+            state = self._pushed(state)
+            for relaxed in RELAXED:
+                state = self._downhill(state, relaxed)
+                try:
+                    found = self.holding.equilibrium(state, t)
+                except NotConvergedError:
+                    continue
+                if found.stable:
+                    return found  # a saddle is not taken: there is a way further down
+        raise NotConvergedError
+
+    def _carried(self, start: State, t: float) -> State:
+        """Return a state with its supports moved, and what the shell answers to that by its tangent."""
+        ties = self.problem.ties(t)
+        moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
+        if np.any(moved):
+            moved = self.holding.carried(start, t, ties, moved)
+        return self.problem.state_at(t, start.q + moved, start)
+
+    def _pushed(self, state: State) -> State:
+        """Return a state pushed along its softest mode, to the side where the energy is less."""
+        mode = self.softest_mode(self.problem.ties(state.t), self.stiffness(state, 0.0))
+        push = PUSH * self.problem.case.material.thickness * mode
+        sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
+        return min(sides, key=self.problem.potential)
+
+    def _downhill(self, state: State, relaxed: float) -> State:
+        """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
+        problem, ties = self.problem, self.problem.ties(state.t)
+        mu, value = self.softest, problem.potential(state)
+        for _ in range(MOST_STEPS):
+            factor = self.stiffness(state, mu)
+            if factor.negative:
+                mu *= HARDER
+                continue
+            residual = problem.forces(state.q, state.t) - state.strained.forces
+            step = _on_free(ties, factor, residual)
+            predicted = float(np.sum(residual * step)) / 2
+            if predicted <= relaxed * state.strained.energy:
+                return state
+            found = problem.state_at(state.t, state.q + step, state)
+            gained = value - problem.potential(found)
+            if gained > 0:
+                state, value = found, value - gained
+            mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
+        raise NotConvergedError
+
+
+def _times(matrix: BlockMatrix, vector: Array) -> Array:
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
+    free = ties.to_free(right[..., None])
+    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

@@ -1,0 +1,332 @@
+"""Supports as linear ties between the degrees of freedom of one node, and the form u = T q + u0 that satisfies them.
+
+On a held edge the value and the tangential derivative of the held components are prescribed at every node; the
+trace of the bicubic element is the Hermite interpolant of both, so a constant or linear motion is met exactly on the
+whole edge. A clamped edge prescribes besides, for the fixed coordinate k and the running coordinate t,
+
+    c(u) = (a_tt u,k - a_kt u,t) . N  =  (a positive factor) u,n . a3,      N = a1 x a2,
+
+and its derivative along the edge: u,n is the derivative along the conormal. The right-hand sides are c of the
+prescribed motion, so that a support that turns carries its normal along. At finite strain N is the turned normal: on
+an edge whose position is prescribed, the condition that the surface be normal to it is linear all the same. Across a
+plane of symmetry the components in the plane have no derivative at all.
+
+All conditions at a node, from whatever supports meet there, are resolved together by a singular value decomposition:
+what is said twice counts once, and contradictions are found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import COMPONENTS, Support
+from shellbench.problems.shell.places import Edge, Place, Point, Whole
+from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
+from shellbench.solvers.fem.hermite import KINDS, Derivative
+from shellbench.solvers.fem.mesh import TensorMesh
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
+IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
+OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """Linear conditions on the degrees of freedom of n nodes, r of each.
+
+    Attributes
+    ----------
+    support
+        Number of the support that states them.
+    nodes
+        (n,) different nodes.
+    rows
+        (n, r, 12) coefficients of the scaled degrees of freedom.
+    values
+        (n, r, states) right-hand sides.
+    acting
+        (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
+    """
+
+    support: int
+    nodes: Integers
+    rows: Array
+    values: Array
+    acting: Flags
+
+
+def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
+    """Yield what each support asks at each of its places.
+
+    Raises
+    ------
+    InputError
+        If a clamp can't be stated node by node.
+    """
+    for number, support in enumerate(case.supports):
+        for name in support.on:
+            place = case.places[name]
+            edge = place if isinstance(place, Edge) else None
+            nodes = support_nodes(mesh, place)
+            points = mesh.node_points[nodes]
+            motion = _motion(case, support, place, mesh.domain, points, states)
+            rows, values = _held(support, place, motion)
+            if edge is not None and support.holds_slope:
+                x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+                turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
+                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion, turn)
+                slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
+                rows = np.concatenate([rows, slope[0]], axis=1)
+                values = np.concatenate([values, slope[1]], axis=1)
+            scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
+            rows = rows / scales[:, None]
+            lengths = np.linalg.norm(rows, axis=-1, keepdims=True)
+            rows, values = rows / lengths, values / lengths
+            acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
+            if edge is not None and support.clamped:
+                across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
+                acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
+            yield Conditions(number, nodes, rows, values, acting)
+
+
+def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
+    """Return the nodes (n,) of a place."""
+    match place:
+        case Edge():
+            return mesh.edge_nodes(place)
+        case Point():
+            return np.array([mesh.node_at(place.xi)])
+        case _:
+            return np.arange(mesh.node_count)
+
+
+Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
+
+
+def _motion(
+    case: Case, support: Support, place: Place, domain: Domain, points: Array, states: Sequence[float]
+) -> Motion:
+    at = [case.motion(support, place, domain.wrap(points), t, order=2) for t in states]
+    return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
+
+
+def _dof(component: int, kind: Derivative) -> int:
+    return component * len(KINDS) + KINDS.index(kind)
+
+
+def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
+    """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
+    kinds: list[Derivative] = [(0, 0)]
+    if isinstance(place, Edge):
+        kinds.append((1, 0) if place.axis == 1 else (0, 1))
+    elif isinstance(place, Whole):
+        kinds = list(KINDS)
+    chosen = [(COMPONENTS.index(c), kind) for c in support.held for kind in kinds]
+    count, _, states = motion[0, 0].shape
+    rows = np.zeros((count, len(chosen), NODE_DOFS))
+    values = np.zeros((count, len(chosen), states))
+    for row, (component, kind) in enumerate(chosen):
+        rows[:, row, _dof(component, kind)] = 1.0
+        values[:, row] = motion[kind][:, component]
+    return rows, values
+
+
+def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:
+    """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
+
+    That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
+    mesh has exactly the solution of the whole.
+    """
+    fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    across = COMPONENTS.index(support.held[0])
+    tangents = [x[key] / np.linalg.norm(x[key], axis=-1, keepdims=True) for key in (fixed, running)]
+    if (
+        np.abs(np.delete(tangents[0], across, axis=-1)).max() > IN_PLANE
+        or np.abs(tangents[1][:, across]).max() > IN_PLANE
+    ):
+        raise InputError(
+            f"support '{support.name}': the shell does not cross the plane of symmetry along '{edge.name}' at right"
+            " angles in its coordinates"
+        )
+    inside = [c for c in range(len(COMPONENTS)) if c != across]
+    rows = np.zeros((len(x[0, 0]), 2 * len(inside), NODE_DOFS))
+    for row, (component, kind) in enumerate((c, kind) for c in inside for kind in (fixed, (1, 1))):
+        rows[:, row, _dof(component, kind)] = 1.0
+    return rows, np.zeros(1)
+
+
+def _slope(
+    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array
+) -> tuple[Array, Array]:
+    """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
+    fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    twice = (2 * running[0], 2 * running[1])
+    x_k, x_t, x_tt, x_kt = x[fixed], x[running], x[twice], x[1, 1]
+    along = x_tt if edge.axis == 0 else x_kt  # derivative of a2 or of a1 along the edge
+    normal = np.cross(x[1, 0], x[0, 1])
+    turning = np.cross(x_kt if edge.axis == 0 else x_tt, x[0, 1]) + np.cross(x[1, 0], along)
+    normal, turning = normal @ turn.T, turning @ turn.T
+    tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
+    tt_t = 2 * np.sum(x_t * x_tt, axis=-1, keepdims=True)
+    kt_t = np.sum(x_kt * x_t + x_k * x_tt, axis=-1, keepdims=True)
+    functional = {
+        0: {fixed: tt * normal, running: -kt * normal},
+        1: {
+            fixed: tt_t * normal + tt * turning,
+            running: -kt_t * normal - kt * turning,
+            (1, 1): tt * normal,
+            twice: -kt * normal,
+        },
+    }
+    oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
+    held = [COMPONENTS.index(c) for c in support.held]
+    loose = [c for c in range(len(COMPONENTS)) if c not in held]
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    if np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)):
+        raise InputError(
+            f"support '{support.name}' holds the slope of '{edge.name}', where the coordinate lines are oblique,"
+            " without holding the displacement along the normal: fem can't state that at its nodes"
+        )
+    count, _, states = motion[0, 0].shape
+    rows, values = np.zeros((count, 2, NODE_DOFS)), np.zeros((count, 2, states))
+    for row, terms in functional.items():
+        for kind, factor in terms.items():
+            if kind in KINDS:
+                for component in range(len(COMPONENTS)):
+                    rows[:, row, _dof(component, kind)] = factor[:, component]
+                values[:, row] += np.einsum("nc,ncs->ns", factor, motion[kind])
+            # the second derivative along the edge is the motion's own on both sides, and drops out
+    return rows, values
+
+
+@dataclass(frozen=True)
+class Ties:
+    """The form q = B z + q0 that satisfies all conditions: z is free where `free`, and zero elsewhere.
+
+    Attributes
+    ----------
+    nodes
+        (k,) nodes with conditions.
+    basis
+        (k, 12, 12) orthogonal matrices B of these nodes; that of all others is the identity.
+    free
+        (nodes, 12) which of z are unknowns.
+    particular
+        (nodes, 12, states) q0.
+    holders
+        (k, supports, 12) whether a support acts on a degree of freedom of these nodes.
+    """
+
+    nodes: Integers
+    basis: Array
+    free: Flags
+    particular: Array
+    holders: Flags
+
+    @classmethod
+    def of(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
+        """Resolve all supports of a case.
+
+        Raises
+        ------
+        InputError
+            If supports contradict each other where they meet.
+        """
+        stated = list(conditions(case, mesh, states))
+        nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.nodes for c in stated)]))
+        counts = np.zeros(len(nodes), dtype=np.int64)
+        starts = []
+        for condition in stated:
+            at = np.searchsorted(nodes, condition.nodes)
+            starts.append(counts[at].copy())
+            counts[at] += condition.rows.shape[1]
+        most = max(int(counts.max(initial=0)), NODE_DOFS)
+        rows = np.zeros((len(nodes), most, NODE_DOFS))
+        values = np.zeros((len(nodes), most, len(states)))
+        holders = np.zeros((len(nodes), len(case.supports), NODE_DOFS), dtype=bool)
+        for condition, start in zip(stated, starts, strict=True):
+            at = np.searchsorted(nodes, condition.nodes)
+            place = start[:, None] + np.arange(condition.rows.shape[1])
+            rows[at[:, None], place] = condition.rows
+            values[at[:, None], place] = condition.values
+            holders[at, condition.support] |= condition.acting
+        free = np.ones((mesh.node_count, NODE_DOFS), dtype=bool)
+        particular = np.zeros((mesh.node_count, NODE_DOFS, len(states)))
+        left, singular, right = np.linalg.svd(rows)
+        bound = singular > RANK_TOLERANCE
+        inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
+        known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, :NODE_DOFS] @ values)
+        basis = np.swapaxes(right, -1, -2)
+        free[nodes] = ~bound
+        particular[nodes] = basis @ known
+        misfit = np.abs(rows @ particular[nodes] - values)
+        if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
+            node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
+            raise InputError(_contradiction(case, mesh, stated, int(node)))
+        return cls(nodes, basis, free, particular, holders)
+
+    def pinned(self, nodes: Integers, dofs: Integers) -> Ties:
+        """Return the same ties with single degrees of freedom of untied nodes held at zero besides."""
+        free = self.free.copy()
+        free[nodes, dofs] = False
+        return replace(self, free=free)
+
+    def shares(self, forces: Array) -> Array:
+        """Divide nodal forces (k, 12, n) equally among the supports that hold a degree of freedom.
+
+        Returns
+        -------
+        Array
+            (supports, k, 12, n).
+        """
+        number = np.maximum(self.holders.sum(axis=1), 1)
+        return np.asarray(np.swapaxes(self.holders / number[:, None], 0, 1)[..., None] * forces)
+
+    def to_free(self, vector: Array) -> Array:
+        """Return B^T vector (nodes, 12, n), zero where z is not free."""
+        result = vector.copy()
+        result[self.nodes] = np.swapaxes(self.basis, -1, -2) @ vector[self.nodes]
+        return result * self.free[..., None]
+
+    def to_nodal(self, unknowns: Array) -> Array:
+        """Return B z (nodes, 12, n)."""
+        result = unknowns.copy()
+        result[self.nodes] = self.basis @ unknowns[self.nodes]
+        return result
+
+    def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
+        """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""
+        blocks = matrix.blocks.copy()
+        blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
+        place = np.full(len(blocks) + 1, -1)
+        place[self.nodes] = np.arange(len(self.nodes))
+        row, slot = np.nonzero(place[matrix.columns] >= 0)
+        blocks[row, slot] = blocks[row, slot] @ self.basis[place[matrix.columns[row, slot]]]
+        partly = np.flatnonzero(~self.free.all(axis=1))
+        blocks[partly] *= self.free[partly][:, None, :, None]
+        fixed = np.zeros(len(blocks) + 1, dtype=bool)
+        fixed[partly] = True
+        row, slot = np.nonzero(fixed[matrix.columns])
+        blocks[row, slot] *= self.free[matrix.columns[row, slot]][:, None, :]
+        node, dof = np.nonzero(~self.free)
+        blocks[node, NEIGHBOURS.index((0, 0)), dof, dof] = 1.0
+        return BlockMatrix(blocks, matrix.columns)
+
+
+def _contradiction(case: Case, mesh: TensorMesh, stated: Sequence[Conditions], node: int) -> str:
+    names = sorted({f"'{case.supports[c.support].name}'" for c in stated if node in c.nodes})
+    where = ", ".join(f"{v:.6g}" for v in mesh.node_points[node])
+    who = f"supports {' and '.join(names)} contradict each other" if len(names) > 1 else f"support {names[0]}"
+    verb = "" if len(names) > 1 else " contradicts itself"
+    return f"{who}{verb} at (xi1, xi2) = ({where}): they prescribe motions that no displacement has"

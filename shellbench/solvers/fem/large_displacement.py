@@ -1,0 +1,259 @@
+"""A case of the non-linear theory on one mesh: its path from rest, and what of it is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import Value
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions
+from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
+from shellbench.solvers.fem.buckling import following_steps
+from shellbench.solvers.fem.continuation import (
+    PathEndsError,
+    arc_length_steps,
+    displacement_steps,
+    functional,
+    load_steps,
+)
+from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
+from shellbench.solvers.fem.hermite import KINDS
+from shellbench.solvers.fem.loads import Loading
+from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.problem import NotConvergedError, Problem, State
+from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
+from shellbench.solvers.fem.solution import FemSolution
+
+Array = NDArray[np.float64]
+
+SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
+RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
+
+
+def declined(case: Case) -> str | None:
+    """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't move the clamped support '{support.name}' by a formula at finite strain"
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
+    loose = free_motions(case)
+    if case.path.quantity is not None and loose.size:
+        return f"it needs supports against all rigid motions on a path with control = '{case.path.control}'"
+    if loose.size and np.abs(loose[3:]).max() > RIGID:
+        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(loose[3:]).max(axis=1)))]
+        return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def solve(
+    case: Case,
+    mesh: TensorMesh,
+    quadrature_order: int,
+    steps: tuple[float, float],
+    trail: FemSolution | None = None,
+    tell: Callable[[float], None] | None = None,
+) -> tuple[Equilibrium, FemSolution]:
+    """Follow the path of a case on a mesh.
+
+    Parameters
+    ----------
+    case, mesh, quadrature_order
+        What is solved, on what, and the degree to which a cell's Gauss rule is exact.
+    steps
+        The load step to begin with, and the shortest one, as parts of the path.
+    trail
+        All states of the path on another mesh: under load control they are corrected one by one.
+    tell
+        Called with the load factor of each new state.
+
+    Returns
+    -------
+    tuple
+        The answer at the case's marks, and all states of the path.
+
+    Raises
+    ------
+    InputError
+        If supports contradict each other.
+    SolveFailure
+        If the path ends early; the states up to there come with it.
+    """
+    began = time.perf_counter()
+    problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
+    for t in case.states if case.path.quantity is None else (1.0,):
+        check_balance(Loading.of(case, mesh, problem.quadrature, (t,)), free_motions(case))
+    quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
+    controlled = quantities.get(case.path.quantity or "")
+    states: list[State] = []
+    seconds: list[float] = []
+    reason: str | None = None
+    try:
+        for state in _path(problem, controlled, steps, trail):
+            states.append(state.relieved)
+            seconds.append(time.perf_counter() - began)
+            if tell:
+                tell(state.t)
+    except PathEndsError as error:
+        reason = str(error)
+    except NotConvergedError:
+        reason = "the tangent stiffness is singular"
+    if not states:
+        raise SolveFailure(f"{reason}: no state beyond rest converged")
+    marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
+    history = tuple(
+        Step(
+            iteration=number,
+            seconds=after,
+            energy=problem.potential(state),
+            unknowns=_unknowns(problem),
+            at=state.t,
+            quantities={name: float(np.sum(row * q)) for name, row in quantities.items()},
+            phase="critical" if state.critical else "path",
+            iterations=state.iterations,
+        )
+        for number, (state, after, q) in enumerate(zip(states, seconds, _held(problem, states), strict=True))
+    )
+    kept = _kept(case, marks, complete=reason is None)
+    kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
+    solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
+    if reason is not None:
+        raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
+    last = states[-1]
+    equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1], 0.0)
+    return equilibrium, _solution(problem, quadrature_order, states, marks, ())
+
+
+def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
+    """Return the interpolant of a displacement that the case prescribes everywhere, at its marks.
+
+    The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
+    """
+    support, place = next(case.supported_places())
+    points = mesh.domain.wrap(mesh.node_points)
+    motions = [case.motion(support, place, points, t, order=2) for t in case.states]
+    coefficients = np.stack([np.stack([m[kind] for kind in KINDS], axis=-1) for m in motions], axis=-1)
+    quadrature = Quadrature.of_order(mesh, quadrature_order)
+    if case.linear:
+        carried = Loading.of(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
+    else:
+        problem = Problem.of(case, mesh, quadrature)
+        nodal = (coefficients * mesh.node_scales[:, None, :, None]).reshape(mesh.node_count, -1, len(case.states))
+        loads = [problem.forces(nodal[..., k], t) for k, t in enumerate(case.states)]
+        carried = np.stack(loads, axis=-1).reshape(coefficients.shape)
+    solution = FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=case.states,
+        support_nodes=np.arange(mesh.node_count),
+        support_forces=-(carried * mesh.node_scales[:, None, :, None])[None],
+        quadrature_order=quadrature_order,
+        parameters=0,
+    )
+    return Equilibrium(solution, sum(solution.energies()), 0.0, 0.0)
+
+
+def _path(
+    problem: Problem, controlled: Array | None, steps: tuple[float, float], trail: FemSolution | None
+) -> Iterator[State]:
+    case = problem.case
+    match case.path.control:
+        case "load":
+            if case.path.after_buckling == "follow":
+                yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
+            elif trail is None:
+                first, shortest = (step * case.path.until for step in steps)
+                yield from load_steps(problem, case.states, first, shortest)
+            else:
+                yield from _corrected(problem, trail)
+        case "displacement":
+            assert controlled is not None
+            yield from displacement_steps(problem, controlled, case.states, case.path.until)
+        case "arc_length":
+            assert controlled is not None
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until)
+
+
+def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
+    """Yield the states at the load factors of a trail, each from its own displacement there."""
+    before: State | None = None
+    for t in trail.states:
+        near = before or problem.rest()
+        guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
+        try:
+            state = problem.equilibrium(guess, t)
+        except NotConvergedError:
+            state = guess
+        if state is guess or not state.stable:
+            for state in load_steps(problem, (t,), t - near.t, SHORTEST * (t - near.t), before):  # noqa: B007
+                pass
+        before = state
+        yield state
+
+
+def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
+    points = mesh.domain.wrap(mesh.node_points)
+    nodal = np.stack([solution.derivative(points, kind, at) for kind in KINDS], axis=-1)
+    return np.asarray((nodal * mesh.node_scales[:, None, :]).reshape(mesh.node_count, -1))
+
+
+def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
+    """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
+    kept = []
+    for mark in case.states:
+        there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+        kept += there[:1]
+    if not complete and len(marks) - 1 not in kept:
+        kept.append(len(marks) - 1)
+    return kept
+
+
+def _unknowns(problem: Problem) -> int:
+    return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
+
+
+def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
+    """Return the displacements (nodes, 12) of states without the rigid motions that nothing holds."""
+    loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
+    if not loose.size:
+        return [state.q for state in states]
+    stacked = np.stack([state.q for state in states], axis=-1)
+    fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
+    fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)
+    return list(np.moveaxis((fields * scales).reshape(stacked.shape), -1, 0))
+
+
+def _solution(
+    problem: Problem, quadrature_order: int, states: Sequence[State], marks: Sequence[float], history: tuple[Step, ...]
+) -> FemSolution:
+    case, mesh = problem.case, problem.mesh
+    shape = (COMPONENTS, len(KINDS), len(states))
+    scales = mesh.node_scales[:, None, :, None]
+    coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
+    ties = [problem.ties(state.t) for state in states]
+    nodes = ties[0].nodes
+    shares = [tie.shares(problem.reactions(state)[nodes][..., None]) for tie, state in zip(ties, states, strict=True)]
+    forces = np.concatenate(shares, axis=-1).reshape(len(case.supports), len(nodes), *shape)
+    loose = free_motions(case)
+    if loose.size:
+        coefficients = coefficients - mean_rigid_motion(case, mesh, problem.quadrature, coefficients, loose)
+    return FemSolution(
+        case=case,
+        mesh=mesh,
+        coefficients=coefficients,
+        states=tuple(marks),
+        support_nodes=nodes,
+        support_forces=forces * scales[nodes],
+        quadrature_order=quadrature_order,
+        parameters=_unknowns(problem),
+        history=history,
+    )

@@ -1,0 +1,148 @@
+"""Direct solution of the reduced system, with the residual checked after every solve.
+
+`dissection` is our own multifrontal Cholesky factorisation and the default; `superlu` is SciPy's general sparse LU,
+`pardiso` the solver of Intel's MKL through pypardiso, where that is installed. All three see the same matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.choices import Method
+from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.mesh import TensorMesh
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+
+REFINEMENTS = 2  # steps of iterative refinement after the first solve
+LARGEST_RESIDUAL = 1e-5  # relative to the right-hand side; a point load on a graded mesh leaves 1e-8
+LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
+
+SINGULAR = (
+    "the stiffness matrix is singular to working precision: check that the supports hold the shell,"
+    " and that its thickness is not vanishingly small"
+)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A solution of the linear system.
+
+    Attributes
+    ----------
+    unknowns
+        (nodes, 12, n).
+    residual
+        Largest |K z - f| over largest |f|.
+    correction
+        Largest change by the last refinement over the largest unknown.
+    """
+
+    unknowns: Array
+    residual: float
+    correction: float
+
+
+def solve(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -> Answer:
+    """Solve K z = f.
+
+    Parameters
+    ----------
+    matrix
+        Symmetric positive definite.
+    right
+        (nodes, 12, n) right-hand sides.
+    mesh
+        The mesh that the matrix belongs to.
+    method
+        Which direct solver.
+
+    Raises
+    ------
+    SolveFailure
+        If the right-hand side is not finite, the matrix is singular, the memory does not suffice, or the residual
+        stays large.
+    InputError
+        If pardiso is asked for and not installed.
+    """
+    if not np.all(np.isfinite(right)):
+        raise SolveFailure("the loads or prescribed motions are not finite at every point of the mesh")
+    if not np.all(np.isfinite(matrix.blocks)):
+        raise SolveFailure("the stiffness matrix is not finite: the surface or the material is out of range")
+    try:
+        backward = _FACTORISATIONS[method](matrix, mesh)
+        unknowns = backward(right)
+        correction = 0.0
+        for _ in range(REFINEMENTS):
+            change = backward(right - matrix @ unknowns)
+            unknowns = unknowns + change
+            correction = _ratio(change, unknowns)
+    except MemoryError:
+        raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
+    except NotPositiveDefiniteError:
+        raise SolveFailure(SINGULAR) from None
+    residual = _ratio(right - matrix @ unknowns, right)
+    if not (residual <= LARGEST_RESIDUAL and correction <= LARGEST_CORRECTION):
+        raise SolveFailure(
+            f"{SINGULAR} (relative residual {residual:.1e}, last correction {correction:.1e} of the answer)"
+        )
+    return Answer(unknowns, residual, correction)
+
+
+def _ratio(part: Array, whole: Array) -> float:
+    largest = float(np.abs(whole).max())
+    return float(np.abs(part).max()) / largest if largest else 0.0
+
+
+def _dissection(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+    return factorise(matrix, Dissection.of(mesh.shape, mesh.domain.periodic)).solve
+
+
+def _superlu(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+    options = {"SymmetricMode": True}
+    try:
+        # symmetric: the rows of a compressed row matrix are the columns of the compressed column one
+        columns = sp.csc_matrix(matrix.to_csr().T)
+        lu = splu(columns, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:
+        raise NotPositiveDefiniteError from None
+    return lambda right: lu.solve(right.reshape(-1, right.shape[-1])).reshape(right.shape)
+
+
+def _pardiso(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+    try:
+        from pypardiso import PyPardisoSolver
+        from pypardiso.pardiso_wrapper import PyPardisoError
+    except ImportError:
+        raise InputError("direct_solver = 'pardiso' needs pypardiso, which is not installed") from None
+    upper = sp.triu(matrix.to_csr(), format="csr")
+    pardiso = PyPardisoSolver(mtype=2)  # symmetric positive definite
+    pardiso.set_iparm(8, 3)  # steps of iterative refinement
+    pardiso.set_iparm(10, 13)  # pivots below 1e-13 are perturbed
+    try:
+        pardiso.factorize(upper)
+    except PyPardisoError:
+        raise NotPositiveDefiniteError from None
+
+    def backward(right: Array) -> Array:
+        flat = np.asfortranarray(right.reshape(-1, right.shape[-1]))
+        return np.asarray(pardiso.solve(upper, flat)).reshape(right.shape)
+
+    return backward
+
+
+_FACTORISATIONS: dict[Method, Callable[[BlockMatrix, TensorMesh], Solve]] = {
+    "auto": _dissection,
+    "dissection": _dissection,
+    "superlu": _superlu,
+    "pardiso": _pardiso,
+}

@@ -1,0 +1,396 @@
+"""The equations of equilibrium of a shell at finite strain on one mesh, and Newton's method for them.
+
+The unknowns are the scaled degrees of freedom q and, on a path that no load factor marks, the load factor t:
+
+    r(q, t) = f(t) + f_M(q, t) - W'(q) = 0 on what the supports leave free,      c . q + d t = s.
+
+Newton's method takes the stresses in the geometric part of the tangent from the linear prediction of the step before,
+C (eps(q) + eps'(q) dq), and those of the displacement itself everywhere else (the mixed integration point method:
+Magisano, Leonetti & Garcea 2017). A thin shell's membrane stresses follow from a displacement only when that is exact
+to second order; with their prediction a large step converges in a few iterations, still quadratically.
+
+Magisano, Leonetti & Garcea (2017), How to improve efficiency and robustness of the Newton method in geometrically
+non-linear structural problem discretized via displacement-based finite elements, CMAME 313.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.rigid import free_motions
+from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
+from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_clamping import FiniteClamp, finite_clamps
+from shellbench.solvers.fem.loads import Loading
+from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.moments import EdgeMoment, edge_moments
+from shellbench.solvers.fem.revolution import Revolution
+from shellbench.solvers.fem.rigid_motions import determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
+
+Array = NDArray[np.float64]
+
+CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
+BALANCED = 1e-3  # largest residual force before the last step, relative to the largest nodal force
+MOST_ITERATIONS = 14  # a step that takes more is cut
+HOPELESS = 1e8  # growth of that work that no iteration comes back from
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A state of equilibrium.
+
+    Attributes
+    ----------
+    t
+        Load factor.
+    q
+        (nodes, 12) scaled degrees of freedom.
+    strained
+        Strains and stresses.
+    angles
+        By edge moment (n,): the angles by which the normals have turned, rad.
+    factor
+        Factorisation of the tangent stiffness of the last iteration; None if it is singular, or there was none.
+    iterations
+        Newton iterations that led here.
+    residuals
+        Largest residual force before each of them, relative to the largest nodal force.
+    critical
+        Whether it is the last stable state before buckling.
+    forgiven
+        Negative eigenvalues of the tangent that belong to waves that may travel.
+    """
+
+    t: float
+    q: Array
+    strained: Strained
+    angles: tuple[Array, ...]
+    factor: Factor | None
+    iterations: int = 0
+    residuals: tuple[float, ...] = ()
+    critical: bool = False
+    forgiven: int = 0
+
+    @property
+    def stable(self) -> bool:
+        """Whether the state is a minimum of the potential energy."""
+        return self.factor is not None and self.factor.negative == self.forgiven
+
+    @property
+    def relieved(self) -> State:
+        """The state without what only the next step needs, which takes most of the memory."""
+        return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One more equation, c . q + d t = s, for a path on which the load factor is unknown."""
+
+    row: Array
+    factor: float
+    value: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
+
+    Attributes
+    ----------
+    row, answer
+        (nodes, 12) w, and what the shell answers to it as a force.
+    negative
+        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
+    """
+
+    row: Array
+    answer: Array | None = None
+    negative: bool = False
+
+    @classmethod
+    def of(cls, ties: Ties, factor: Factor, row: Array | None) -> Hold:
+        """Hold a direction, if there is one, beside the supports."""
+        if row is None:
+            return cls(np.zeros(0))
+        answer = _on_free(ties, factor, row)
+        return cls(row, answer, bool(np.sum(row * answer) < 0))
+
+    def step(self, step: Array) -> Array:
+        """Return a step without what would move along w."""
+        if self.answer is None:
+            return step
+        return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A case at finite strain on a mesh.
+
+    Attributes
+    ----------
+    case, mesh, quadrature
+        What is solved, and on what.
+    energy
+        Strain energy of the mesh.
+    moments
+        Edge moments of the case.
+    clamps
+        Clamped edges whose normals turn along them.
+    dissection
+        Elimination order of the mesh.
+    holding
+        Whether Newton's method holds waves that may travel around a shell of revolution where they are.
+    """
+
+    case: Case
+    mesh: TensorMesh
+    quadrature: Quadrature
+    energy: StrainEnergy
+    moments: tuple[EdgeMoment, ...]
+    clamps: tuple[FiniteClamp, ...]
+    dissection: Dissection
+    holding: bool = False
+
+    @classmethod
+    def of(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Problem:
+        """Discretise a case."""
+        energy = StrainEnergy(mesh, case.surface, case.material, quadrature)
+        dissection = Dissection.of(mesh.shape, mesh.domain.periodic)
+        moments, clamps = tuple(edge_moments(case, mesh)), tuple(finite_clamps(case, mesh))
+        return cls(case, mesh, quadrature, energy, moments, clamps, dissection)
+
+    @cached_property
+    def ties(self) -> Callable[[float], Ties]:
+        """The ties of the supports, and of what pins rigid motions, at a load factor."""
+        if any(support.motion is not None for support in self.case.supports):
+            return lru_cache(maxsize=4)(self._ties)
+        fixed = self._ties(1.0)
+        return lambda t: fixed
+
+    def _ties(self, t: float) -> Ties:
+        ties = Ties.of(self.case, self.mesh, (t,))
+        if self.case.dynamics is not None:
+            return ties  # what nothing holds moves
+        loose = free_motions(self.case)
+        if not loose.size:
+            return ties
+        return ties.pinned(*determinate_pins(ties, nodal_rigid_motions(self.case, self.mesh) @ loose))
+
+    @cached_property
+    def loads(self) -> Callable[[float], Array]:
+        """The nodal forces (nodes, 12) of all loads but the moments, at a load factor."""
+
+        def at(t: float) -> Array:
+            return Loading.of(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
+
+        if self.case.dynamics is not None and self.case.steady:
+            always = at(0.0)
+            return lambda t: always
+        if self.case.path.quantity is None:
+            return lru_cache(maxsize=4)(at)
+        unit = at(1.0)
+        return lambda t: t * unit
+
+    def rest(self) -> State:
+        """Return the state that nothing loads."""
+        q = np.zeros((self.mesh.node_count, NODE_DOFS))
+        angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
+        strained = self.energy.at(q)
+        try:
+            factor = self._factorised(q, 0.0, strained, strained.stresses)
+        except NotPositiveDefiniteError:
+            factor = None
+        return State(0.0, q, strained, angles, factor)
+
+    def state_at(self, t: float, q: Array, near: State) -> State:
+        """Return a displacement as if it were a state of equilibrium; its angles are the closest to those of `near`."""
+        return State(t, q, self.energy.at(q), self._angles(q, near), None)
+
+    def applied(self, q: Array, t: float) -> Array:
+        """Return the nodal forces (nodes, 12) of all loads on the deformed shell."""
+        total = self.loads(t)
+        for moment in self.moments:
+            total = total + moment.forces(q, t)
+        return total
+
+    def forces(self, q: Array, t: float) -> Array:
+        """Return the nodal forces (nodes, 12) of all loads, and of clamps between the nodes."""
+        total = self.applied(q, t)
+        for clamp in self.clamps:
+            total = total - clamp.at(q, t).gradient(len(q))
+        return total
+
+    def reactions(self, state: State) -> Array:
+        """Return the nodal forces (nodes, 12) that the supports exert."""
+        total = state.strained.forces - self.applied(state.q, state.t)
+        for clamp in self.clamps:
+            total = total + clamp.at(state.q, state.t).gap_forces(len(total))
+        return total
+
+    def potential(self, state: State) -> float:
+        """Return strain energy less the work of the loads, J."""
+        work = float(np.sum(self.loads(state.t) * state.q))
+        for moment, angles in zip(self.moments, state.angles, strict=True):
+            work += float(moment.moments(state.t) @ angles)
+        clamped = sum(clamp.at(state.q, state.t).potential for clamp in self.clamps)
+        return state.strained.energy + clamped - work
+
+    def tangent(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> BlockMatrix:
+        """Return -dr/dq before the supports are applied, with these stresses in its geometric part."""
+        matrix = self.energy.tangent(strained, stresses)
+        for moment in self.moments:
+            moment.add_tangent(matrix, q, t)
+        for clamp in self.clamps:
+            clamp.at(q, t).add_tangent(matrix)
+        return matrix
+
+    def drift(self, state: State) -> Array:
+        """Return dq/dt (nodes, 12) along the path at a state.
+
+        Raises
+        ------
+        NotConvergedError
+            If the tangent is singular there.
+        """
+        if state.factor is None:
+            raise NotConvergedError
+        ties = self.ties(state.t)
+        return _on_free(ties, state.factor, self._force_rate(state.q))
+
+    def equilibrium(self, start: State, t: float, tolerance: float = CONVERGED) -> State:
+        """Return the state at a load factor, from another one.
+
+        Raises
+        ------
+        NotConvergedError
+            If Newton's method does not get there.
+        """
+        ties = self.ties(t)
+        moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
+        if np.any(moved):
+            moved = self.carried(start, t, ties, moved)
+        return self._newton(start, t, ties, moved, None, tolerance)
+
+    def carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
+        """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
+        matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
+        right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
+        try:
+            factor = self._reduced_factor(ties, matrix)
+        except NotPositiveDefiniteError:
+            raise NotConvergedError from None
+        hold = Hold.of(ties, factor, self.travelling(start.q))
+        return moved + hold.step(_on_free(ties, factor, right))
+
+    @cached_property
+    def revolution(self) -> Revolution | None:
+        """What is symmetric about the case, where waves could travel around it."""
+        return Revolution.of(self.case, self.mesh)
+
+    def travelling(self, q: Array) -> Array | None:
+        """Return the direction in which a state's waves travel, if Newton's method is to hold them."""
+        return self.revolution.direction(q) if self.holding and self.revolution is not None else None
+
+    def on_path(self, start: State, constraint: Constraint, guess: tuple[Array, float]) -> State:
+        """Return the state that satisfies a constraint, from another one and a guess of the step (dq, dt) to it.
+
+        Raises
+        ------
+        NotConvergedError
+            If Newton's method does not get there.
+        """
+        return self._newton(start, start.t + guess[1], self.ties(start.t), guess[0], constraint, CONVERGED)
+
+    def _newton(
+        self, start: State, t: float, ties: Ties, step: Array, constraint: Constraint | None, tolerance: float
+    ) -> State:
+        """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
+        q, strained, stresses = start.q, start.strained, start.strained.stresses
+        factor: Factor | None = None
+        if np.any(step):
+            stresses = self.energy.predicted_stresses(strained, step)
+            q = q + step
+            strained = self.energy.at(q)
+        elif start.factor is not None:
+            factor = start.factor  # at the start itself the tangent is known
+        first, residuals, waves = 0.0, [], self.travelling(start.q)
+        for iteration in range(1, MOST_ITERATIONS + 1):
+            forces = self.forces(q, t)
+            right = forces - strained.forces
+            largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
+            residuals.append(_size(ties, right) / max(largest, np.finfo(float).tiny))
+            try:
+                if iteration > 1 or factor is None:
+                    factor = self._factorised(q, t, strained, stresses)
+            except NotPositiveDefiniteError:
+                raise NotConvergedError from None
+            hold = Hold.of(ties, factor, waves)
+            if constraint is None:
+                step = hold.step(_on_free(ties, factor, right))
+            else:
+                step, change = self._bordered(ties, factor, right, q, t, constraint)
+                t += change
+            decrement = abs(float(np.sum(right * step)))
+            stresses = self.energy.predicted_stresses(strained, step)
+            q = q + step
+            strained = self.energy.at(q)
+            scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
+            first = first or decrement
+            if not np.isfinite(scale) or decrement > HOPELESS * first:
+                break
+            if decrement <= tolerance * scale and residuals[-1] <= BALANCED:
+                angles, forgiven = self._angles(q, start), int(hold.negative)
+                return State(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
+        raise NotConvergedError
+
+    def _bordered(
+        self, ties: Ties, factor: Factor, right: Array, q: Array, t: float, constraint: Constraint
+    ) -> tuple[Array, float]:
+        rate = self._force_rate(q)
+        both = ties.to_free(np.stack([right, rate], axis=-1))
+        solved = ties.to_nodal(factor.solve(both) * ties.free[..., None])
+        fixed, moving = solved[..., 0], solved[..., 1]
+        row = constraint.row
+        missing = constraint.value - float(np.sum(row * (q + fixed))) - constraint.factor * t
+        slope = float(np.sum(row * moving)) + constraint.factor
+        if slope == 0.0:
+            raise NotConvergedError
+        change = missing / slope
+        return fixed + change * moving, change
+
+    def _force_rate(self, q: Array) -> Array:
+        """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
+        return self.applied(q, 1.0)
+
+    def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> Factor:
+        return self._reduced_factor(self.ties(t), self.tangent(q, t, strained, stresses))
+
+    def _reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
+        reduced = ties.reduce(matrix)
+        if not np.all(np.isfinite(reduced.blocks)):
+            raise NotPositiveDefiniteError
+        return factorise(reduced, self.dissection, "reported")
+
+    def _angles(self, q: Array, near: State) -> tuple[Array, ...]:
+        return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
+
+
+def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
+    free = ties.to_free(right[..., None])
+    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
+
+
+def _size(ties: Ties, forces: Array) -> float:
+    return float(np.abs(ties.to_free(forces[..., None])).max())

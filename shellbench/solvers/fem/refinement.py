@@ -1,0 +1,164 @@
+"""One mesh after another until every quantity of the case is converged.
+
+The meshes of a sequence grow by the square root of two a side. How the cells are shared out between the coordinates
+is settled first, on coarse meshes, by what the potential energy gains from a finer mesh in either coordinate alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantities import (
+    CriticalPoint,
+    DisplacementQuantity,
+    EnergyQuantity,
+    LargestDisplacement,
+    LimitPoint,
+    LoadQuantity,
+    QuantityModel,
+)
+from shellbench.solvers.fem.assembly import NODE_DOFS
+from shellbench.solvers.fem.convergence import Estimate, estimate
+from shellbench.solvers.fem.equilibrium import Equilibrium
+from shellbench.solvers.fem.grading import FEWEST
+from shellbench.solvers.fem.solution import FemSolution
+
+Array = NDArray[np.float64]
+Cells = tuple[int, int]
+
+BASE = 8  # cells a side of level 0
+COARSEST = -4  # level of the least mesh
+FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
+MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
+ENERGY_RATE = 4  # order of the element's energy error in the mesh size, twice that of its second derivatives
+IDLE = 1e-12  # relative change of the potential energy that is rounding
+ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
+NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
+UNSTRAINED = 1e-6  # square of a strain that is none: it measures the energy of a shell that is only moved
+SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
+PROBES = 41  # points a side at which the fields of two meshes are compared
+
+
+def level_cells(level: int, share: int) -> Cells:
+    """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product."""
+    first, second = (max(FEWEST, round(BASE * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
+    return first, second
+
+
+def first_level(nodes: Callable[[Cells], int]) -> int:
+    """Return the level to begin with: 0, or lower if many points are graded toward. `nodes` counts a mesh's nodes."""
+    level = 0
+    while level > COARSEST and NODE_DOFS * nodes(level_cells(level, 0)) > FIRST_UNKNOWNS:
+        level -= 1
+    return level
+
+
+def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
+    """Return the share at which both coordinates contribute alike to the error of the energy.
+
+    With an energy error C1 n1**-p + C2 n2**-p a given number of cells n1 n2 is used best where both terms are equal.
+    Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
+    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials.
+    """
+    n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
+    even = solve((n, n)).potential_energy
+    first, second = (abs(solve(cells).potential_energy - even) for cells in ((finer, n), (n, finer)))
+    if max(first, second) <= IDLE * abs(even):
+        return 0
+    least = 2.0 ** (-ENERGY_RATE * MOST_UNEVEN) * max(first, second)
+    return round(math.log2(max(first, least) / max(second, least)) / ENERGY_RATE)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh of the sequence, with all that was learnt up to it.
+
+    Attributes
+    ----------
+    equilibrium
+        The answer on this mesh.
+    quantities
+        Its values of the case's quantities.
+    estimates
+        By quantity, from all meshes so far.
+    error
+        Largest uncertainty of a quantity relative to its scale.
+    difference
+        Largest difference to the field of the mesh before, metres; None on the first.
+    """
+
+    equilibrium: Equilibrium
+    quantities: Mapping[str, float]
+    estimates: Mapping[str, Estimate]
+    error: float
+    difference: float | None
+
+
+def levels(
+    case: Case,
+    meshes: Iterator[Cells],
+    solve: Callable[[Cells], Equilibrium],
+    measure: Callable[[FemSolution], Mapping[str, float]],
+    forgiven: int = 0,
+) -> Iterator[Level]:
+    """Yield the answers on ever finer meshes; as many of the first ones as are `forgiven` may fail."""
+    values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
+    resolutions: list[float] = []
+    before: FemSolution | None = None
+    for cells in meshes:
+        try:
+            equilibrium = solve(cells)
+            solution = equilibrium.solution
+            quantities = measure(solution)
+        except SolveFailure:
+            if before is not None or forgiven == 0:
+                raise
+            forgiven -= 1
+            continue
+        resolutions.append(float(np.sqrt(np.prod(solution.mesh.cells))))
+        for name, value in quantities.items():
+            values[name].append(value)
+        estimates = {name: estimate(v, resolutions) for name, v in values.items()}
+        error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
+        difference = field_difference(solution, before) if before else None
+        yield Level(equilibrium, quantities, estimates, error, difference)
+        before = solution
+
+
+def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
+    """Return the magnitude that the uncertainty of a quantity is compared with.
+
+    It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
+    strain energy are compared with the whole, and with the leeway that they are given.
+    """
+    value, domain = abs(quantities[quantity.name]), solution.mesh.domain
+    tiny = float(np.finfo(float).tiny)
+    match quantity:
+        case EnergyQuantity():
+            unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
+            return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
+        case LoadQuantity() | LimitPoint() | CriticalPoint():
+            return max(value, tiny)
+        case LargestDisplacement() | DisplacementQuantity():
+            largest = float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(quantity.at)], axis=1).max())
+            return max(value, NEGLIGIBLE * largest, tiny)
+        case _:
+            forces = np.abs(solution.support_forces[..., 0, solution.state(quantity.at)]).sum()
+            size = np.ptp(solution.case.surface.position(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)), axis=(0, 1)).max()
+            return max(value, NEGLIGIBLE * float(forces) * (float(size) if quantity.kind == "torque" else 1.0), tiny)
+
+
+def field_difference(solution: FemSolution, other: FemSolution) -> float:
+    """Return the largest difference of two fields at fixed probe points, metres."""
+    named = [place.xi for place in solution.case.places.values() if isinstance(place, Point)]
+    grid = solution.mesh.domain.grid(PROBES, PROBES).reshape(-1, 2)
+    probes = np.concatenate([grid, np.array(named).reshape(-1, 2)])
+    return float(np.linalg.norm(solution.displacement(probes) - other.displacement(probes), axis=-1).max())

@@ -1,0 +1,82 @@
+"""Waves that may travel around a shell of revolution: the direction in which a buckled state has no stiffness.
+
+Where x,1 = e cross x + d, a turn about the axis e carries the midsurface into itself, and a state of equilibrium that
+is not symmetric into another one of the same energy. A uniform mesh keeps that symmetry for turns by whole cells only:
+in between the energy has a trace of a minimum at every cell, so that the tangent has a small eigenvalue of either sign.
+Newton's method then holds the waves where they are, w . dq = 0, which costs nothing and counts for nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import Edge
+from shellbench.solvers.fem.assembly import COMPONENTS
+from shellbench.solvers.fem.hermite import KINDS
+from shellbench.solvers.fem.mesh import TensorMesh
+
+Array = NDArray[np.float64]
+
+SAMPLES = 9  # points a side at which a surface of revolution is known
+ROUNDING = 1e-9  # relative
+STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
+
+
+@dataclass(frozen=True)
+class Revolution:
+    """A shell of revolution without loads, on a uniform mesh around its axis.
+
+    Attributes
+    ----------
+    mesh
+        Its mesh.
+    turn
+        (3, 3) rotation by one cell.
+    """
+
+    mesh: TensorMesh
+    turn: Array
+
+    @classmethod
+    def of(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
+        """Return what is symmetric about a case; None if its waves could not travel."""
+        domain = case.surface.domain
+        steps = np.diff(mesh.lines[0])
+        if not domain.periodic[0] or np.ptp(steps) > ROUNDING * steps.max() or case.loads or case.springs:
+            return None
+        x = case.surface.derivatives(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2), order=1)
+        axis = _axis(x[0, 0], x[1, 0])
+        if axis is None:
+            return None
+        for support, place in case.supported_places():
+            if not isinstance(place, Edge) or len(support.held) < COMPONENTS:
+                return None
+            motions = [case.motion(support, place, domain.grid(SAMPLES, SAMPLES), t, order=1) for t in (0.5, 1.0)]
+            for moved in motions:
+                if np.abs(moved[1, 0] - np.cross(axis, moved[0, 0])).max() > ROUNDING * (1 + np.abs(moved[0, 0]).max()):
+                    return None
+        return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
+
+    def direction(self, q: Array) -> Array | None:
+        """Return the difference (nodes, 12) between a state turned on and turned back by a cell; None if it is none."""
+        fields = q.reshape(*self.mesh.shape, COMPONENTS, len(KINDS))
+        on = np.einsum("cd,ijdk->ijck", self.turn, np.roll(fields, 1, axis=0))
+        back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))
+        change = (on - back).reshape(q.shape)
+        return change if np.abs(change).max() > STILL * np.abs(q).max() else None
+
+
+def _axis(position: Array, tangent: Array) -> Array | None:
+    """Return e of x,1 = e cross x + d, from positions and tangents (n, 3); None if there is none."""
+    crossed = np.stack([np.cross(unit, position) for unit in np.eye(COMPONENTS)], axis=-1)
+    shifted = np.broadcast_to(np.eye(COMPONENTS), crossed.shape)
+    matrix = np.concatenate([crossed, shifted], axis=-1).reshape(-1, 2 * COMPONENTS)
+    found, *_ = np.linalg.lstsq(matrix, tangent.ravel(), rcond=None)
+    if np.abs(matrix @ found - tangent.ravel()).max() > ROUNDING * np.abs(tangent).max():
+        return None
+    return np.asarray(found[:COMPONENTS])

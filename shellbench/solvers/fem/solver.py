@@ -1,0 +1,114 @@
+"""The solver `fem`: refine until every quantity is converged, and say how sure it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pydantic import Field, PositiveInt
+
+from shellbench.errors import InputError
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.fem.choices import Method
+
+if TYPE_CHECKING:
+    from shellbench.solvers.fem.motion_solution import MotionSolution
+    from shellbench.solvers.fem.solution import FemSolution
+
+
+class FemSettings(Settings):
+    """Settings of `fem`.
+
+    Attributes
+    ----------
+    tolerance
+        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
+        force acts at a point; in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
+    max_unknowns
+        No mesh with more degrees of freedom is tried. None: 120,000, or 40,000 in the non-linear theory. A motion is
+        bounded by its cells and steps instead.
+    cells
+        One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
+        half the way to the next one, or half of the side. None: refine.
+    grading
+        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning.
+    quadrature_order
+        Degree to which the Gauss rule of a cell is exact.
+    direct_solver
+        "dissection" is our own, "superlu" SciPy's, "pardiso" needs pypardiso; "auto" is "dissection". The non-linear
+        theory always takes "dissection", which counts negative eigenvalues.
+    symmetry
+        Solve a linear case that is its own mirror image on the part that the rest mirrors: the answer is that on the
+        whole mesh, of which fewer degrees of freedom are solved for.
+    time_step
+        Of a motion, s: one fixed level, cut only where it must be; loads are taken once a step. None: refine.
+    spectral_radius
+        Of the generalised-alpha method at infinite frequency: the less, the more it damps what a step does not resolve.
+    """
+
+    tolerance: float | None = Field(None, gt=0, lt=1)
+    max_unknowns: int | None = Field(None, ge=100)
+    cells: tuple[PositiveInt, PositiveInt] | None = None
+    grading: float = Field(2.0, ge=1, le=3)
+    quadrature_order: int = Field(7, ge=5, le=19)
+    direct_solver: Method = "auto"
+    symmetry: bool = True
+    time_step: float | None = Field(None, gt=0)
+    spectral_radius: float = Field(0.5, ge=0, lt=1)
+
+
+class FemSolver:
+    """Bogner-Fox-Schmit finite elements on a tensor mesh with the exact geometry."""
+
+    name: ClassVar[str] = "fem"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
+    )
+    settings_type: ClassVar[type[Settings]] = FemSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the solver can't take this case, or None."""
+        if case.theory not in self.capabilities.theories:
+            return f"it does not solve the theory {case.theory}"
+        if case.dynamics is not None:
+            from shellbench.solvers.fem import motion
+
+            return motion.declined(case)
+        if case.linear:
+            return None
+        from shellbench.solvers.fem import large_displacement
+
+        return large_displacement.declined(case)
+
+    def solve(
+        self,
+        case: Case,
+        settings: Any,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> FemSolution | MotionSolution:
+        """Solve a case on ever finer meshes until all its quantities are converged.
+
+        A linear solve gains nothing from an earlier solution, so `start` is not used.
+
+        Raises
+        ------
+        SolveFailure
+            If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
+        InputError
+            If the case's theory is another one, supports contradict each other, or a direct solver is not installed.
+        """
+        chosen = settings if isinstance(settings, FemSettings) else FemSettings.model_validate(settings or {})
+        refusal = self.declines(case)
+        if refusal:
+            raise InputError(f"fem can't take {case.name}: {refusal}")
+        from shellbench.solvers.fem import solving
+
+        return solving.solve(case, chosen, progress or (lambda _: None))
+
+    def load(self, path: Path) -> FemSolution | MotionSolution:
+        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        from shellbench.solvers.fem import solving
+
+        return solving.load(path)

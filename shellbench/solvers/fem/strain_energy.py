@@ -1,0 +1,210 @@
+"""The strain energy of a deformed mesh with its nodal forces and its tangent stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.surface import Surface
+from shellbench.solvers.fem.assembly import (
+    COMPONENTS,
+    NODE_DOFS,
+    BlockMatrix,
+    Quadrature,
+    add_cell_matrices,
+    basis_scales,
+    neighbour_columns,
+)
+from shellbench.solvers.fem.deformation import GRADIENT, Deformation
+from shellbench.solvers.fem.hermite import CORNERS, FUNCTIONS, KINDS, tabulate
+from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity
+from shellbench.solvers.fem.mesh import TensorMesh
+
+Array = NDArray[np.float64]
+
+CELLS = 64  # that are integrated at once: their second variations stay in the cache
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Some cells of a mesh with what their n Gauss points need, whatever the deformation.
+
+    Attributes
+    ----------
+    cells
+        Which cells.
+    reference
+        Geometry at the points.
+    stiffness
+        (n, 2, 3, 3) elasticity of membrane and bending, times the points' share of the area.
+    steps
+        (cells, 5) lengths of the cells to the power of each of `DERIVATIVES`.
+    scales
+        (cells, 16) from the unit cell's basis to the scaled degrees of freedom.
+    """
+
+    cells: slice
+    reference: Midsurface
+    stiffness: Array
+    steps: Array
+    scales: Array
+
+    def stresses(self, strains: Array) -> Array:
+        """Return what is conjugate to strains (n, 6), in J."""
+        both = strains.reshape(-1, 2, 3, 1)
+        return np.asarray((self.stiffness @ both).reshape(-1, 6))
+
+
+@dataclass(frozen=True)
+class Strained:
+    """A deformed mesh.
+
+    Attributes
+    ----------
+    membrane, bending
+        Parts of the strain energy, J.
+    forces
+        (nodes, 12) first variation of the energy.
+    deformations
+        By portion.
+    stresses
+        By portion (n, 6), of the displacement itself.
+    """
+
+    membrane: float
+    bending: float
+    forces: Array
+    deformations: tuple[Deformation, ...]
+    stresses: tuple[Array, ...]
+
+    @property
+    def energy(self) -> float:
+        """Strain energy, J."""
+        return self.membrane + self.bending
+
+
+@dataclass(frozen=True)
+class StrainEnergy:
+    """The strain energy of a shell on a mesh as a function of the scaled degrees of freedom (nodes, 12)."""
+
+    mesh: TensorMesh
+    surface: Surface
+    material: Material
+    quadrature: Quadrature
+
+    @cached_property
+    def portions(self) -> tuple[Portion, ...]:
+        """All cells."""
+        return tuple(self._portions())
+
+    def _portions(self) -> Iterator[Portion]:
+        mesh, count = self.mesh, len(self.mesh.nodes)
+        moduli = np.array([self.material.membrane_stiffness, self.material.bending_stiffness])
+        for start in range(0, count, CELLS):
+            cells = slice(start, min(start + CELLS, count))
+            points, weights = self.quadrature.on_cells(mesh, cells)
+            reference = Midsurface.at(self.surface.derivatives(points.reshape(-1, 2), order=2))
+            share = (weights.ravel() * reference.area)[:, None, None, None]
+            tensor = elasticity(reference, self.material.poissons_ratio)[:, None]
+            sizes = mesh.sizes[cells]
+            yield Portion(
+                cells,
+                reference,
+                tensor * moduli[:, None, None] * share,
+                np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
+                basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
+            )
+
+    @cached_property
+    def _table(self) -> Array:
+        """(q, 5, 16) derivatives of the unit cell's basis at the Gauss points."""
+        unit = self.quadrature.points
+        return np.stack([tabulate(unit, d).reshape(-1, FUNCTIONS) for d in DERIVATIVES], axis=1)
+
+    def gradients(self, portion: Portion, q: Array) -> Array:
+        """Return the derivatives (n, 5, 3) of a displacement at the points of a portion."""
+        nodal = q.reshape(-1, COMPONENTS, len(KINDS))[self.mesh.nodes[portion.cells]]
+        local = np.swapaxes(nodal, 2, 3).reshape(-1, FUNCTIONS, COMPONENTS) * portion.scales[..., None]
+        values = self._table.reshape(-1, FUNCTIONS) @ local
+        values = values.reshape(len(local), -1, len(DERIVATIVES), COMPONENTS) / portion.steps[:, None, :, None]
+        return values.reshape(-1, len(DERIVATIVES), COMPONENTS)
+
+    def at(self, q: Array) -> Strained:
+        """Deform the mesh."""
+        forces = np.zeros((self.mesh.node_count, NODE_DOFS))
+        energies = np.zeros(2)
+        deformations, stresses = [], []
+        for portion in self.portions:
+            deformation = Deformation.of(portion.reference, self.gradients(portion, q))
+            strains = deformation.strains
+            stress = portion.stresses(strains)
+            energies += (strains * stress).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
+            work = (stress[:, None] @ deformation.operator)[:, 0]
+            self._add_forces(forces, portion, work)
+            deformations.append(deformation)
+            stresses.append(stress)
+        return Strained(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
+
+    def parts(self, q: Array) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy, J, at half the cost of `at`."""
+        energies = np.zeros(2)
+        for portion in self.portions:
+            strains = Deformation.of(portion.reference, self.gradients(portion, q)).strains
+            energies += (strains * portion.stresses(strains)).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
+        return float(energies[0]), float(energies[1])
+
+    def predicted_stresses(self, strained: Strained, step: Array) -> tuple[Array, ...]:
+        """Return the stresses by portion that the strains' first variation predicts after a step (nodes, 12)."""
+        predicted = []
+        for portion, deformation, stress in zip(self.portions, strained.deformations, strained.stresses, strict=True):
+            change = self.gradients(portion, step).reshape(-1, GRADIENT, 1)
+            predicted.append(stress + portion.stresses((deformation.operator @ change)[..., 0]))
+        return tuple(predicted)
+
+    def tangent(self, strained: Strained, stresses: tuple[Array, ...] | None = None) -> BlockMatrix:
+        """Return the second variation of the energy.
+
+        `stresses`, by portion, replace the displacement's own in the geometric part (see `newton`).
+        """
+        blocks = np.zeros((self.mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
+        for portion, deformation, stress in zip(
+            self.portions, strained.deformations, stresses or strained.stresses, strict=True
+        ):
+            operator = deformation.operator.reshape(-1, 2, 3, GRADIENT)
+            elastic = (portion.stiffness @ operator).reshape(-1, 6, GRADIENT)
+            form = np.swapaxes(deformation.operator, 1, 2) @ elastic
+            form += deformation.second_variation(stress)
+            add_cell_matrices(blocks, self.mesh.nodes[portion.cells], self._cell_matrices(portion, form))
+        return BlockMatrix(blocks, neighbour_columns(self.mesh))
+
+    def _cell_matrices(self, portion: Portion, form: Array) -> Array:
+        """Turn forms (n, 15, 15) of the derivatives into matrices (cells, 3, 4, 4, 3, 4, 4) of the cells' freedoms."""
+        count, points = len(portion.steps), len(self.quadrature.points)
+        derivatives = len(DERIVATIVES)
+        step = portion.steps
+        scaled = form.reshape(count, points, derivatives, COMPONENTS, derivatives, COMPONENTS)
+        scaled = scaled / (step[:, None, :, None, None, None] * step[:, None, None, None, :, None])
+        ordered = np.ascontiguousarray(scaled.transpose(1, 2, 0, 3, 5, 4))  # point, row, cell, component x 2, column
+        half = np.empty((points, derivatives, count, COMPONENTS, COMPONENTS, FUNCTIONS))
+        for q in range(points):
+            half[q] = (ordered[q].reshape(-1, derivatives) @ self._table[q]).reshape(half.shape[1:])
+        full = self._table.reshape(-1, FUNCTIONS).T @ half.reshape(points * derivatives, -1)
+        full = full.reshape(FUNCTIONS, count, COMPONENTS, COMPONENTS, FUNCTIONS).transpose(1, 2, 0, 3, 4)
+        full = full * portion.scales[:, None, :, None, None] * portion.scales[:, None, None, None, :]
+        shape = (COMPONENTS, len(CORNERS), len(KINDS))
+        return np.asarray(full.reshape(count, *shape, *shape))
+
+    def _add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
+        """Add the forces of what is conjugate (n, 15) to the derivatives."""
+        count, points = len(portion.steps), len(self.quadrature.points)
+        scaled = work.reshape(count, points, len(DERIVATIVES), COMPONENTS) / portion.steps[:, None, :, None]
+        local = self._table.reshape(-1, FUNCTIONS).T @ scaled.reshape(count, -1, COMPONENTS)
+        local = (local * portion.scales[..., None]).reshape(count, len(CORNERS), len(KINDS), COMPONENTS)
+        nodes = self.mesh.nodes[portion.cells]
+        for corner in range(len(CORNERS)):
+            forces[nodes[:, corner]] += np.swapaxes(local[:, corner], 1, 2).reshape(count, NODE_DOFS)

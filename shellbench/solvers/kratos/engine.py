@@ -1,0 +1,112 @@
+"""Kratos Multiphysics as an engine: imported without its banner, and asked to be silent.
+
+Kratos writes to the process's standard output from C++, past `sys.stdout`: a banner at import, and a word about each
+application at exit. A solver's output belongs to its user, so that the descriptor itself is turned away while
+Kratos is imported; what would be said afterwards, warnings and the exit among them, is held back by the logger's
+severity. What a solver has to say it says itself: in diagnostics, or as a `SolveFailure`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from pydantic import Field, field_validator
+
+from shellbench.engine import engine_version, need
+from shellbench.problem import Settings
+
+EXTRA = "kratos"
+DISTRIBUTION = "KratosMultiphysics"
+APPLICATIONS = ("StructuralMechanicsApplication", "IgaApplication", "LinearSolversApplication")
+BELOW_WARNINGS = -1  # of Kratos' severities, of which a warning is the gravest and has number 0
+STDOUT = 1  # its descriptor, whatever sys.stdout is
+
+
+@contextmanager
+def _silent_descriptor() -> Iterator[None]:
+    """Send what is written to the standard output's descriptor nowhere."""
+    sys.stdout.flush()
+    try:
+        kept = os.dup(STDOUT)
+    except OSError:  # closed: nothing can be written to it
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, STDOUT)
+        yield
+    finally:
+        os.dup2(kept, STDOUT)
+        os.close(nowhere)
+        os.close(kept)
+
+
+def _imported() -> tuple[ModuleType, ...]:
+    """Import Kratos and its applications without a word; InputError names the extra if one is missing."""
+    need(EXTRA, (DISTRIBUTION, *(f"Kratos{name}" for name in APPLICATIONS)))
+    with _silent_descriptor():
+        core = importlib.import_module(DISTRIBUTION)
+        core.Logger.GetDefaultOutput().SetSeverity(core.Logger.Severity(BELOW_WARNINGS))
+        return (core, *(importlib.import_module(f"{DISTRIBUTION}.{name}") for name in APPLICATIONS))
+
+
+_modules: tuple[Any, ...] = _imported()
+kratos, structural, iga, linear_solvers = _modules
+"""The modules of Kratos, which have no types: its core, and its applications in the order of `APPLICATIONS`."""
+
+
+def installed() -> str:
+    """Return name and version of the engine, such as "KratosMultiphysics 10.4.4"."""
+    found = engine_version(DISTRIBUTION)
+    assert found is not None  # it was imported
+    return found
+
+
+class KratosSettings(Settings):
+    """What the settings of all solvers on Kratos have in common."""
+
+    engine: str = Field(default_factory=installed, description="the engine and its version; the installed one")
+
+    @field_validator("engine")
+    @classmethod
+    def _is_the_installed_one(cls, value: str) -> str:
+        if value != installed():
+            raise ValueError(f"the engine that is installed is '{installed()}', not '{value}'")
+        return value
+
+
+@dataclass(frozen=True)
+class FreshModel:
+    """A model of Kratos with one model part; the part lives as long as its model.
+
+    Attributes
+    ----------
+    model, part
+        Kratos' `Model` and `ModelPart`.
+    """
+
+    model: Any
+    part: Any
+
+
+def fresh_model(*variables: Any) -> FreshModel:
+    """Return a model with one empty model part in three dimensions, whose nodes carry historical variables.
+
+    Kratos takes as many threads as OMP_NUM_THREADS says now, not as it said at import.
+    """
+    threads = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    if threads.isdigit() and int(threads) > 0:
+        kratos.ParallelUtilities.SetNumThreads(int(threads))
+    model = kratos.Model()
+    part = model.CreateModelPart("shell")
+    part.ProcessInfo[kratos.DOMAIN_SIZE] = 3
+    for variable in variables:
+        part.AddNodalSolutionStepVariable(variable)
+    return FreshModel(model, part)

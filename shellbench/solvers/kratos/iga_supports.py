@@ -1,0 +1,210 @@
+"""Supports and planes of symmetry as conditions on control points.
+
+On an edge a patch is made by its first row of control points alone, and its derivative across the edge is
+proportional to the difference of the first two rows. A held component is therefore a fixed row, and a held slope or
+a plane of symmetry ties the second row to the first one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import Support
+from shellbench.problems.shell.places import Edge, Point, Side, Whole
+from shellbench.solvers.kratos.symmetry import Mirror, Part
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ALONG = 1e-9  # sine of an angle that is rounding
+SAMPLES = 17  # points of an edge at which its normal is looked at
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is asked of the control points along one edge of the part, or at one of its corners.
+
+    Attributes
+    ----------
+    index, second
+        Into the control points (n1, n2): those on the edge, and their neighbours within.
+    held, tied
+        Components that are held at zero, and components that have no derivative across the edge.
+    """
+
+    index: tuple[int | slice, int | slice]
+    second: tuple[int | slice, int | slice]
+    held: tuple[int, ...]
+    tied: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What supports and symmetry leave free.
+
+    Attributes
+    ----------
+    fixed
+        (3, n1, n2) components of control points that are held at zero.
+    leader
+        (3, n1, n2) flat number of the control point whose component moves this one: its own, but where it is tied.
+    """
+
+    fixed: Mask
+    leader: NDArray[np.int64]
+
+    @property
+    def free(self) -> int:
+        """Number of unknowns."""
+        own = self.leader == np.arange(self.fixed[0].size).reshape(self.fixed.shape[1:])
+        return int(np.count_nonzero(own & ~self.fixed))
+
+    def balanced(self, forces: Array) -> Array:
+        """Return what is left of forces (3, n1, n2) in the directions that are free, gathered at their leaders."""
+        total = np.zeros((3, self.fixed[0].size))
+        for component in range(3):
+            np.add.at(total[component], self.leader[component].ravel(), forces[component].ravel())
+        return np.asarray(np.where(self.fixed, 0.0, total.reshape(self.fixed.shape)))
+
+
+def _row(axis: int, side: Side, held: tuple[int, ...], tied: tuple[int, ...]) -> Row:
+    first, second = (0, 1) if side == "min" else (-1, -2)
+    every = slice(None)
+    return Row(
+        (first, every) if axis == 0 else (every, first), (second, every) if axis == 0 else (every, second), held, tied
+    )
+
+
+def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
+    """Return the components that a held slope leaves without a derivative across the edge.
+
+    On a plane of symmetry they are the two in it. Under a clamp it is that of the shell's normal: where the coordinate
+    across the edge is oblique to it, this holds the slope along the conormal only if the component itself is held.
+
+    Returns
+    -------
+    tuple or None
+        None if no components in Cartesian directions say it.
+    """
+    if not support.holds_slope:
+        return ()
+    domain = case.surface.domain
+    running = 1 - edge.axis
+    points = edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+    x = case.surface.derivatives(points, order=1)
+    across = x[1, 0] if edge.axis == 0 else x[0, 1]
+    normal = np.cross(x[1, 0], x[0, 1])
+    if support.symmetry:
+        plane = "xyz".index(support.symmetry)
+        return tuple(c for c in range(3) if c != plane) if _direction(across) == plane else None
+    found = _direction(normal)
+    if found is None or not ("xyz"[found] in _held_on(case, edge) or _at_right_angles(x[1, 0], x[0, 1])):
+        return None
+    return (found,)
+
+
+def _held_on(case: Case, edge: Edge) -> set[str]:
+    """Return the components that any support holds on an edge."""
+    return {component for support, place in case.supported_places() if place == edge for component in support.held}
+
+
+def _at_right_angles(first: Array, second: Array) -> bool:
+    """Tell whether vectors (n, 3) are at right angles to others."""
+    lengths = np.linalg.norm(first, axis=-1) * np.linalg.norm(second, axis=-1)
+    return bool(np.all(np.abs(np.einsum("ni,ni->n", first, second)) <= ALONG * lengths))
+
+
+def _direction(vectors: Array) -> int | None:
+    """Return the Cartesian direction along which all of the vectors (n, 3) are, if there is one."""
+    unit = np.abs(vectors) / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    direction = int(np.argmax(unit[0]))
+    return direction if np.delete(unit, direction, axis=-1).max() <= ALONG else None
+
+
+def rows_of(part: Part, place: Edge | Point, held: Sequence[int], tied: Sequence[int]) -> Iterator[Row]:
+    """Yield the row of a place of the case, if it is on the part's own boundary; a point has to be a corner."""
+    if isinstance(place, Edge):
+        if (place.axis, place.side) not in part.planes:
+            yield _row(place.axis, place.side, tuple(held), tuple(tied))
+        return
+    found = part.place(place.xi)
+    if found is not None:
+        ends = [corner_end(part, found[0], axis) for axis in (0, 1)]
+        assert ends[0] is not None, "the case is declined"
+        assert ends[1] is not None, "the case is declined"
+        index = (ends[0], ends[1])
+        yield Row(index, index, tuple(held), ())
+
+
+def corner_end(part: Part, xi: tuple[float, float], axis: int) -> int | None:
+    """Return 0 or -1 where a point is at the lower or the upper end of a coordinate of the part, else None."""
+    size = part.upper[axis] - part.lower[axis]
+    if abs(xi[axis] - part.lower[axis]) <= ALONG * size:
+        return 0
+    return -1 if abs(xi[axis] - part.upper[axis]) <= ALONG * size else None
+
+
+def support_rows(part: Part, support: Support, images: Sequence[Mirror] = ()) -> Iterator[Row]:
+    """Yield the rows of a support on the part, or on the copy of the part to which mirrors lead."""
+    held = ["xyz".index(c) for c in support.held]
+    for name in support.on:
+        place = part.case.places[name]
+        assert not isinstance(place, Whole)
+        tied = tied_by(part.case, support, place) if isinstance(place, Edge) else ()
+        assert tied is not None
+        for mirror in images:
+            place = _image(place, mirror)
+        yield from rows_of(part, place, held, tied)
+
+
+def _image(place: Edge | Point, mirror: Mirror) -> Edge | Point:
+    if isinstance(place, Point):
+        first, second = mirror.image(place.xi)
+        return Point(place.name, (float(first), float(second)))
+    if place.axis != mirror.axis:
+        return place
+    return Edge(place.name, place.axis, "max" if place.side == "min" else "min")
+
+
+def conditions_of(part: Part, shape: tuple[int, int]) -> Conditions:
+    """Return what holds the control points (n1, n2) of the part."""
+    fixed = np.zeros((3, *shape), dtype=bool)
+    leader = np.broadcast_to(np.arange(shape[0] * shape[1]).reshape(shape), (3, *shape)).copy()
+    rows = [row for support in part.case.supports for row in support_rows(part, support)]
+    for (axis, side), normal in part.planes.items():
+        rows.append(_row(axis, side, (normal,), tuple(c for c in range(3) if c != normal)))
+    for row in rows:
+        for component in row.held:
+            fixed[component][row.index] = True
+    for row in rows:
+        for component in row.tied:
+            # the corner that two such edges share follows: its leader is the leader of the one that it is tied to
+            leader[component][row.second] = leader[component][row.index]
+    for component in range(3):  # what is tied to something held is held, and what leads something held too
+        followers = np.zeros(shape[0] * shape[1], dtype=bool)
+        np.logical_or.at(followers, leader[component].ravel(), fixed[component].ravel())
+        fixed[component] = followers[leader[component]]
+    return Conditions(fixed, leader)
+
+
+def held_by(part: Part, number: int, images: Sequence[Mirror], shape: tuple[int, int]) -> Mask:
+    """Tell which components (3, n1, n2) a support acts on, on the copy of the part to which mirrors lead.
+
+    Where two supports share a control point the one that the case names first is said to act.
+    """
+    masks = []
+    for support in part.case.supports[: number + 1]:
+        mask = np.zeros((3, *shape), dtype=bool)
+        for row in support_rows(part, support, images):
+            for component in row.held:
+                mask[component][row.index] = True
+            for component in row.tied:
+                mask[component][row.index] = mask[component][row.second] = True
+        masks.append(mask)
+    earlier = np.any(masks[:-1], axis=0) if number else np.zeros_like(masks[0])
+    return np.asarray(masks[-1] & ~earlier)

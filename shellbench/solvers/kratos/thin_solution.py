@@ -1,0 +1,257 @@
+"""The answer of a mesh of Kratos' thin quadrilaterals, between its nodes and over the whole shell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.errors import InputError
+from shellbench.problem import FIELDS, NumberFormat, Step
+from shellbench.problems.rounding import shortened
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.kratos.symmetry import Part, part_of
+from shellbench.solvers.kratos.thin_deformation import Deformation, Gauge
+from shellbench.solvers.kratos.thin_elements import DOFS, Elements
+from shellbench.solvers.kratos.thin_file import read, write
+from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
+from shellbench.solvers.kratos.thin_static import Problem
+
+Array = NDArray[np.float64]
+
+SLACK = 1e-9  # of the last mark, by which a mark may lie beside it
+RECENT = 4  # states whose strains are kept at hand
+
+
+def mesh_on(part: Part, cells: tuple[int, int]) -> QuadMesh:
+    """Return the mesh of a part; a coordinate that closes on itself and has no plane of symmetry stays closed."""
+    turns = part.case.surface.domain.periodic
+    first, second = (closed and (axis, "min") not in part.planes for axis, closed in enumerate(turns))
+    return QuadMesh(part.lower, part.upper, (first, second), cells)
+
+
+@dataclass(frozen=True)
+class ThinSolution:
+    """Displacements and rotations of nodes at load factors.
+
+    Between nodes the displacement is bilinear in (xi1, xi2), so that it is continuous and has kinks at the elements'
+    sides; the element itself has none between its nodes. Strains, and the energy densities that follow from them, are
+    Kratos' own at four points of each element and bilinear through them: they jump from element to element.
+
+    Attributes
+    ----------
+    problem
+        What of the case was solved, and on what; Kratos is asked there for strains, energies and forces.
+    marks
+        (k,) load factors, increasing.
+    frames
+        (v, 6, k) displacements of the nodes, m, and their rotation vectors, at the marks.
+    parameters
+        Degrees of freedom that were solved for.
+    history, diagnostics, uncertainty, extrapolated
+        See `shellbench.problem.Solution`.
+    """
+
+    problem: Problem
+    marks: Array
+    frames: Array
+    parameters: int
+    history: tuple[Step, ...] = ()
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    extrapolated: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def case(self) -> Case:
+        """The case it answers."""
+        return self.problem.part.case
+
+    @property
+    def part(self) -> Part:
+        """The part of the shell that was solved."""
+        return self.problem.part
+
+    @property
+    def mesh(self) -> QuadMesh:
+        """The mesh on that part."""
+        return self.problem.mesh
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of the displacements; the mesh follows from the settings, and rotations serve other questions."""
+        return self.frames[:, :3].size * self.frames.itemsize
+
+    @cached_property
+    def _elements(self) -> Elements:
+        """Elements that have kept no state but rest; those of a path remember where it led."""
+        return Elements(self.problem.positions, self.mesh.quads, self.case.material)
+
+    @cached_property
+    def _gauge(self) -> Gauge:
+        return Gauge(self.problem)
+
+    def _frame(self, at: float | None) -> int:
+        """Return the number of a load factor's frame; InputError if it was not solved."""
+        last = float(self.marks[-1])
+        mark = last if at is None else float(at)
+        nearest = int(np.argmin(np.abs(self.marks - mark)))
+        if abs(self.marks[nearest] - mark) <= SLACK * max(abs(last), np.finfo(float).tiny):
+            return nearest
+        known = ", ".join(f"{m:g}" for m in self.marks)
+        raise InputError(f"{self.case.name}: solved at {known}, not at {mark:g}")
+
+    def displacement(
+        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the displacement (..., 3) in metres at points (..., 2)."""
+        xi = np.asarray(points, dtype=float)
+        folded = self.part.fold(xi.reshape(-1, 2))
+        quad, places = self.mesh.locate(folded.points)
+        nodal = self.frames[:, :3, self._frame(at)][self.mesh.quads[quad]]
+        values = np.einsum("na,nac->nc", bilinear(places), nodal) * folded.signs
+        return np.asarray(values.reshape(*xi.shape[:-1], 3))
+
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return zero (..., 3): static cases only."""
+        return np.zeros((*np.asarray(points).shape[:-1], 3))
+
+    @cached_property
+    def _deformation(self) -> Callable[[int], Deformation]:
+        return lru_cache(maxsize=RECENT)(lambda k: self._gauge.measure(self.frames[..., k]))
+
+    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
+        """Return a strain or an energy density at points (..., 2).
+
+        Kratos' strains are tensors in an element's plane; they are turned into covariant components with the base
+        vectors of the true midsurface.
+
+        Raises
+        ------
+        KeyError
+            If the name is unknown.
+        """
+        if name not in FIELDS:
+            raise KeyError(name)
+        xi = np.asarray(points, dtype=float)
+        folded = self.part.fold(xi.reshape(-1, 2))
+        membrane, bending, frames = self._deformation(self._frame(at)).at(folded.points)
+        tensor = membrane if name.startswith("membrane") else bending
+        if name.endswith("energy_density"):
+            return np.asarray(self._density(name, tensor).reshape(xi.shape[:-1]))
+        x = self.case.surface.derivatives(folded.points, order=1)
+        base = np.stack([x[1, 0], x[0, 1]], axis=1)
+        in_plane = np.einsum("nac,nic->nai", base, frames[:, :2])
+        covariant = np.einsum("nai,nij,nbj->nab", in_plane, tensor, in_plane)
+        # a mirror turns one coordinate and one component, so that normals keep their side and only shear changes sign
+        shear = covariant[:, 0, 1] * folded.turned.prod(axis=-1)
+        strain = np.stack([covariant[:, 0, 0], covariant[:, 1, 1], shear], axis=-1)
+        return np.asarray(strain.reshape(*xi.shape[:-1], 3))
+
+    def _density(self, name: str, tensor: Array) -> Array:
+        """Return the energy density (n,) of strains (n, 2, 2), J/m^2.
+
+        D / 2 [(1 - nu) e : e + nu (tr e)^2], with B instead of D in bending (Kairanda et al., eqs. (17)-(19)).
+        """
+        material = self.case.material
+        nu = material.poissons_ratio
+        stiffness = material.membrane_stiffness if name.startswith("membrane") else material.bending_stiffness
+        trace = tensor[:, 0, 0] + tensor[:, 1, 1]
+        return np.asarray(stiffness / 2 * ((1 - nu) * np.sum(tensor**2, axis=(1, 2)) + nu * trace**2))
+
+    def energies(self, at: float | None = None) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy of the whole shell, J: Kratos' own, summed."""
+        membrane, bending = self._gauge.energies(self.frames[..., self._frame(at)])
+        return self.part.copies * membrane, self.part.copies * bending
+
+    def reaction(
+        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
+
+        They are what its nodes need to stay: Kratos' internal forces and moments less the loads.
+
+        Raises
+        ------
+        InputError
+            If there is no such support.
+        """
+        names = [s.name for s in self.case.supports]
+        if support not in names:
+            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
+        k = self._frame(at)
+        number, supports = names.index(support), self.problem.supports
+        missing = self._unbalanced(k)
+        forces = supports.share(number) * missing[:, :3]
+        couples = np.where(supports.turned[number], missing[:, 3:], 0.0)
+        places = self.problem.positions
+        if not self.case.linear:
+            places = places + self.frames[:, :3, k]
+        total, moment = np.zeros(3), np.zeros(3)
+        for mirrors in self.part.images():
+            there, pushed, turned = places.copy(), forces.copy(), couples.copy()
+            for mirror in mirrors:
+                there[:, mirror.normal] = 2 * mirror.offset - there[:, mirror.normal]
+                pushed, turned = pushed * mirror.signs, -turned * mirror.signs  # a moment is an axial vector
+            total += pushed.sum(axis=0)
+            moment += (np.cross(there - np.asarray(centre, dtype=float), pushed) + turned).sum(axis=0)
+        return total, moment
+
+    def _unbalanced(self, k: int) -> Array:
+        """Return what the nodes lack (v, 6) to stay where they are at a frame, N and N m."""
+        elements, values = self._elements, self.frames[..., k]
+        elements.begin()
+        if self.case.linear:
+            elements.move(np.zeros_like(values[:, :3]), np.zeros_like(values[:, 3:]))
+            internal = elements.assemble()[0] @ values.ravel()
+        else:
+            elements.move(values[:, :3], values[:, 3:])
+            internal = elements.assemble()[1]
+        return np.asarray(internal.reshape(-1, DOFS) - self.problem.loads.forces(float(self.marks[k])))
+
+    def rounded(self, format: NumberFormat) -> tuple[ThinSolution, int]:
+        """Return the solution with displacements rounded to a format, and the bytes that they take."""
+        if format == "float64":
+            return self, self.storage_bytes
+        short = shortened(self.frames[:, :3], format)
+        frames = np.concatenate([short.expanded(), self.frames[:, 3:]], axis=1)
+        return replace(self, frames=frames), short.nbytes
+
+    def save(self, path: Path) -> Path:
+        """Write an npz file without pickles; return its path, which ends in .npz."""
+        words = {
+            "case_name": self.case.name,
+            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            "cells": list(self.mesh.cells),
+            "whole": not self.part.mirrors,
+            "parameters": self.parameters,
+            "history": [asdict(step) for step in self.history],
+            "diagnostics": dict(self.diagnostics),
+        }
+        return write(path, words, {"marks": self.marks, "frames": self.frames})
+
+    @classmethod
+    def load(cls, path: Path) -> ThinSolution:
+        """Read what `save` wrote; InputError if the file is missing, damaged, or none of this solver."""
+        return read(path, cls._assembled)
+
+    @classmethod
+    def _assembled(cls, words: Mapping[str, Any], arrays: Mapping[str, Array]) -> ThinSolution:
+        case = Case.model_validate({**words["case"], "name": words["case_name"]})
+        part = whole(case) if words["whole"] else part_of(case)
+        mesh = mesh_on(part, (int(words["cells"][0]), int(words["cells"][1])))
+        marks, frames = arrays["marks"], arrays["frames"]
+        if frames.shape != (mesh.node_count, DOFS, len(marks)) or not np.all(np.diff(marks) > 0):
+            raise ValueError("frames do not fit the mesh and the marks")
+        history = tuple(Step(**step) for step in words["history"])
+        return cls(Problem(part, mesh), marks, frames, int(words["parameters"]), history, words["diagnostics"])
+
+
+def whole(case: Case) -> Part:
+    """Return the whole shell as the part to be solved."""
+    domain = case.surface.domain
+    return Part(case, domain.lower, domain.upper, (), {})

@@ -1,0 +1,122 @@
+"""Checkpoints: all that a training needs to go on, in one file that is either whole or not there."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from shellbench.errors import InputError
+from shellbench.problem import Step
+
+FORMAT = "shellbench-ndf-checkpoint-1"
+GROUPS = ("weight", "first_moment", "second_moment")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A training after so many iterations.
+
+    Samples are numbered by the iteration and keyed by the seed, so there is no state of a generator to keep.
+
+    Attributes
+    ----------
+    key
+        What the training is: a checkpoint goes on only in a training of the same key.
+    iteration
+        Number of completed iterations.
+    seconds
+        Wall time that they took.
+    weights, first_moments, second_moments
+        The trained tensors, and Adam's moments of their gradients.
+    losses
+        (iteration,): the loss of each.
+    history
+        What has been recorded so far.
+    """
+
+    key: str
+    iteration: int
+    seconds: float
+    weights: list[Tensor]
+    first_moments: list[Tensor]
+    second_moments: list[Tensor]
+    losses: Tensor
+    history: tuple[Step, ...]
+
+
+def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
+    """Write a checkpoint in place of an older one: to a file beside it that is then renamed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    groups = (checkpoint.weights, checkpoint.first_moments, checkpoint.second_moments)
+    tensors = {
+        f"{name}.{k}": tensor.detach().cpu().contiguous()
+        for name, group in zip(GROUPS, groups, strict=True)
+        for k, tensor in enumerate(group)
+    }
+    facts = {
+        "key": checkpoint.key,
+        "iteration": checkpoint.iteration,
+        "seconds": checkpoint.seconds,
+        "history": [{**asdict(step), "quantities": dict(step.quantities)} for step in checkpoint.history],
+    }
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        save_file(
+            {**tensors, "losses": checkpoint.losses.detach().cpu()},
+            beside,
+            metadata={"format": FORMAT, "checkpoint": json.dumps(facts)},
+        )
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def is_checkpoint(path: Path) -> bool:
+    """Tell whether a file is a checkpoint; a file that can't be read is none."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            return (file.metadata() or {}).get("format") == FORMAT
+    except (OSError, SafetensorError):
+        return False
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """Read what `write_checkpoint` wrote.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if it is no whole checkpoint.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            facts = json.loads((file.metadata() or {})["checkpoint"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+        layers = range(sum(name.startswith(f"{GROUPS[0]}.") for name in tensors))
+        weights, first, second = ([tensors[f"{group}.{k}"] for k in layers] for group in GROUPS)
+        found = Checkpoint(
+            key=str(facts["key"]),
+            iteration=int(facts["iteration"]),
+            seconds=float(facts["seconds"]),
+            weights=weights,
+            first_moments=first,
+            second_moments=second,
+            losses=tensors["losses"],
+            history=tuple(Step(**step) for step in facts["history"]),
+        )
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror or error})") from None
+    except (SafetensorError, KeyError, TypeError, ValueError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: is damaged or no checkpoint ({reason[:200]})") from None
+    whole = found.losses.shape == (found.iteration,) and all(bool(torch.isfinite(w).all()) for w in found.weights)
+    if not whole:
+        raise InputError(f"{path}: is damaged: its losses or weights are not those of {found.iteration} iterations")
+    return found

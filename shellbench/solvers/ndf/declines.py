@@ -1,0 +1,117 @@
+"""Whether the exact boundary factors can hold the supports of a case, found out by trying."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
+from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
+from shellbench.solvers.ndf.large_displacement import why_not_followed
+from shellbench.solvers.ndf.network import random_features
+from shellbench.solvers.ndf.reaction import virtual_edges
+from shellbench.solvers.ndf.soft import why_not_soft
+from shellbench.solvers.ndf.supports import EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.turning import turns
+
+PROBE_WIDTH = 4  # features of the random field that probes the factors
+VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
+
+
+def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
+    """Return why a field with exact boundary factors can't answer a case, as one clause, or None if it can.
+
+    `spec` are the choices of the field: covariant components, for one, can't be even at a plane of symmetry.
+    """
+    if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
+        return reason
+    try:
+        for quantity in case.quantities:
+            if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+                virtual_edges(case, next(s for s in case.supports if s.name == quantity.support))
+    except InputError as error:
+        return str(error)
+    if spec is not None and spec.supports == "soft":
+        return why_not_soft(case)
+    probe = _probe(case, spec or FieldSpec())
+    for support in edge_supports(case):
+        value, slope = violations(probe, support)
+        if not value < VIOLATED:
+            return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
+        if not slope < VIOLATED:
+            return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
+    return None
+
+
+def why_not_moved(case: Case) -> str | None:
+    """Return why a field can't follow a motion, as one clause, or None if it can."""
+    if turns(case):
+        return "it can't turn clamped edges by finite angles in motion"
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return "it can't follow edge moments in motion"
+    return None
+
+
+def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
+    """Return by how much a field misses the prescribed motion and slope on an edge, relative to its own size.
+
+    The ends of the edge are left out: there two supports may contradict each other.
+    """
+    case, placement = field.ansatz.case, field.features.placement
+    points = edge_samples(case, support.edge)[1:-1]
+    u = field.jet(points)
+    x = from_derivatives(case.surface.derivatives(points, 2), placement)
+    value = 0.0
+    for c, holder in support.held.items():
+        wanted = case.motion(holder, support.edge, points, field.ansatz.t)[0, 0][:, c]
+        scale = np.abs(wanted).max(initial=0.0) + float(u[VALUE].abs().max()) + _size(field)
+        value = max(value, float((u[VALUE, :, c] - placement.tensor(wanted)).abs().max()) / scale)
+    if support.slope is None:
+        return value, 0.0
+    motion = case.motion(support.slope, support.edge, points, field.ansatz.t, 1)
+    moved = torch.stack([placement.tensor(motion[k]) for k in ((0, 0), (1, 0), (0, 1))])
+    turned = x[:3] + moved if turns(case) and isinstance(support.slope.motion, Rotation) else x[:3]
+    normal = torch.linalg.cross(turned[D1], turned[D2], dim=-1)
+    normal = normal / normal.norm(dim=-1, keepdim=True)
+    wanted_tilt = _tilt(moved, x, normal, support.edge.axis)
+    tilt = _tilt(u, x, normal, support.edge.axis)
+    largest = (u[[D1, D2]].norm(dim=-1) / x[[D1, D2]].norm(dim=-1)).max()
+    return value, float((tilt - wanted_tilt).abs().max() / (largest + wanted_tilt.abs().max()))
+
+
+def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
+    """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
+    across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
+    du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
+    share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
+    conormal = across - share * along
+    tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)
+    return tilt
+
+
+def _size(field: Field) -> float:
+    domain = field.ansatz.case.surface.domain
+    middle = np.asarray(domain.grid(5, 5)).reshape(-1, 2)
+    return float(field.displacement(middle).abs().max())
+
+
+def _probe(case: Case, spec: FieldSpec) -> Field:
+    """Return a random field on the shell."""
+    placement = Placement()
+    inputs = build_inputs(case, spec)
+    network = random_features(placement.tensor(np.full(inputs.count, math.pi)), PROBE_WIDTH, seed=0)
+    features = build_features(case, spec, network, placement, inputs)
+    generator = torch.Generator().manual_seed(1)
+    output = torch.randn((3, features.count), generator=generator, dtype=torch.float64)
+    return Field(build_ansatz(case, spec), features, output, torch.zeros(6, dtype=torch.float64))

@@ -1,0 +1,324 @@
+"""Equilibrium of a field at finite strain: the output weights by Newton's method, in a basis of independent fields.
+
+Random features are nearly dependent, so the output weights of a state mean little one by one. The unknowns y are the
+weights of independent combinations of features whose stiffness at rest is the identity: at a loaded state the smallest
+eigenvalue of the tangent then says how far the state is from being no minimum.
+
+Newton's method takes the stresses of the geometric stiffness from the linear prediction of its last step, and all else
+from the displacement itself: thin shells then take large steps (Magisano, Leonetti & Garcea 2017, CMAME 313).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.measure import unit
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.rigid import free_motions, rigid_modes
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.combined import Combined, FeatureSet, independent
+from shellbench.solvers.ndf.energy import mirrored
+from shellbench.solvers.ndf.field import Ansatz
+from shellbench.solvers.ndf.jets import VALUE, Array
+from shellbench.solvers.ndf.loads import concentrated_forces, force_density
+from shellbench.solvers.ndf.moments import EdgeMoment, edge_moments
+from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.sampled import Sampled, elastic_form
+from shellbench.solvers.ndf.strain_measures import Strained
+from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.turning import turns
+from shellbench.solvers.ndf.undeformed import stresses
+
+CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
+MOST_ITERATIONS = 14  # a step that takes more is cut
+UNSTRAINED = 1e-20  # energy per membrane stiffness and area, a strain of 1e-10, that is rounding
+HOPELESS = 1e8  # growth of that work that no iteration comes back from
+
+
+class NotConvergedError(ArithmeticError):
+    """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
+
+
+@dataclass(frozen=True)
+class Deformed:
+    """A displacement of the shell.
+
+    Attributes
+    ----------
+    membrane, bending, work
+        Parts of the strain energy, and the work of the loads, J.
+    residual
+        (3 M,): loads less what the strains resist, on the output weights.
+    strained, stresses
+        At the points of the rule: strains, and what is conjugate to them (N, 6).
+    angles
+        By moment (n,): the angles that its normals have turned by.
+    """
+
+    membrane: float
+    bending: float
+    work: float
+    residual: Tensor
+    strained: Strained
+    stresses: Tensor
+    angles: tuple[Tensor, ...]
+
+    @property
+    def potential(self) -> float:
+        """Potential energy, J."""
+        return self.membrane + self.bending - self.work
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Independent fields: w = held target + combine y, with `combine` (3 M, r) and `held` (3 M, k)."""
+
+    combine: Tensor
+    held: Tensor
+
+    @classmethod
+    def of(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
+        """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held."""
+        combine = independent(stiffness)
+        if not len(constraints):
+            return cls(combine, combine.new_zeros((len(stiffness), 0)))
+        q, r = torch.linalg.qr((constraints @ combine).T, mode="complete")
+        k = len(constraints)
+        return cls(combine @ q[:, k:], combine @ q[:, :k] @ torch.linalg.inv(r[:k].T))
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns r."""
+        return self.combine.shape[1]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A case with its features on one quadrature.
+
+    Attributes
+    ----------
+    spec, features, rule_spec, focal
+        The field, and the rule that its energy is integrated with.
+    """
+
+    spec: FieldSpec
+    ansatz: Ansatz
+    features: FeatureSet
+    rule_spec: RuleSpec
+    focal: Array
+
+    def independent(self) -> Problem:
+        """Return the problem with independent combinations of its features, the same for all components."""
+        matrix = self._stiffness
+        blocks = matrix.view(3, self.features.count, 3, self.features.count)
+        alike = blocks[0, :, 0] + blocks[1, :, 1] + blocks[2, :, 2]
+        return replace(self, features=Combined(self.features, independent(alike)))
+
+    @cached_property
+    def _stiffness(self) -> Tensor:
+        weights = self.weights.new_zeros(3 * self.features.count)
+        return self.tangent(self.deform(weights, 0.0), 0.0)
+
+    @cached_property
+    def ansatz_at(self) -> Callable[[float], Ansatz]:
+        """The supports at a load factor."""
+        if not self.ansatz.lift.moves:
+            return lambda t: Ansatz(self.ansatz.case, self.ansatz.factors, self.ansatz.lift, t)
+        return lru_cache(maxsize=4)(lambda t: build_ansatz(self.ansatz.case, self.spec.model_copy(update={"t": t})))
+
+    @cached_property
+    def sampled(self) -> Sampled:
+        """The area rule's points."""
+        rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
+        return Sampled.of(self.ansatz_at(0.0), self.features, rule.points)
+
+    @cached_property
+    def sampled_at(self) -> Callable[[float], Sampled]:
+        """The area rule's points with the boundary factors at a load factor."""
+        if not turns(self.ansatz.case):
+            return lambda t: self.sampled
+        return lru_cache(maxsize=2)(lambda t: self.sampled.carried(self.ansatz_at(t)))
+
+    @cached_property
+    def weights(self) -> Tensor:
+        """(N,) parametric weights of the area rule."""
+        rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
+        return self.features.placement.tensor(rule.weights)
+
+    @cached_property
+    def elasticity(self) -> Tensor:
+        """(N, 2, 3, 3) of each point's share of the area."""
+        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self._share[:, None, None, None]
+
+    @cached_property
+    def _share(self) -> Tensor:
+        """(N,): area of each point, m^2."""
+        return self.weights * self.sampled.undeformed.geometry.jacobian
+
+    @property
+    def area(self) -> float:
+        """Area of the midsurface, m^2."""
+        return float(self._share.sum())
+
+    @property
+    def unstrained(self) -> float:
+        """Energy that is rounding, J."""
+        return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
+
+    @cached_property
+    def moments(self) -> tuple[EdgeMoment, ...]:
+        """The edge moments."""
+        finite = self.spec.strain != "linear"
+        return tuple(edge_moments(self.ansatz, self.features, self.rule_spec, self.focal, finite))
+
+    @cached_property
+    def forces(self) -> Callable[[float], tuple[Tensor, float]]:
+        """The dead loads at a load factor: a vector (3 M,), and their work on the lift."""
+        return lru_cache(maxsize=4)(self._forces)
+
+    def _forces(self, t: float) -> tuple[Tensor, float]:
+        case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled_at(t)
+        ansatz = self.ansatz_at(t)
+        force = placement.tensor(force_density(case, sampled.points, t))
+        force = force * self._share[:, None]
+        total = sampled.forces(force)
+        points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
+        extra = placement.tensor(concentrated)
+        if len(points):
+            matrix = ansatz.factors.matrix(points, placement)[VALUE]
+            on_free = (matrix.mT @ extra[..., None])[..., 0]
+            total = total + (on_free.T @ self.features.values(points)).reshape(-1)
+        work = 0.0
+        if ansatz.lift.moves:
+            work = float((force * ansatz.lift.jet(sampled.points, placement)[VALUE]).sum())
+            if len(points):
+                work += float((extra * ansatz.lift.jet(points, placement)[VALUE]).sum())
+        return total, work
+
+    @cached_property
+    def anchor(self) -> Tensor:
+        """(r, 3 M): rows whose squares pin the rigid motions that nothing holds, at no cost to loads in balance."""
+        case = self.ansatz.case
+        free = free_motions(case)
+        modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
+        share = self._share / self._share.sum() * case.material.membrane_stiffness**0.5
+        placed = self.features.placement.tensor(modes) * share[:, None, None]
+        rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
+        return torch.stack(rows) if rows else share.new_zeros((0, 3 * self.features.count))
+
+    @cached_property
+    def constraints(self) -> Tensor:
+        """(k, 3 M): rows of the point supports."""
+        supports = point_supports(self.ansatz.case)
+        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]]) for s in supports]
+        return torch.stack(rows) if rows else self.weights.new_zeros((0, 3 * self.features.count))
+
+    def targets(self, t: float) -> Tensor:
+        """Return what the point supports prescribe (k,), metres, less the lift."""
+        supports = point_supports(self.ansatz.case, t)
+        ansatz, placement = self.ansatz_at(t), self.features.placement
+        values = placement.tensor(np.array([s.value for s in supports]))
+        if supports and ansatz.lift.moves:
+            points = np.array([s.point.xi for s in supports])
+            lift = ansatz.lift.jet(points, placement)[VALUE]
+            values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
+        return values
+
+    def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
+        """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
+
+        It depends on the load factor only where clamped edges turn.
+        """
+        placement = self.features.placement
+        matrix = self.ansatz_at(t).factors.matrix(points, placement)[VALUE]
+        on_free = (matrix.mT @ placement.tensor(directions)[..., None])[..., 0] / len(points)
+        return (on_free.T @ self.features.values(points)).reshape(-1)
+
+    def functional(self, quantity: DisplacementQuantity, t: float = 0.0) -> Tensor:
+        """Return the row (3 M,) of a displacement quantity; the lift's share is left out."""
+        places = [self.ansatz.case.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        return self.row(points, np.array([unit(d) for d in quantity.directions]), t)
+
+    def lifted(self, quantity: DisplacementQuantity, t: float) -> float:
+        """Return the lift's share of a displacement quantity at a load factor, metres."""
+        ansatz = self.ansatz_at(t)
+        if not ansatz.lift.moves:
+            return 0.0
+        places = [self.ansatz.case.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
+        lift = ansatz.lift.jet(points, self.features.placement)[VALUE].cpu().numpy()
+        return float(np.mean(np.sum(lift * np.array([unit(d) for d in quantity.directions]), axis=-1)))
+
+    @cached_property
+    def basis(self) -> Basis:
+        """The unknowns."""
+        return Basis.of(self._stiffness, self.constraints)
+
+    def likeness(self, first: Tensor, second: Tensor) -> float:
+        """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
+        stiff = self._stiffness @ first
+        product = float(stiff @ first) * float(second @ (self._stiffness @ second))
+        return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
+
+    def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
+        """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+        output, ansatz = weights.view(3, -1), self.ansatz_at(t)
+        sampled = self.sampled_at(t)
+        gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
+        strained = sampled.undeformed.strained(self.spec.strain, gradients)
+        strains = strained.strains
+        conjugate = stresses(self.elasticity, strains)
+        energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
+        forces, work = self.forces(t)
+        residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
+        residual = residual - self.anchor.T @ (self.anchor @ weights)
+        work += float(forces @ weights)
+        angles = []
+        for k, moment in enumerate(self.moments):
+            slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
+            before = slopes.new_zeros(len(slopes)) if near is None else near[k]
+            angles.append(moment.angles(slopes, before))
+            residual = residual + moment.forces(slopes, t)
+            work += float(moment.moments(t) @ angles[-1])
+        membrane, bending = energies.tolist()
+        return Deformed(membrane, bending, work, residual, strained, conjugate, tuple(angles))
+
+    def tangent(
+        self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
+    ) -> Tensor:
+        """Return the second variation (3 M, 3 M) of the potential energy.
+
+        `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
+        """
+        form = elastic_form(self.elasticity, deformed.strained.variation)
+        form = form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
+        count = 3 * self.features.count
+        total = form.new_zeros((count, count))
+        self.sampled_at(t).add_form(total, form)
+        if weights is not None:
+            for moment in self.moments:
+                lift = moment.sampled.lift_gradients(self.ansatz_at(t))
+                moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
+        return mirrored(total) + self.anchor.T @ self.anchor
+
+    def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
+        """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
+        gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
+        return deformed.stresses + stresses(self.elasticity, (deformed.strained.variation @ gradients)[..., 0])
+
+    def force_rate(self, weights: Tensor) -> Tensor:
+        """Return the derivative (3 M,) of proportional loads in t."""
+        total = self.forces(1.0)[0]
+        for moment in self.moments:
+            total = total + moment.forces(moment.sampled.gradients(weights.view(3, -1)), 1.0)
+        return total

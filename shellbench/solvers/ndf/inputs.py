@@ -1,0 +1,205 @@
+"""What the network sees of a point: input coordinates as jets, derived from the case alone.
+
+A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or in two ablations its cosine alone (the
+field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
+answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
+there. Distances from points that carry a force, and from the
+edges of curved shells, enter once more, stretched as asinh(d / l) / asinh(reach / l): there the solution varies within
+the length l of a bending layer (`lengths`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.ndf.choices import PeriodicInput
+from shellbench.solvers.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
+from shellbench.solvers.ndf.lengths import Focus
+from shellbench.solvers.ndf.mirror import even_columns
+from shellbench.solvers.ndf.supports import edge_supports, even_sides
+
+SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
+DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out
+
+Sides = tuple[tuple[bool, bool], tuple[bool, bool]]
+
+
+def even_coordinate(domain: Domain, points: Array, axis: int, even: tuple[bool, bool], placement: Placement) -> Tensor:
+    """Return the jet (6, N) of a coordinate scaled to [0, 1], with vanishing slope at the bounds where it is even."""
+    t = coordinates(points, placement)[axis] / domain.size[axis]
+    t[VALUE] -= domain.lower[axis] / domain.size[axis]
+    v = t[VALUE]
+    match even:
+        case (True, True):
+            f, slope, bend = cosine(math.pi * v)
+            return compose(((1 - f) / 2, -math.pi / 2 * slope, -(math.pi**2) / 2 * bend), t)
+        case (True, False):
+            return compose((v * v, 2 * v, torch.full_like(v, 2.0)), t)
+        case (False, True):
+            return compose((v * (2 - v), 2 - 2 * v, torch.full_like(v, -2.0)), t)
+    return t
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The input coordinates of a field.
+
+    Attributes
+    ----------
+    case
+        The case they are derived from.
+    periodic
+        How periodic coordinates enter.
+    foci
+        Points about which stretched coordinates are added.
+    edges
+        Lengths of the layers at edges, in xi1 and xi2, if coordinates are stretched toward edges.
+    even
+        Bounds at which every input is even.
+    kept
+        Which of the candidate columns are used: those independent of the earlier ones.
+    """
+
+    case: Case
+    periodic: PeriodicInput
+    foci: tuple[Focus, ...]
+    edges: tuple[float, float] | None
+    even: Sides
+    kept: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls,
+        case: Case,
+        periodic: PeriodicInput = "both",
+        around: tuple[Focus, ...] = (),
+        edges: tuple[float, float] | None = None,
+    ) -> Inputs:
+        """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
+
+        Where only cosines enter, what is not even about the seam is left out.
+        """
+        even = even_sides(edge_supports(case))
+        candidates = cls(case, periodic, around, edges, even, ())
+        domain = case.surface.domain
+
+        def values(points: Array) -> Tensor:
+            return torch.stack([c[VALUE] for c, _ in candidates._columns(points, Placement())], dim=-1)
+
+        columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
+        usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
+        if axes:
+            usable = even_columns(values, domain, axes).tolist()
+        return cls(case, periodic, around, edges, even, _independent(columns, usable))
+
+    @property
+    def count(self) -> int:
+        """Number of input coordinates n."""
+        return len(self.kept)
+
+    @property
+    def stretched(self) -> tuple[bool, ...]:
+        """For each input, whether it is a stretched one."""
+        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
+        return tuple(flags[k] for k in self.kept)
+
+    @property
+    def axes(self) -> tuple[int | None, ...]:
+        """For each input, the coordinate that it is, None for a stretched one."""
+        turns = self.case.surface.domain.periodic if self.periodic == "both" else (False, False)
+        plain = [axis for axis in (0, 1) for _ in range(1 + turns[axis])]
+        return tuple(plain[k] if k < len(plain) else None for k in self.kept)
+
+    def jets(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, n) of the inputs at points (N, 2), angles in radians."""
+        columns = self._columns(points, placement)
+        return torch.stack([columns[k][0] for k in self.kept], dim=-1)
+
+    def _columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        domain = self.case.surface.domain
+        unit = [even_coordinate(domain, points, axis, self.even[axis], placement) for axis in (0, 1)]
+        columns: list[tuple[Tensor, bool]] = []
+        for axis, t in enumerate(unit):
+            if domain.periodic[axis] and self.periodic != "none":
+                angle, functions = 2 * math.pi * t, (cosine, sine)[: 2 if self.periodic == "both" else 1]
+                columns += [(compose(f(angle[VALUE], 2), angle), False) for f in functions]
+            else:
+                centred = 2 * t
+                centred[VALUE] -= 1
+                columns.append((centred, False))
+        columns += [(self._from_edge(axis, bound, unit[axis]), True) for axis, bound in self._stretched_edges()]
+        if not self.foci:
+            return columns
+        chords = not any(flag for side in self.even for flag in side) and not (
+            self.periodic == "none" and any(domain.periodic)
+        )
+        if chords:
+            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
+        for focus in self.foci:
+            for axis in (0, 1):
+                if chords:
+                    distance = (x @ placement.tensor(focus.tangents[axis])) / focus.layer
+                    distance[VALUE] -= float(focus.position @ focus.tangents[axis]) / focus.layer
+                    column = _stretched(distance, focus.reach / focus.layer)
+                else:
+                    x_focus = self.case.surface.derivatives(np.asarray(focus.xi), 1)
+                    layer = focus.layer / float(np.linalg.norm((x_focus[1, 0], x_focus[0, 1])[axis]))
+                    column = self._stretched_along(axis, focus.xi[axis], layer, unit[axis])
+                columns.append((column, True))
+        return columns
+
+    def _stretched_edges(self) -> list[tuple[int, int]]:
+        """Return axis and bound (0 or 1) of each edge toward which coordinates are stretched."""
+        periodic = self.case.surface.domain.periodic
+        sides = [(axis, bound) for axis in (0, 1) for bound in (0, 1)]
+        return [(a, b) for a, b in sides if self.edges and not periodic[a] and not self.even[a][b]]
+
+    def _from_edge(self, axis: int, bound: int, unit: Tensor) -> Tensor:
+        assert self.edges is not None
+        domain = self.case.surface.domain
+        return self._stretched_along(axis, (domain.lower, domain.upper)[bound][axis], self.edges[axis], unit)
+
+    def _stretched_along(self, axis: int, start: float, layer: float, unit: Tensor) -> Tensor:
+        """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
+        domain = self.case.surface.domain
+        here = np.full((2, 2), start)
+        here[1] += layer if start + layer <= domain.upper[axis] else -layer
+        at, beside = even_coordinate(domain, here, axis, self.even[axis], Placement())[VALUE].tolist()
+        distance = unit / abs(beside - at)
+        distance[VALUE] -= at / abs(beside - at)
+        return _stretched(distance, max(at, 1 - at) / abs(beside - at))
+
+
+def _stretched(distance: Tensor, reach: float) -> Tensor:
+    """Return the jet of asinh(d) / asinh(reach), d in units of the layer."""
+    v, extent = distance[VALUE], math.asinh(reach)
+    root = torch.sqrt(1 + v * v)
+    return compose((torch.asinh(v) / extent, 1 / (root * extent), -v / (root**3 * extent)), distance)
+
+
+def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
+    """Return the coordinates about whose seam everything must be even."""
+    return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
+
+
+def _independent(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
+    """Return the usable columns that are no linear combination of a constant and earlier ones."""
+    basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
+    kept = []
+    for index, column in enumerate(columns.unbind(1)):
+        if not usable[index]:
+            continue
+        rest = column.clone()
+        for direction in basis * 2:  # twice: Gram-Schmidt loses orthogonality in one pass
+            rest = rest - (rest @ direction) * direction
+        if rest.norm() > DEPENDENT * column.norm():
+            basis.append(rest / rest.norm())
+            kept.append(index)
+    return tuple(kept)

@@ -1,0 +1,307 @@
+"""A case at finite strain: the output layer of given features follows the path of equilibrium from rest.
+
+Rungs of ever finer features are climbed until the certified potential energy at the end of the path stands still: it
+is what says, with no reference at hand, that a field is rich enough for what the shell does.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import MomentLoad, Value
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions
+from shellbench.solvers.ndf.buckling import follow_steps
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.certificate import rigid_part
+from shellbench.solvers.ndf.combined import Combined
+from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
+from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, Problem
+from shellbench.solvers.ndf.field import Features, Field
+from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.loads import check_balance
+from shellbench.solvers.ndf.newton import State, equilibrium
+from shellbench.solvers.ndf.path_solution import PathSolution
+from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.turning import turns, why_not_turned
+
+SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
+RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Features with the two rules that their energy is integrated with, and the points these are graded toward."""
+
+    features: Features
+    rule: RuleSpec
+    fine: RuleSpec
+    focal: Array
+    trained: int = 0
+
+
+def why_not_followed(case: Case) -> str | None:
+    """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't tell how far the clamped support '{support.name}' turns"
+    if (reason := why_not_turned(case)) is not None:
+        return reason
+    moved = next((support for support in case.supports if support.motion is not None), None)
+    if case.path.quantity is not None and moved is not None:
+        return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
+    free = free_motions(case)
+    if free.size and np.abs(free[3:]).max() > RIGID:
+        name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
+        return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def is_path(case: Case) -> bool:
+    """Tell whether a case is solved along a path: in linear theory where all is prescribed, or edge moments act."""
+    if not case.linear or any(isinstance(load, MomentLoad) for load in case.loads):
+        return True
+    return case.prescribed
+
+
+def solve(
+    case: Case,
+    spec: FieldSpec,
+    solver: str,
+    rungs: Sequence[Callable[[], Rung]],
+    largest_gap: float,
+    progress: ProgressCallback,
+) -> PathSolution:
+    """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
+
+    Raises
+    ------
+    SolveFailure
+        If the finest path ends early, or a field exploits its quadrature; the states up to there come with it.
+    InputError
+        If the loads are not in balance.
+    """
+    began = time.perf_counter()
+    history: list[Step] = []
+    before: float | None = None
+    change: float | None = None
+    solution: PathSolution | None = None
+    for number, build in enumerate(rungs):
+        run = _Run(case, spec, solver, build(), began, largest_gap, progress)
+        try:
+            solution = run.solve()
+        except SolveFailure as failure:
+            if number == len(rungs) - 1:  # what a coarser field found is kept, but not taken for the answer
+                raise SolveFailure(str(failure), solution or failure.partial) from None
+            before = None
+            continue
+        energy = solution.diagnostics["certified_energy"]
+        if before is not None:
+            magnitude = sum(solution.energies()) + abs(sum(solution.energies()) - energy)
+            change = abs(energy - before) / magnitude if magnitude else 0.0
+        before = energy
+        history.append(run.summary(len(history), solution))
+        if run.prescribed or (change is not None and change <= SETTLED):
+            break
+    assert solution is not None  # there is a rung, and the last one would have raised
+    states = tuple(replace(s, iteration=len(history) + s.iteration) for s in solution.history)
+    diagnostics = {
+        **solution.diagnostics,
+        "energy_change": change,
+        "settled": run.prescribed or (change is not None and change <= SETTLED),
+    }
+    return replace(solution, history=(*history, *states), diagnostics=diagnostics)
+
+
+class _Run:
+    """One rung: a path, its certificate, and what is kept of it."""
+
+    def __init__(
+        self,
+        case: Case,
+        spec: FieldSpec,
+        solver: str,
+        rung: Rung,
+        began: float,
+        largest_gap: float,
+        progress: ProgressCallback,
+    ) -> None:
+        self.case, self.spec, self.solver, self.rung = case, spec, solver, rung
+        self.began, self.largest_gap, self.progress = began, largest_gap, progress
+        self.prescribed = case.prescribed
+        ansatz = build_ansatz(case, spec)
+        rule = area_rule(case.surface.domain, rung.focal, rung.rule)
+        for t in case.states if case.path.quantity is None else (1.0,):
+            check_balance(case, rule, rung.rule, rung.focal, t)
+        problem = Problem(spec, ansatz, rung.features, rung.rule, rung.focal)
+        self.problem = problem if self.prescribed else problem.independent()
+        self.quantities = {q.name: q for q in case.quantities if isinstance(q, DisplacementQuantity)}
+        self.rows = self._rows(0.0)
+        self.controlled = self.rows.get(case.path.quantity or "")
+
+    def solve(self) -> PathSolution:
+        states: list[State] = []
+        seconds: list[float] = []
+        reason: str | None = None
+        try:
+            for state in self._states():
+                states.append(replace(state, tangent=None))
+                seconds.append(time.perf_counter() - self.began)
+                self.progress(Progress(len(states), None, f"{self.problem.features.count} features, t = {state.t:.4g}"))
+        except PathEndsError as error:
+            reason = str(error)
+        except NotConvergedError:
+            reason = "the tangent stiffness is singular"
+        if not states:
+            raise SolveFailure(f"{reason}: no state beyond rest converged")
+        solution = self._kept(states, seconds, complete=reason is None)
+        if reason is not None:
+            raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", solution)
+        gap = solution.diagnostics["energy_gap"]
+        if not gap <= self.largest_gap:  # also where it is not a number
+            raise SolveFailure(
+                f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
+                f" more than the {self.largest_gap:g} allowed",
+                solution,
+            )
+        return solution
+
+    def summary(self, iteration: int, solution: PathSolution) -> Step:
+        """Return one step for the whole rung."""
+        last = solution.history[-1]
+        return Step(
+            iteration=iteration,
+            seconds=last.seconds,
+            energy=last.energy,
+            unknowns=last.unknowns,
+            at=last.at,
+            gap=solution.diagnostics["energy_gap"],
+            quantities=last.quantities,
+        )
+
+    def _states(self) -> Iterator[State]:
+        case, problem = self.case, self.problem
+        if self.prescribed:
+            rest = State.rest(problem)
+            for t in case.states:
+                yield State(t, rest.weights, problem.deform(rest.weights, t))
+            return
+        if case.linear:
+            for t in case.states:
+                yield equilibrium(problem, State.rest(problem), t)
+            return
+        match case.path.control:
+            case "load" if case.path.after_buckling == "follow":
+                yield from follow_steps(problem, case.states)
+            case "load":
+                yield from load_steps(problem, case.states)
+            case "displacement":
+                yield from displacement_steps(problem, self._row, case.states, case.path.until)
+            case "arc_length":
+                yield from arc_length_steps(problem, self._row, case.states, case.path.until)
+
+    def _rows(self, t: float) -> dict[str, Tensor]:
+        if t and not turns(self.case):
+            return self.rows
+        return {name: self.problem.functional(q, t) for name, q in self.quantities.items()}
+
+    @property
+    def _row(self) -> Tensor:
+        assert self.controlled is not None
+        return self.controlled
+
+    def _kept(self, states: Sequence[State], seconds: Sequence[float], complete: bool) -> PathSolution:
+        case = self.case
+        marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
+        kept = []
+        for mark in case.states:
+            there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
+            kept += there[:1]
+        kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
+        if not complete and len(states) - 1 not in kept:
+            kept.append(len(states) - 1)
+        fine = replace(self.problem, rule_spec=self.rung.fine)
+        certified = [self._certified(fine, states[k]) for k in kept]
+        gaps = {k: self._gap(states[k].deformed, deformed) for k, deformed in zip(kept, certified, strict=True)}
+        fields = tuple(self._state(states[k], deformed) for k, deformed in zip(kept, certified, strict=True))
+        history = tuple(
+            self._step(k, state, after, gaps.get(k))
+            for k, (state, after) in enumerate(zip(states, seconds, strict=True))
+        )
+        return PathSolution(
+            marks=tuple(marks[k] for k in kept),
+            states=fields,
+            history=history,
+            diagnostics={
+                "energy_gap": float(np.max(list(gaps.values()))),
+                "certified_energy": certified[-1].potential,
+                "strain": self.spec.strain,
+                "features": self.rung.features.count,
+                "independent_features": 0 if self.prescribed else self.problem.features.count,
+                "neurons": self.rung.features.network.width,
+                "quadrature_points": len(self.problem.weights),
+                "fine_quadrature_points": len(fine.weights),
+                "newton_iterations": sum(state.iterations for state in states),
+            },
+        )
+
+    def _certified(self, fine: Problem, state: State) -> Deformed:
+        """Return what a state does on the finer rule, its normals having turned as on the other one."""
+        near = [
+            known.spread(angles, other)
+            for known, other, angles in zip(self.problem.moments, fine.moments, state.deformed.angles, strict=True)
+        ]
+        return fine.deform(state.weights, state.t, tuple(near))
+
+    def _gap(self, trained: Deformed, certified: Deformed) -> float:
+        """Return the disagreement of two potential energies, relative to what they are made of."""
+        magnitude = certified.membrane + certified.bending + abs(certified.work)
+        return abs(trained.potential - certified.potential) / max(magnitude, self.problem.unstrained)
+
+    def _step(self, number: int, state: State, seconds: float, gap: float | None) -> Step:
+        return Step(
+            iteration=number,
+            seconds=seconds,
+            energy=state.deformed.potential,
+            unknowns=0 if self.prescribed else self.problem.basis.size,
+            at=state.t,
+            gap=gap,
+            quantities={
+                name: float(row @ state.weights) + self.problem.lifted(self.quantities[name], state.t)
+                for name, row in self._rows(state.t).items()
+            },
+            phase="critical" if state.critical else "path",
+            iterations=state.iterations,
+        )
+
+    def _state(self, state: State, certified: Deformed) -> NdfSolution:
+        features, combined = self.rung.features, self.problem.features
+        output = state.weights.view(3, -1)
+        if isinstance(combined, Combined):
+            output = output @ combined.combine.T
+        spec = self.spec.model_copy(update={"t": state.t})
+        field = Field(build_ansatz(self.case, spec), features, output, output.new_zeros(6))
+        rule = area_rule(self.case.surface.domain, self.rung.focal, self.rung.rule)
+        constraints = self.problem.constraints
+        held = torch.linalg.lstsq(constraints.T, -state.deformed.residual[:, None]).solution[:, 0]
+        return NdfSolution(
+            case=self.case,
+            solver=self.solver,
+            spec=spec,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=self.rung.fine,
+            membrane=certified.membrane,
+            bending=certified.bending,
+            parameters=0 if self.prescribed else output.numel() + self.rung.trained,
+            point_forces=tuple(held.tolist()),
+        )

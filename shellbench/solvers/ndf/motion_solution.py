@@ -1,0 +1,344 @@
+"""The solution of a motion: continuous over the shell and in time.
+
+Output weights are kept at the accepted time steps with their first and second derivatives. Between two steps they are
+the polynomial of the fifth degree that takes all six on (quintic Hermite interpolation): displacement, velocity and
+acceleration are continuous, and the displacement errs by the sixth power of the step. Prescribed motions of edges are
+evaluated at the very time that is asked for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import ArrayLike
+from pydantic import ValidationError
+from torch import Tensor
+
+from shellbench.errors import InputError
+from shellbench.model import one_sentence
+from shellbench.problem import NumberFormat, Step
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.combined import Combined
+from shellbench.solvers.ndf.field import Features, Field
+from shellbench.solvers.ndf.jets import VALUE, Array
+from shellbench.solvers.ndf.motion_problem import Energies, Motion
+from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.solvers.ndf.reaction import edge_reaction
+from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, short_enough
+from shellbench.solvers.ndf.solution import NdfSolution, features_of
+from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.weights import Header, network_tensors, write
+
+KEPT = ("combine", "times", "output", "rates", "seconds")  # tensors of a motion, beside the network's
+TOLD_APART = 1e-9  # of the whole time: a time beyond the end by less is the end
+
+
+@dataclass(frozen=True)
+class Course:
+    """Output weights over time.
+
+    Attributes
+    ----------
+    times
+        (K,), increasing from 0, s.
+    weights, rates, seconds
+        (K, 3, M) output weights with their first and second derivatives in time.
+    """
+
+    times: Array
+    weights: Tensor
+    rates: Tensor
+    seconds: Tensor
+
+    def at(self, t: float, order: int = 0) -> Tensor:
+        """Return a derivative (3, M) in time, at any time between the first and the last."""
+        last = max(len(self.times) - 2, 0)
+        k = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), last)
+        if len(self.times) == 1:
+            return (self.weights, self.rates, self.seconds)[order][0]
+        step = float(self.times[k + 1] - self.times[k])
+        shares = quintic((t - float(self.times[k])) / step, order) / step**order
+        total = torch.zeros_like(self.weights[0])
+        for side in (0, 1):
+            for degree, values in enumerate((self.weights, self.rates, self.seconds)):
+                total = total + float(shares[3 * side + degree]) * step**degree * values[k + side]
+        return total
+
+
+def quintic(s: float, order: int = 0) -> Array:
+    """Return the weights (6,) of value, slope and second derivative at 0 and 1 in quintic Hermite interpolation."""
+    powers = np.zeros((3, 6))  # rows: conditions at 1; the first three coefficients are those at 0
+    for row in range(3):
+        for power in range(6):
+            powers[row, power] = np.prod(np.arange(power, power - row, -1))
+    coefficients = np.zeros((6, 6))  # of the powers of s, by condition
+    coefficients[:3, :3] = np.diag([1.0, 1.0, 0.5])
+    coefficients[3:, :3] = np.linalg.solve(powers[:, 3:], -powers[:, :3] @ coefficients[:3, :3])
+    coefficients[3:, 3:] = np.linalg.inv(powers[:, 3:])
+    monomials = [np.prod(np.arange(p, p - order, -1)) * s ** (p - order) if p >= order else 0.0 for p in range(6)]
+    return np.asarray(monomials @ coefficients)
+
+
+@dataclass(frozen=True)
+class MotionSolution:
+    """A field in motion; see `shellbench.problem.Solution` for the protocol.
+
+    Attributes
+    ----------
+    solver
+        Name of the recipe.
+    spec
+        The choices from which the field is rebuilt.
+    features
+        Its combinations of the network's features.
+    course
+        Their output weights.
+    rule
+        The fine quadrature of energies and reactions.
+    parameters
+        Number of output weights that the equations of motion are solved for, at each time.
+    """
+
+    case: Case
+    solver: str
+    spec: FieldSpec
+    features: Combined
+    course: Course
+    rule: RuleSpec
+    parameters: int
+    history: tuple[Step, ...] = ()
+    diagnostics: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    extrapolated: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of the tensors that the field is made of, at all times that are kept."""
+        return sum(t.numel() * t.element_size() for t in self.tensors().values())
+
+    def time(self, at: float | None) -> float:
+        """Return a time that the motion has reached, its end if None.
+
+        Raises
+        ------
+        InputError
+            If it has not reached it.
+        """
+        end = float(self.course.times[-1])
+        if at is None:
+            return end
+        if not 0 <= at <= end * (1 + TOLD_APART):
+            raise InputError(f"{self.case.name}: solved from 0 to {end:g} s, not at {at:g} s")
+        return min(at, end)
+
+    def displacement(
+        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
+        return self._state(self.time(at)).displacement(points)
+
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3), m/s, at points (..., 2), angles in radians."""
+        return self._rate(points, self.time(at), 1)
+
+    def _rate(self, points: ArrayLike, t: float, order: int) -> Array:
+        """Return a derivative in time (..., 3) of the displacement at points (..., 2)."""
+        xi = np.asarray(points, dtype=float)
+        flat = self.case.surface.domain.wrap(xi.reshape(-1, 2))
+        state = self._state(t)
+        still = replace(state.field, output=self._output(t, order))
+        moved = replace(state, field=still).displacement(xi).reshape(-1, 3)
+        if still.ansatz.lift.moves:
+            placement = self.features.placement
+
+            def lift(time: float) -> Tensor:
+                return self._motion.ansatz(time).lift.jet(flat, placement)[VALUE]
+
+            moved = moved + (self._motion.rate(lift, t, order) - lift(t)).cpu().numpy()
+        return np.asarray(moved.reshape(*xi.shape[:-1], 3))
+
+    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
+        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
+        return self._state(self.time(at)).evaluate(name, points)
+
+    def energies(self, at: float | None = None) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy of the whole shell, J."""
+        found = self.balance(self.time(at))
+        return found.membrane, found.bending
+
+    @cached_property
+    def balance(self) -> Callable[[float], Energies]:
+        """All parts of the energy at a time, on the fine quadrature."""
+
+        def found(t: float) -> Energies:
+            with torch.no_grad():
+                w, rate = (self.course.at(t, order).reshape(-1) for order in (0, 1))
+                return self._motion.energies(w, rate, t)
+
+        return lru_cache(maxsize=64)(found)
+
+    @cached_property
+    def _motion(self) -> Motion:
+        return Motion(self.case, self.spec, self.features, self.rule)
+
+    def reaction(
+        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
+
+        It is what the momentum of the shell needs beside loads, strains and springs: the virtual work of all of them,
+        inertia included, on rigid motions of the support (`shellbench.solvers.ndf.reaction`).
+
+        Raises
+        ------
+        InputError
+            If the support is not known, the time not reached, or its reaction can't be told from that of another one.
+        """
+        found = [s for s in self.case.supports if s.name == support]
+        if not found:
+            raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
+        t, origin = self.time(at), np.asarray(centre, dtype=float)
+        state = self._state(t)
+        held = self._point_forces(t)
+
+        def lag(points: Array) -> Array:
+            """Inertia and springs as a force per area, N/m^2."""
+            springs = self.case.spring_stiffness(points) * state.displacement(points)
+            return -self.case.material.areal_density * self._rate(points, t, 2) - springs
+
+        with torch.no_grad():
+            focal = np.zeros((0, 2))
+            total = edge_reaction(state.field, found[0], origin, self.rule, focal, held, self.spec.strain, lag)
+        force, moment = total[:3], total[3:]
+        for at_point, magnitude in zip(point_supports(self.case, t), held, strict=True):
+            if at_point.support.name == support:
+                push, point = magnitude * np.eye(3)[at_point.component], np.asarray(at_point.point.xi)
+                arm = self.case.surface.position(point) + state.displacement(point) - origin
+                force, moment = force + push, moment + np.cross(arm, push)
+        return force, moment
+
+    def _point_forces(self, t: float) -> Array:
+        """Return the forces (k,) of the point supports, N."""
+        if not point_supports(self.case):
+            return np.zeros(0)
+        with torch.no_grad():
+            w, second = (self.course.at(t, order).reshape(-1) for order in (0, 2))
+            return np.asarray(self._motion.holding(w, second, t).cpu().numpy())
+
+    def _output(self, t: float, order: int = 0) -> Tensor:
+        """Return the output weights (3, neurons) of the network itself, or their derivative."""
+        return self.course.at(t, order) @ self.features.combine.T
+
+    def _state(self, t: float) -> NdfSolution:
+        """Return the field at a time as a solution of its own."""
+        spec = self.spec.model_copy(update={"t": t})
+        network = self.features.features
+        assert isinstance(network, Features)
+        output = self._output(t)
+        return NdfSolution(
+            case=self.case,
+            solver=self.solver,
+            spec=spec,
+            field=Field(build_ansatz(self.case, spec), network, output, output.new_zeros(6)),
+            rule=self.rule,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=self.parameters,
+        )
+
+    def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
+        """Return the motion with all weights, at all times and with their derivatives, rounded, and the bytes it takes.
+
+        Every tensor is scaled by its largest magnitude before (see `rounding`). The times, of which there
+        are few, stay as they are.
+        """
+        if short_enough(self.tensors().values(), format):
+            return self, self.storage_bytes
+        features, course = self.features.features, self.course
+        assert isinstance(features, Features)
+        network, hidden = rounded_network(features.network, format)
+        moving = [self.features.combine, course.weights, course.rates, course.seconds]
+        (combine, *weights), bytes_taken = rounded_tensors(moving, format)
+        combined = Combined(replace(features, network=network), combine)
+        motion = replace(self, features=combined, course=Course(course.times, *weights))
+        return motion, hidden + bytes_taken + course.times.nbytes
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the tensors that the field is made of, by the names they have in a file."""
+        network = self.features.features
+        assert isinstance(network, Features)
+        course = (self.course.weights, self.course.rates, self.course.seconds)
+        return {
+            **network_tensors(network.network),
+            **dict(zip(KEPT, (self.features.combine, torch.as_tensor(self.course.times), *course), strict=True)),
+        }
+
+    def save(self, path: Path) -> Path:
+        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        network = self.features.features
+        assert isinstance(network, Features)
+        header = Header(
+            solver=self.solver,
+            case_name=self.case.name,
+            case=self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            spec=self.spec,
+            activation=network.network.activation,
+            rule=self.rule,
+            membrane=0.0,
+            bending=0.0,
+            parameters=self.parameters,
+            history=tuple(self.history),
+            diagnostics=dict(self.diagnostics),
+            uncertainty=dict(self.uncertainty),
+            extrapolated=dict(self.extrapolated),
+            point_forces=(),
+            moving=True,
+        )
+        return write(path, header, self.tensors())
+
+
+def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> MotionSolution:
+    """Return the motion that a file holds.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if it is not a whole and consistent motion.
+    """
+    try:
+        case = header.read_case()
+        features = features_of(case, header, tensors)
+        if any(name not in tensors for name in KEPT):
+            raise ValueError("its motion is not whole")
+        combine, times, *course = (tensors[name] for name in KEPT)
+        if combine.ndim != 2 or len(combine) != features.count or times.ndim != 1 or not len(times):
+            raise ValueError("its tensors do not fit each other")
+        if any(values.shape != (len(times), 3, combine.shape[1]) for values in course):
+            raise ValueError("its tensors do not fit each other")
+        if times[0] != 0 or bool((times.diff() <= 0).any()):
+            raise ValueError("its times do not increase from 0")
+    except ValidationError as error:
+        raise InputError(f"{path}: is damaged: its case is none: {one_sentence(error)}") from None
+    except (ValueError, ArithmeticError) as error:
+        raise InputError(f"{path}: is damaged: {str(error).splitlines()[0]}") from None
+    return MotionSolution(
+        case=case,
+        solver=header.solver,
+        spec=header.spec,
+        features=Combined(features, combine),
+        course=Course(times.numpy(), *course),
+        rule=header.rule,
+        parameters=header.parameters,
+        history=header.history,
+        diagnostics=header.diagnostics,
+        uncertainty=header.uncertainty,
+        extrapolated=header.extrapolated,
+    )

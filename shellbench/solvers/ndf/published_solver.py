@@ -1,0 +1,65 @@
+"""The solver `ndf-published`; what trains is `published`, which is imported when it is called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from shellbench.errors import InputError
+from shellbench.problem import Capabilities, ProgressCallback, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.published_settings import PublishedSettings
+
+
+@dataclass(frozen=True)
+class PublishedSolver:
+    """The paper's training; see `shellbench.problem.Solver`."""
+
+    name: ClassVar[str] = "ndf-published"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
+        label="neural field: the published training (SIREN, stratified samples, Adam)",
+        devices=("cpu", "cuda"),
+    )
+    settings_type: ClassVar[type[PublishedSettings]] = PublishedSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
+        from shellbench.solvers.ndf import published
+
+        return published.why_not(case)
+
+    def load(self, path: Path) -> Solution:
+        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        from shellbench.solvers.ndf import published
+
+        return published.load(path, self.name)
+
+    def solve(
+        self,
+        case: Case,
+        settings: PublishedSettings,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Solution:
+        """Train a field.
+
+        A checkpoint as `start` is gone on from as if there had been no interruption; an earlier solution of this recipe
+        lends its weights, for this case or another one. Without `start`, a training that was interrupted goes on from
+        its own file in the folder `settings.checkpoint`, which is removed when the training ends.
+
+        Raises
+        ------
+        SolveFailure
+            If the loss stops being finite, or the training has collapsed; the field of its last good state, or of its
+            end, comes with it.
+        InputError
+            If the case can't be solved with these settings, or `start` does not fit them.
+        """
+        from shellbench.solvers.ndf import published
+
+        reason = self.declines(case)
+        if reason:
+            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
+        return published.solve(case, settings, start, progress or (lambda _: None))

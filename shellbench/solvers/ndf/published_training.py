@@ -1,0 +1,209 @@
+"""Training by Adam (Kingma & Ba 2014) on samples that are redrawn at every iteration; when a training has collapsed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.solvers.ndf.checkpoint import Checkpoint, write_checkpoint
+from shellbench.solvers.ndf.published_network import Siren
+
+RECORD = 25  # iterations between two entries of the history
+STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
+CERTAIN = 2.0  # standard errors that this mean is raised by, so that luck is no energy
+KEPT = 0.5  # of its best gain that a training must end with
+
+
+class Sampled(Protocol):
+    """What is drawn for one iteration."""
+
+    def loss(self, siren: Siren) -> Tensor:
+        """Return the loss of a network."""
+        ...
+
+
+class Sampling(Protocol):
+    """Draws the samples of a training, numbered by the iteration.
+
+    Attributes
+    ----------
+    modulus_factor
+        What a loss is to be multiplied by to be an energy, J.
+    """
+
+    @property
+    def modulus_factor(self) -> float:
+        """See the class."""
+        ...
+
+    @property
+    def end(self) -> float:
+        """Load factor, or final time, s."""
+        ...
+
+    def samples(self, start: int, stop: int) -> Iterator[Sampled]:
+        """Yield the samples of iterations start, ..., stop - 1."""
+        ...
+
+
+class LossNotFinite(Exception):
+    """The loss is no number any more; `good` is the training when it last was one."""
+
+    def __init__(self, iteration: int, good: Checkpoint) -> None:
+        super().__init__(f"the loss is not finite within iterations {good.iteration + 1} to {iteration}")
+        self.good = good
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to train.
+
+    Attributes
+    ----------
+    iterations
+        In all, those of a checkpoint included.
+    learning_rate
+        Of Adam; its other constants are its authors'.
+    checkpoint
+        File to keep the training in, at least every `checkpoint_every` iterations; None for none.
+    """
+
+    iterations: int
+    learning_rate: float
+    checkpoint: Path | None = None
+    checkpoint_every: int = RECORD
+
+
+def beginning(key: str, siren: Siren) -> Checkpoint:
+    """Return the training of a network before its first iteration."""
+    zeros = [torch.zeros_like(t) for t in siren.tensors]
+    return Checkpoint(key, 0, 0.0, siren.tensors, zeros, zeros, torch.zeros(0, dtype=torch.float64), ())
+
+
+def train(
+    siren: Siren,
+    now: Checkpoint,
+    sampler: Sampling,
+    plan: Plan,
+    watch: Callable[[Siren], dict[str, float]],
+    progress: ProgressCallback,
+) -> Checkpoint:
+    """Go on with a training, and return it as it stands after the last iteration.
+
+    Parameters
+    ----------
+    siren
+        Says what the network is; its numbers are those of `now`.
+    watch
+        Gives quantities of a network for the history.
+
+    Raises
+    ------
+    LossNotFinite
+        If it is not, which is looked at every `RECORD` iterations.
+    """
+    begin, first = time.perf_counter() - now.seconds, now.iteration
+    place = siren.tensors[0]
+    tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
+    network, adam = siren.with_tensors(tensors), _adam(tensors, now, plan.learning_rate)
+    losses: list[Tensor] = []
+    written, message = now.iteration, "training"
+    for iteration, sample in enumerate(sampler.samples(first, plan.iterations), first + 1):
+        adam.zero_grad()
+        loss = sample.loss(network)
+        loss.backward()  # type: ignore[no-untyped-call]
+        adam.step()
+        losses.append(loss.detach())  # stays on the device: asking for its value would make it wait
+        if iteration % RECORD == 0 or iteration == plan.iterations:
+            if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
+                raise LossNotFinite(iteration, now)
+            recent, losses = torch.stack(losses).double().cpu(), []
+            with torch.no_grad():
+                step = Step(
+                    iteration=iteration,
+                    seconds=time.perf_counter() - begin,
+                    energy=sampler.modulus_factor * float(recent.mean()),
+                    unknowns=network.parameters,
+                    at=sampler.end,
+                    quantities=watch(network),
+                )
+            now = _kept(now, step, recent, tensors, adam)
+            told = [f"energy {step.energy:.4g} J", *(f"{name} {v:.5g}" for name, v in step.quantities.items())]
+            message = ", ".join(told)
+            if plan.checkpoint and (iteration - written >= plan.checkpoint_every):
+                write_checkpoint(now, plan.checkpoint)
+                written = iteration
+        progress(Progress(iteration, plan.iterations, message))
+    return now
+
+
+def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: float, loaded: bool) -> str | None:
+    """Return why a trained field is no answer, in one sentence; None if its energy does not speak against it.
+
+    Rest is the field without the network: the undeformed shell, or what the motion of supports alone makes of it. A
+    field gains what its energy lies below that of rest. The gain that a training had at its best is the largest over
+    all stretches of its course, each the mean less `CERTAIN` standard errors.
+
+    Parameters
+    ----------
+    certified
+        Energy of the trained field on the fine quadrature, J.
+    course
+        Iteration and mean loss, J, of each entry of the history.
+    rest
+        Energy at rest, J.
+    loaded
+        Whether loads act on a shell whose supports stay: then the answer lies below rest. A motion of supports may
+        already be the answer, so that nothing can be gained on it.
+    """
+    gain = rest - certified
+    best, first, last = _best_gain(course, rest)
+    now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
+    if best > 0 and gain < KEPT * best:
+        return f"the training collapsed: {now}, but was at least {best:.2g} J below over iterations {first} to {last}"
+    if loaded and gain <= 0:
+        return f"the training came to no answer: {now} after {course[-1][0]} iterations"
+    return None
+
+
+def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float, int, int]:
+    """Return the largest certain gain of a stretch and its first and last iteration; 0 if there was none."""
+    best = (0.0, 0, 0)
+    for k in range(len(course) - STRETCH + 1):
+        iterations, energies = zip(*course[k : k + STRETCH], strict=True)
+        raised = float(np.mean(energies) + CERTAIN * np.std(energies, ddof=1) / STRETCH**0.5)
+        best = max(best, (rest - raised, iterations[0], iterations[-1]))
+    return best
+
+
+def _adam(tensors: list[Tensor], now: Checkpoint, learning_rate: float) -> torch.optim.Adam:
+    adam = torch.optim.Adam(tensors, lr=learning_rate)
+    if now.iteration:
+        for tensor, first, second in zip(tensors, now.first_moments, now.second_moments, strict=True):
+            adam.state[tensor] = {
+                "step": torch.tensor(float(now.iteration)),
+                "exp_avg": first.to(tensor).clone(),
+                "exp_avg_sq": second.to(tensor).clone(),
+            }
+    return adam
+
+
+def _kept(now: Checkpoint, step: Step, recent: Tensor, tensors: list[Tensor], adam: torch.optim.Adam) -> Checkpoint:
+    return replace(
+        now,
+        iteration=step.iteration,
+        seconds=step.seconds,
+        weights=[tensor.detach().clone() for tensor in tensors],
+        first_moments=[adam.state[tensor]["exp_avg"].clone() for tensor in tensors],
+        second_moments=[adam.state[tensor]["exp_avg_sq"].clone() for tensor in tensors],
+        losses=torch.cat([now.losses, recent]),
+        history=(*now.history, step),
+    )

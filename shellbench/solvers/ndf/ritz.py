@@ -1,0 +1,229 @@
+"""The recipe `ndf-ritz`: fixed random sine features whose output layer is solved for. It trains nothing.
+
+The strain energy of a linear shell is quadratic in the output weights, so they follow from one symmetric positive
+definite system, as in Ritz's method; the hidden layer keeps the weights that the seed drew (random features, Rahimi &
+Recht 2007). Widths, scales and quadrature follow from the case: whether it is flat, and whether it
+carries forces at points. Where only loads act, the answer is the multiple of the found field that is best on the finer
+quadrature, so that what the training quadrature misjudges does not scale it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from functools import partial
+
+import torch
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.solvers.ndf import large_displacement, motion
+from shellbench.solvers.ndf.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+)
+from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.solvers.ndf.choices import StrainName
+from shellbench.solvers.ndf.declines import why_declined
+from shellbench.solvers.ndf.energy import concentrated, normal_equations, surface_area
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
+from shellbench.solvers.ndf.kinks import unseen_turning
+from shellbench.solvers.ndf.large_displacement import Rung
+from shellbench.solvers.ndf.loads import check_balance
+from shellbench.solvers.ndf.mass import scales
+from shellbench.solvers.ndf.motion_solution import MotionSolution
+from shellbench.solvers.ndf.network import random_features
+from shellbench.solvers.ndf.path_solution import PathSolution
+from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.refusal import Signs, jitter_share, refusal, rounding_energy, taken_up
+from shellbench.solvers.ndf.resolution import Resolution, resolution, rung, rung_count
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.soft import Springs, support_error
+from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.solve import JITTER, potential_energy, solve_nested
+from shellbench.solvers.ndf.supports import point_supports
+
+PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
+NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
+
+
+def solve(
+    case: Case, settings: RitzSettings, progress: ProgressCallback
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
+    if settings.penalty and settings.supports == "hard":
+        raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
+    path = case.dynamics is not None or large_displacement.is_path(case)
+    (smooth_activation if path else activation)(settings.activation)
+    spec = FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        supports=settings.supports,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        edge_stretched=settings.stretched,
+        multipliers=settings.singular,
+        strain=strain_of(case, settings.strain),
+    )
+    with torch.no_grad():
+        reason = why_declined(case, spec)
+        if reason:
+            raise InputError(f"{RitzSolver.name} can't solve case '{case.name}': {reason}")
+        if case.dynamics is not None:
+            return _move(case, spec, settings, progress)
+        if path:
+            return _follow(case, spec, settings, progress)
+        return _solve(case, spec, settings, progress)
+
+
+def strain_of(case: Case, strain: StrainName | None) -> StrainName:
+    """Return the strain measure of a case.
+
+    Raises
+    ------
+    InputError
+        If another one than the linear is asked for in the linear theory.
+    """
+    if case.linear and strain not in (None, "linear"):
+        raise InputError(f"case '{case.name}' is of the linear theory: setting strain = \"{strain}\" does not fit it")
+    return strain or ("linear" if case.linear else "exact")
+
+
+def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> PathSolution:
+    """Follow the path of a case with one rung, if a setting fixes its width, or several."""
+    placement, focal, inputs = Placement.on(settings.device), graded_points(case, spec), build_inputs(case, spec)
+
+    def build(number: int) -> Rung:
+        chosen = _resolution(rung(case, number), settings)
+        scales = placement.tensor(chosen.scales(inputs))
+        network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
+        features = build_features(case, spec, network, placement, inputs)
+        return Rung(features, chosen.rule, chosen.fine, focal)
+
+    last = rung_count(case) - 1
+    numbers = range(last + 1) if settings.neurons is None else [last]
+    builds = [partial(build, number) for number in numbers]
+    return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
+
+
+def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> MotionSolution:
+    """Follow a motion with one rung, if a setting fixes its width, or several."""
+    spec = spec.model_copy(update={"stretched": False, "edge_stretched": False, "multipliers": 0})
+    placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
+
+    def build(degree: int, width: int) -> motion.Rung:
+        spread = placement.tensor(scales(case, inputs, degree))
+        network = random_features(spread, width, settings.seed, settings.activation)
+        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
+
+    rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,))
+    builds = [partial(build, degree, width) for degree, width in rungs]
+    return motion.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
+
+
+def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+    begin = time.perf_counter()
+    placement, focal = Placement.on(settings.device), graded_points(case, spec)
+    chosen = _resolution(resolution(case), settings)
+    ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+    scales = placement.tensor(chosen.scales(inputs))
+    network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
+    features = build_features(case, spec, network, placement, inputs)
+
+    progress(Progress(0, 3, f"integrating the energy of {chosen.neurons} neurons"))
+    rule = area_rule(case.surface.domain, focal, chosen.rule)
+    check_balance(case, rule, chosen.rule, focal)
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
+    weight = settings.penalty or PENALTY
+    springs = Springs.of(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
+    if springs:
+        equations = Springs.of(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+    progress(Progress(1, 3, "solving for the output layer"))
+    widths = sorted({math.ceil(share * chosen.neurons) for share in NESTED})
+    layers = [solve_nested(ansatz, features, equations, width) for width in widths]
+    progress(Progress(2, 3, "certifying the energy on the finer quadrature"))
+    outputs = [layer.weights.view(3, -1) for layer in layers]
+    fine = area_rule(case.surface.domain, focal, chosen.fine)
+    certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
+    moved = ansatz.lift.moves or any(support.value for support in point_supports(case, spec.t))
+    if springs:
+        certified = [springs.certify(c, ansatz, features, o) for c, o in zip(certified, outputs, strict=True)]
+        moved = springs.moved
+    history: list[Step] = []
+    for width, layer, output, energies in zip(widths, layers, outputs, certified, strict=True):
+        potential = potential_energy(equations, layer.weights)
+        gap = energy_gap(potential, energies, moved)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        field = Field(ansatz, features, share * output, output.new_zeros(6))
+        solution = NdfSolution(
+            case=case,
+            solver=RitzSolver.name,
+            spec=spec,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=chosen.fine,
+            membrane=membrane,
+            bending=bending,
+            parameters=output.numel(),
+            point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
+        )
+        step = Step(
+            iteration=len(history),
+            seconds=time.perf_counter() - begin,
+            energy=potential,
+            unknowns=3 * (width + features.fixed.count),
+            at=spec.t,
+            gap=gap,
+            quantities=_displacements(case, solution),
+        )
+        history.append(step)
+    rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
+    signs = Signs(
+        gap=gap,
+        taken_up=1.0 if moved else taken_up(equations),
+        unseen_turning=unseen_turning(solution.field, chosen.fine, focal),
+        jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
+    )
+    diagnostics = {
+        "energy_gap": gap,
+        "certified_energy": energies.potential(share),
+        "jitter": JITTER,
+        "fixed_weights": network.parameters,
+        "neurons": chosen.neurons,
+        "quadrature_points": len(rule.points),
+        "fine_quadrature_points": len(fine.points),
+        "support_error": support_error(solution.field),
+        "unseen_turning": signs.unseen_turning,
+        "jitter_share": signs.jitter_share,
+    }
+    if springs:
+        diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
+    solution = replace(solution, history=tuple(history), diagnostics=diagnostics)
+    if reason := refusal(signs, spec, settings.largest_gap):
+        raise SolveFailure(reason, solution)
+    return solution
+
+
+def _resolution(usual: Resolution, settings: RitzSettings) -> Resolution:
+    rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
+    return replace(
+        usual,
+        neurons=settings.neurons or usual.neurons,
+        scale=settings.scale or usual.scale,
+        stretched_scale=settings.stretched_scale or usual.stretched_scale,
+        rule=rule,
+    )
+
+
+def _displacements(case: Case, solution: NdfSolution) -> dict[str, float]:
+    quantities = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
+    return {q.name: mean_displacement(solution, q) for q in quantities}

@@ -1,0 +1,95 @@
+"""The solver `ndf-ritz` and its settings; what solves is `ritz`, which is imported when it is called."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field as PydanticField
+
+from shellbench.model import Positive
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.choices import (
+    LARGEST_GAP,
+    LAYER,
+    MULTIPLIERS,
+    Components,
+    PeriodicInput,
+    StrainName,
+    Supports,
+)
+
+if TYPE_CHECKING:
+    from shellbench.solvers.ndf.motion_solution import MotionSolution
+    from shellbench.solvers.ndf.path_solution import PathSolution
+    from shellbench.solvers.ndf.solution import NdfSolution
+
+
+class RitzSettings(SeededSettings):
+    """Settings of `ndf-ritz`; what is None follows from the case."""
+
+    neurons: int | None = PydanticField(None, ge=1, le=4000, description="width of the random layer")
+    activation: str = "sine"
+    scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
+    stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
+    layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
+    singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
+    stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")
+    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
+    components: Components = PydanticField("cartesian", description="what the output layer gives")
+    supports: Supports = PydanticField("hard", description="held by boundary factors, or about by springs, linear only")
+    penalty: float | None = PydanticField(
+        None, ge=1e-6, le=1e12, description="of soft supports: stiffness in D / sqrt(area); 1e4 if not given"
+    )
+    panels: tuple[int, int] | None = PydanticField(None, description="panels of the training quadrature")
+    order: int | None = PydanticField(None, ge=1, le=20, description="Gauss points along a panel")
+    largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")
+    strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
+
+
+@dataclass(frozen=True)
+class RitzSolver:
+    """Random features with a solved output layer; see `shellbench.problem.Solver`."""
+
+    name: ClassVar[str] = "ndf-ritz"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
+        label="neural field: fixed random sine layer, output layer solved for (Ritz); trains nothing",
+        devices=("cpu", "cuda"),
+    )
+    settings_type: ClassVar[type[RitzSettings]] = RitzSettings
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
+        from shellbench.solvers.ndf.declines import why_declined
+
+        return why_declined(case)
+
+    def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
+        """Read a solution of this recipe; InputError in one sentence if it is none."""
+        from shellbench.solvers.ndf.path_solution import load_solution
+
+        return load_solution(path, self.name)
+
+    def solve(
+        self,
+        case: Case,
+        settings: RitzSettings,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> NdfSolution | PathSolution | MotionSolution:
+        """Solve a case; `start` is of no use to a direct solve and is ignored.
+
+        Raises
+        ------
+        SolveFailure
+            If the energies on the two quadratures disagree by more than the largest admissible gap, or the path of a
+            non-linear case ends early.
+        InputError
+            If the case or the settings can't be solved with.
+        """
+        from shellbench.solvers.ndf import ritz
+
+        return ritz.solve(case, settings, progress or (lambda _: None))

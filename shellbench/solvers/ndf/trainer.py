@@ -1,0 +1,243 @@
+"""The recipe `ndf`: a deep coordinate network, all of whose weights are trained.
+
+Three hidden layers by default. The output layer is solved for exactly at every step (variable projection), the hidden
+weights follow by Gauss-Newton with Marquardt's damping, and a step counts only if independent points certify its gain;
+see `training`. First-order training of the same energy takes thousands of iterations, because membrane
+and bending stiffness differ by (L/h)^2; here a handful is enough.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import torch
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Solution, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.solvers.ndf import large_displacement, motion
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.solvers.ndf.choices import StrainName
+from shellbench.solvers.ndf.deep_path import follow
+from shellbench.solvers.ndf.energy import concentrated
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
+from shellbench.solvers.ndf.loads import check_balance
+from shellbench.solvers.ndf.mass import scales
+from shellbench.solvers.ndf.motion_solution import MotionSolution
+from shellbench.solvers.ndf.network import deep_random_features
+from shellbench.solvers.ndf.path_solution import PathSolution, load_solution
+from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.ritz import strain_of
+from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.solve import point_constraints
+from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.training import (
+    CERTIFICATE,
+    FINAL_ORDER,
+    Plan,
+    Problem,
+    Quadratures,
+    State,
+    default_plan_widths,
+    first_state,
+    train,
+    trusted,
+)
+
+FITTED = 40  # points a side to which the last hidden layer of a motion is fitted
+
+
+def solve(
+    case: Case, settings: TrainerSettings, start: Solution | Path | None, tell: ProgressCallback
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Train a field; see `shellbench.solvers.ndf.trainer_solver.NdfSolver`."""
+    strain = strain_of(case, settings.strain)
+    with torch.no_grad():
+        if case.dynamics is not None:
+            smooth_activation(settings.activation)
+            return _move(case, settings, strain, tell)
+        if not large_displacement.is_path(case):
+            begin = load_solution(start, NdfSolver.name) if isinstance(start, Path) else start
+            return _Run(case, settings, tell).solve(begin)
+        smooth_activation(settings.activation)
+        return follow(
+            case,
+            field_spec(settings, strain),
+            training_plan(settings, settings.widths or (), ()),
+            Placement.on(settings.device),
+            point_constraints,
+            settings.largest_gap,
+            NdfSolver.name,
+            tell,
+        )
+
+
+def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
+    """Return the choices of the field."""
+    return FieldSpec(
+        activation=settings.activation,
+        periodic_input=settings.periodic_input,
+        components=settings.components,
+        stretched=settings.stretched,
+        layer=settings.layer,
+        multipliers=settings.singular,
+        strain=strain,
+    )
+
+
+def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: ProgressCallback) -> MotionSolution:
+    """Follow a motion with deep networks of ever larger width, whose hidden layers stay as drawn."""
+    spec = field_spec(settings, strain).model_copy(update={"stretched": False, "multipliers": 0})
+    placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
+    values = inputs.jets(case.surface.domain.grid(FITTED, FITTED).reshape(-1, 2), placement)[VALUE]
+
+    def build(degree: int, width: int) -> motion.Rung:
+        spread = placement.tensor(scales(case, inputs, degree))
+        layers = (*settings.inner, width)
+        network = deep_random_features(values, spread, layers, settings.seed, settings.activation)
+        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
+
+    rungs = motion.rungs_of(case, settings.widths)
+    builds = [partial(build, degree, width) for degree, width in rungs]
+    solution = motion.solve(case, spec, NdfSolver.name, builds, settings.largest_gap, tell)
+    return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": "as drawn"})
+
+
+def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tuple[tuple[float, float], ...]) -> Plan:
+    """Return what training may do, with these widths and scales to start from."""
+    return Plan(
+        inner=settings.inner,
+        widths=widths,
+        scales=scales,
+        activation=settings.activation,
+        iterations=settings.iterations,
+        tolerance=settings.tolerance,
+        gap=settings.gap,
+        damping=settings.damping,
+        attempts=settings.attempts,
+        seed=settings.seed,
+    )
+
+
+class _Run:
+    """One training: the states it passes through become the solution's history."""
+
+    def __init__(self, case: Case, settings: TrainerSettings, progress: ProgressCallback) -> None:
+        smooth_activation(settings.activation)
+        self.begin = time.perf_counter()
+        self.case, self.settings, self.progress = case, settings, progress
+        self.spec = field_spec(settings, "linear")
+        self.problem = Problem.of(case, self.spec, Placement.on(settings.device), point_constraints)
+        widths, scales = default_plan_widths(case, self.problem.singular)
+        self.plan = training_plan(settings, settings.widths or widths, scales)
+        self.history: list[Step] = []
+        self.last: NdfSolution | None = None
+
+    def solve(self, start: Solution | None) -> NdfSolution:
+        try:
+            self._tell(0, "looking for a start")
+            state, points = self._first(start)
+            spec, domain = points.spec, self.case.surface.domain
+            check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
+            state, points = trusted(self.problem, self.plan, state, points)
+            self._report(0, state)
+            state, ending = train(self.problem, self.plan, state, points, self._report)
+            self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
+            return self._certified(state, points, ending)
+        except SolveFailure as failure:
+            raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
+
+    def _first(self, start: Solution | None) -> tuple[State, Quadratures]:
+        if start is None:
+            return first_state(self.problem, self.plan)
+        inputs = self.problem.features.inputs.count
+        if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
+            raise InputError(f"the start is no solution of '{NdfSolver.name}' with the {inputs} inputs of this case")
+        network = start.field.features.network
+        points = Quadratures.of(self.problem, network.width)
+        return points.evaluate(self.problem, network), points
+
+    def _tell(self, step: int, message: str) -> None:
+        self.progress(Progress(step, self.plan.iterations + 1, message))
+
+    def _report(self, iteration: int, state: State) -> None:
+        solution = self._solution(state, 1.0)
+        quantities = [q for q in self.case.quantities if isinstance(q, DisplacementQuantity)]
+        step = Step(
+            iteration=iteration,
+            seconds=time.perf_counter() - self.begin,
+            energy=state.train.potential,
+            unknowns=solution.parameters,
+            at=self.spec.t,
+            gap=state.gap,
+            quantities={q.name: mean_displacement(solution, q) for q in quantities},
+        )
+        self.history.append(step)
+        self.last = replace(solution, history=tuple(self.history))
+        self._tell(iteration, f"{solution.parameters} weights, energy {state.check.potential:.9g} J")
+
+    def _solution(self, state: State, share: float) -> NdfSolution:
+        field = Field(
+            self.problem.ansatz,
+            self.problem.with_network(state.network),
+            share * state.output,
+            state.output.new_zeros(6),
+        )
+        rule = self.problem.rule_spec(CERTIFICATE, FINAL_ORDER)
+        return NdfSolution(
+            case=self.case,
+            solver=NdfSolver.name,
+            spec=self.spec,
+            field=field,
+            rule=rule,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=state.network.parameters + state.output.numel(),
+            history=tuple(self.history),
+            point_forces=tuple((share * state.reactions).tolist()),
+        )
+
+    def _certified(self, state: State, points: Quadratures, ending: str) -> NdfSolution:
+        problem, domain = self.problem, self.case.surface.domain
+        spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
+        rule = area_rule(domain, problem.focal, spec)
+        features = problem.with_network(state.network)
+        forces = concentrated(problem.ansatz, spec, problem.focal, features.placement)
+        (energies,) = certify(problem.ansatz, features, [state.output], rule, forces)
+        moved = problem.ansatz.lift.moves or any(s.value for s in point_supports(self.case, self.spec.t))
+        gap = energy_gap(state.train.potential, energies, moved)
+        share = 1.0 if moved else energies.best
+        membrane, bending, _ = energies.parts(share)
+        solution = self._solution(state, share)
+        train_rule = area_rule(domain, problem.focal, points.spec)
+        solution = replace(
+            solution,
+            field=solution.field.less_rigid(rigid_part(solution.field, train_rule)),
+            rule=spec,
+            membrane=membrane,
+            bending=bending,
+            diagnostics={
+                "energy_gap": gap,
+                "certified_energy": energies.potential(share),
+                "ending": ending,
+                "hidden_layers": [len(bias) for bias in state.network.biases],
+                "quadrature_points": len(points.train),
+                "check_points": len(points.check),
+                "fine_quadrature_points": len(rule.points),
+            },
+        )
+        if not gap <= self.settings.largest_gap:  # also where it is not a number
+            raise SolveFailure(
+                f"the field exploits its quadrature: its energy on the finest one differs by {gap:.2g},"
+                f" more than the {self.settings.largest_gap:g} allowed; use smaller widths",
+                solution,
+            )
+        return solution

@@ -1,0 +1,295 @@
+"""Training all weights of a field by certified energy.
+
+Three quadratures keep a field from exploiting its points. The energy and its gradient live on the training points. A
+step counts only if the energy falls on independent, finer check points too, and by about the same amount. A third,
+finest rule, which no decision has seen, gives the certificate that is reported (see `trainer`). Width
+and scale of the starting features are chosen by the check points' energy, so nothing is known of the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.backward import flatten, unflatten
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.energy import concentrated
+from shellbench.solvers.ndf.field import Ansatz, Features
+from shellbench.solvers.ndf.gauss_newton import Quadratic, quadratic_model
+from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.network import Network, deep_random_features, random_features
+from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.resolution import is_flat
+from shellbench.solvers.ndf.sample import Energy, Sample, Tips, energy_on, normal_equations_on
+from shellbench.solvers.ndf.solve import solve_output
+
+# Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with
+# themselves to 1e-6 and less on independent points.
+POINTS, SINGULAR_POINTS = 8.0, 18.0
+LEAST_POINTS = 550  # 4 x 4 panels: below, even the inputs are not resolved
+CHECK = 2.0  # check points, as a multiple of the training points
+CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
+ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
+GRADING = 3.0  # of panels toward point forces
+COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
+AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
+REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
+HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
+FAIR, GOOD = 0.3, 0.7  # of the predicted decrease
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What training may do; see `shellbench.solvers.ndf.trainer_solver.TrainerSettings` for what each setting is for.
+
+    Attributes
+    ----------
+    widths
+        Of the last hidden layer, tried in turn until the certified energy settles.
+    scales
+        Standard deviations of the starting features' weights, for plain and for stretched inputs.
+    gap
+        Disagreement of training and check points beyond which more points are taken.
+    """
+
+    inner: tuple[int, ...]
+    widths: tuple[int, ...]
+    scales: tuple[tuple[float, float], ...]
+    activation: str
+    iterations: int
+    tolerance: float
+    gap: float
+    damping: float
+    attempts: int
+    seed: int
+
+
+@dataclass(frozen=True)
+class State:
+    """Weights, and their energy on the training and on the check points.
+
+    Attributes
+    ----------
+    output
+        (3, M) output layer, solved for on the training points.
+    reactions
+        (k,) forces of the point supports, N.
+    """
+
+    network: Network
+    output: Tensor
+    reactions: Tensor
+    train: Energy
+    check: Energy
+
+    @property
+    def gap(self) -> float:
+        """Disagreement of the two energies, relative to their magnitude."""
+        return abs(self.train.gain - self.check.gain) / max(abs(2 * self.check.potential), np.finfo(float).tiny)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What training asks of a case."""
+
+    ansatz: Ansatz
+    features: Features
+    spec: FieldSpec
+    focal: Array
+    constraints: Callable[[Features], tuple[Tensor, Tensor]]
+
+    @classmethod
+    def of(
+        cls,
+        case: Case,
+        spec: FieldSpec,
+        placement: Placement,
+        constraints: Callable[[Ansatz, Features], tuple[Tensor, Tensor]],
+    ) -> Problem:
+        """Prepare a case; `constraints` gives rows and targets that hold point supports."""
+        ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+        ones = placement.tensor(np.ones(inputs.count))
+        features = build_features(case, spec, random_features(ones, 1, 0, spec.activation), placement, inputs)
+        return cls(ansatz, features, spec, focal_points(case), lambda f: constraints(ansatz, f))
+
+    @property
+    def singular(self) -> bool:
+        """Whether forces act at points."""
+        return len(self.focal) > 0
+
+    def with_network(self, network: Network) -> Features:
+        """Return the features of a network."""
+        old = self.features
+        return Features(old.inputs, network, old.fixed, old.placement)
+
+    def rule_spec(self, count: float, order: int, more: int = 0) -> RuleSpec:
+        """Return a rule of about `count` points, with `more` panels along each side."""
+        turns = [2.0 if p else 1.0 for p in self.ansatz.case.surface.domain.periodic]
+        side = math.sqrt(count / (turns[0] * turns[1])) / order
+        first, second = (max(2, round(side * turn)) + more for turn in turns)
+        return RuleSpec((first, second), order, GRADING if self.singular else 1.0)
+
+    def sample(self, spec: RuleSpec) -> Sample:
+        """Tabulate a rule."""
+        return Sample.of(self.ansatz, self.features, area_rule(self.ansatz.case.surface.domain, self.focal, spec))
+
+    def tips(self, spec: RuleSpec) -> Tips:
+        """Tabulate edge and point loads."""
+        placement = self.features.placement
+        return Tips.of(self.features, concentrated(self.ansatz, spec, self.focal, placement))
+
+
+@dataclass(frozen=True)
+class Quadratures:
+    """Training and check points, and how often they were refined."""
+
+    spec: RuleSpec
+    train: Sample
+    check: Sample
+    tips: Tips
+    refinement: float
+
+    @classmethod
+    def of(cls, problem: Problem, width: int, refinement: float = 1.0) -> Quadratures:
+        """Take as many points as a width asks for."""
+        each = SINGULAR_POINTS if problem.singular else POINTS
+        count = refinement * max(LEAST_POINTS, each * width)
+        spec, check = problem.rule_spec(count, ORDER), problem.rule_spec(CHECK * count, ORDER, more=1)
+        return cls(spec, problem.sample(spec), problem.sample(check), problem.tips(check), refinement)
+
+    def evaluate(self, problem: Problem, network: Network) -> State:
+        """Solve for the output layer on the training points and measure both energies."""
+        equations = normal_equations_on(self.train, self.tips, network)
+        rows, targets = problem.constraints(problem.with_network(network))
+        stiffness = problem.ansatz.case.material.membrane_stiffness
+        layer = solve_output(equations, rows, targets, stiffness)
+        output = layer.weights.view(3, -1)
+        train, check = (energy_on(sample, self.tips, network, output) for sample in (self.train, self.check))
+        return State(network, output, layer.reactions, train, check)
+
+
+Report = Callable[[int, State], None]
+
+
+def first_state(problem: Problem, plan: Plan) -> tuple[State, Quadratures]:
+    """Return starting features of the width and scale that certified energy asks for, and their points.
+
+    Raises
+    ------
+    SolveFailure
+        If no start agrees with itself on two quadratures.
+    """
+    best: tuple[State, Quadratures] | None = None
+    scales: Sequence[tuple[float, float]] = plan.scales
+    for width in plan.widths:
+        found, refinement = None, 1.0
+        while found is None and refinement < MOST_REFINED:
+            points = Quadratures.of(problem, width, refinement)
+            found = _best_start(problem, plan, points, width, scales)
+            refinement *= REFINE
+        if found is None:
+            continue
+        state, chosen = found
+        if best is not None and state.check.relative_gain(best[0].check) < plan.tolerance:
+            break
+        best = state, points
+        scales = scales[scales.index(chosen) :] if not problem.singular else (chosen,)
+    if best is None:
+        raise SolveFailure("no starting network agrees with itself on two quadratures")
+    return best
+
+
+def _best_start(
+    problem: Problem, plan: Plan, points: Quadratures, width: int, scales: Sequence[tuple[float, float]]
+) -> tuple[State, tuple[float, float]] | None:
+    found = None
+    stretched = np.asarray(problem.features.inputs.stretched)
+    for pair in scales:
+        by_input = problem.features.placement.tensor(np.where(stretched, pair[1], pair[0]))
+        values = points.train.inputs[VALUE]
+        network = deep_random_features(values, by_input, (*plan.inner, width), plan.seed, plan.activation)
+        state = points.evaluate(problem, network)
+        trusted = state.gap < 10 * plan.gap
+        if trusted and (found is None or state.check.gain > found[0].check.gain):
+            found = state, pair
+    return found
+
+
+def refined(problem: Problem, state: State, points: Quadratures) -> tuple[State, Quadratures]:
+    """Take more points, and the output layer anew."""
+    more = Quadratures.of(problem, state.network.width, points.refinement * REFINE)
+    return more.evaluate(problem, state.network), more
+
+
+def trusted(problem: Problem, plan: Plan, state: State, points: Quadratures) -> tuple[State, Quadratures]:
+    """Refine the points until the gap leaves room to grow."""
+    while state.gap > plan.gap / 4 and points.refinement * REFINE < MOST_REFINED:
+        state, points = refined(problem, state, points)
+    return state, points
+
+
+def train(problem: Problem, plan: Plan, state: State, points: Quadratures, report: Report) -> tuple[State, str]:
+    """Train all weights; return the last certified state and why training ended.
+
+    `report` is called with each certified state; whatever fails later, that one stands.
+    """
+    damping = plan.damping
+    for iteration in range(1, plan.iterations + 1):
+        rows = COARSE_ROWS * (state.output.numel() + state.network.parameters)
+        coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
+        local = quadratic_model(points.train, points.tips, coarse, state.network, state.output)
+        new, exploited, damping = _search(problem, plan, state, points, local, damping)
+        if new is None:
+            if not exploited or points.refinement * REFINE >= MOST_REFINED:
+                return state, "no further step is certified"
+            state, points = refined(problem, state, points)
+            continue
+        gain, state = new.check.relative_gain(state.check), new
+        report(iteration, state)
+        if gain < plan.tolerance:
+            return state, "the certified gain fell below the tolerance"
+    return state, "all iterations were made"
+
+
+def _search(
+    problem: Problem, plan: Plan, state: State, points: Quadratures, local: Quadratic, damping: float
+) -> tuple[State | None, bool, float]:
+    """Return the first certified state as damping rises, whether the point sets disagreed, and the next damping."""
+    theta, exploited = flatten(state.network), False
+    for attempt in range(plan.attempts):
+        step = local.step(damping)
+        new = _attempt(problem, points, unflatten(theta + step, state.network)) if step is not None else None
+        if new is not None and step is not None:
+            if agree(new, state) and new.gap <= max(plan.gap, state.gap):
+                ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
+                ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
+                return new, False, damping / ease
+            exploited |= new.train.gain > state.train.gain
+        damping *= HARDEN
+    return None, exploited, damping / HARDEN
+
+
+def _attempt(problem: Problem, points: Quadratures, network: Network) -> State | None:
+    try:
+        return points.evaluate(problem, network)
+    except SolveFailure:  # the step went too far: a shorter one is tried
+        return None
+
+
+def agree(new: State, old: State) -> bool:
+    """Tell whether both point sets see a gain, and about the same one."""
+    seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
+    return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
+
+
+def default_plan_widths(case: Case, singular: bool) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
+    """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders."""
+    if singular:
+        return ((100, 200) if is_flat(case) else (100, 400)), ((2.0, 2.0), (2.0, 3.0), (1.0, 4.0))
+    return (40, 80, 160, 320), ((2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0))

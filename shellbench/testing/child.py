@@ -1,0 +1,162 @@
+"""The process in which a solver under examination lives: it does what it is told, and survives what the solver raises.
+
+Messages go over a socket of its own, so that a solver may print what it likes. An answer is ("ok", result) or a
+kind of trouble with one sentence; see `shellbench.testing.subject` for the other end.
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.errors import InputError, SolveFailure
+from shellbench.model import one_sentence
+from shellbench.problem import Progress, Solution, Solver
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure
+from shellbench.testing.protocol import solution_faults, solver_facts
+
+MOST_WORDS = 1000  # of progress that are kept of one solve
+PLAIN = (np.ndarray, np.generic, float, int, str, type(None))
+
+
+class Child:
+    """A solver and its solutions by key."""
+
+    def __init__(self, solver: Solver) -> None:
+        self.solver = solver
+        self.solutions: dict[str, Solution] = {}
+
+    def describe(self) -> dict[str, Any]:
+        """Return what the solver says about itself, and what is wrong with it."""
+        return solver_facts(self.solver)
+
+    def declines(self, cases: list[dict[str, Any]]) -> list[tuple[str, Any, float]]:
+        """Ask about each case; return ("ok", answer) or ("raised", words), with seconds."""
+        answers: list[tuple[str, Any, float]] = []
+        for data in cases:
+            case = Case.model_validate(data)
+            start = time.perf_counter()
+            try:
+                kind, answer = "ok", self.solver.declines(case)
+                if not isinstance(answer, str | None):
+                    kind, answer = "raised", f"returned {type(answer).__name__}, not a text or None"
+            except Exception as error:
+                kind, answer = "raised", f"raised {said(error)}"
+            answers.append((kind, answer, time.perf_counter() - start))
+        return answers
+
+    def settings(self, given: Mapping[str, Any]) -> None:
+        """Check settings; raises InputError if they are refused."""
+        try:
+            self.solver.settings_type.model_validate(dict(given))
+        except ValidationError as error:
+            raise InputError(one_sentence(error)) from None
+
+    def solve(self, key: str, data: dict[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+        """Solve a case, keep the solution under the key, and return its facts."""
+        self.settings(given)
+        words: list[tuple[Any, Any, Any]] = []
+
+        def tell(progress: Progress) -> None:
+            if len(words) < MOST_WORDS:
+                words.append((progress.step, progress.total, progress.message))
+
+        settings = self.solver.settings_type.model_validate(dict(given))
+        case = Case.model_validate(data)
+        start = time.perf_counter()
+        self.solutions[key] = self.solver.solve(case, settings, progress=tell)
+        return {**facts(self.solutions[key]), "progress": words, "took": time.perf_counter() - start}
+
+    def load(self, key: str, path: str) -> dict[str, Any]:
+        """Read a saved solution, keep it under the key, and return its facts."""
+        self.solutions[key] = self.solver.load(Path(path))
+        return facts(self.solutions[key])
+
+    def save(self, key: str, path: str) -> str:
+        """Write a solution; return where it is."""
+        return str(self.solutions[key].save(Path(path)))
+
+    def ask(self, key: str, method: str, *arguments: Any) -> Any:
+        """Call a method of a solution; raises TypeError if it answers in something else than arrays and numbers."""
+        answer = getattr(self.solutions[key], method)(*arguments)
+        parts = answer if isinstance(answer, tuple) else (answer,)
+        odd = [type(part).__name__ for part in parts if not isinstance(part, PLAIN)]
+        if odd:
+            raise TypeError(f"{method} answers with {', '.join(odd)}, not with NumPy arrays or numbers")
+        return answer
+
+    def headline(self, key: str) -> float:
+        """Return the headline quantity of a solution."""
+        solution = self.solutions[key]
+        return measure(solution, solution.case.primary)
+
+
+def facts(solution: Solution) -> dict[str, Any]:
+    """Return what a solution says about itself, in plain data."""
+    return {
+        "faults": solution_faults(solution),
+        "history": [asdict(step) for step in solution.history],
+        "parameters": _number(solution.parameters),
+        "storage_bytes": _number(solution.storage_bytes),
+        "uncertainty": {str(k): float(v) for k, v in dict(solution.uncertainty).items()},
+    }
+
+
+def _number(value: Any) -> Any:
+    """Return a whole number as it is, and anything else as text."""
+    return int(value) if isinstance(value, int | np.integer) and not isinstance(value, bool) else repr(value)
+
+
+def said(error: BaseException) -> str:
+    """Say what was raised on one line."""
+    words = " ".join(str(error).split())
+    return f"{type(error).__name__}: {words}"[:300] if words else type(error).__name__
+
+
+def main() -> None:
+    """Serve one solver until the other end hangs up."""
+    line = Connection(socket.socket(fileno=int(sys.argv[1])).detach())
+    try:
+        child = Child(load_solver(SolverEntry(sys.argv[2], sys.argv[3], "", "")))
+        line.send(("ok", None))
+    except InputError as error:
+        line.send(("refused", str(error)))
+        return
+    except BaseException as error:
+        line.send(("raised", said(error)))
+        return
+    while True:
+        try:
+            operation, arguments = line.recv()
+        except EOFError:
+            return
+        line.send(answer(getattr(child, operation), arguments))
+
+
+def answer(operation: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
+    """Do one thing and return how it ended."""
+    try:
+        return "ok", operation(*arguments)
+    except InputError as error:
+        return "refused", " ".join(str(error).split())
+    except SolveFailure as error:
+        return "failed", " ".join(str(error).split())
+    except KeyError as error:
+        return "unknown", said(error)
+    except Exception as error:
+        return "raised", said(error)
+
+
+if __name__ == "__main__":
+    main()

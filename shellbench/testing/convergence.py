@@ -1,0 +1,167 @@
+"""Check that an answer converges as it is refined: at which rate, and to what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from shellbench.bench.catalog import find_suite, known_values, suite_names
+from shellbench.problems.shell.case import Case
+from shellbench.testing.examination import Examination
+from shellbench.testing.verdict import Findings, Verdict, not_applicable, not_shown
+
+FEWEST, MOST = 3, 5  # levels by which a rate is told, and that are solved at most
+FLOOR = 1e-9  # relative error below which rounding and the known value's own digits are seen
+FALLS = 0.5  # the last difference or error of a sequence that converges, of its largest
+ELSEWHERE = 3.0  # times what is still missing: an error beyond it is no lack of resolution
+RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
+STUDY = "resolution"
+
+
+@dataclass(frozen=True)
+class Level:
+    """One refinement.
+
+    Attributes
+    ----------
+    unknowns
+        Of the answer: its `parameters`.
+    value
+        The headline quantity.
+    """
+
+    settings: Mapping[str, Any]
+    unknowns: int
+    value: float
+
+
+def convergence(exam: Examination, case: Case) -> Verdict:
+    """Check that under refinement the headline's error against the known value falls; or, without one, its steps."""
+    levels = refined(exam, case)
+    if isinstance(levels, str):
+        return not_applicable(levels)
+    known = known_values(case.name).judge(case.primary.name, case.theory)
+    return judged(levels, known.value if known else None)
+
+
+def refined(exam: Examination, case: Case) -> list[Level] | str:
+    """Solve a case at each refinement, from few unknowns to many; or say why that can't be."""
+    chosen, words = refinements(exam, case)
+    if len(chosen) < FEWEST:
+        return words
+    levels = []
+    for settings in chosen:
+        answer = exam.solve(case, settings)
+        unknowns = answer.facts["parameters"]
+        levels.append(Level(settings, unknowns if isinstance(unknowns, int) else 0, answer.headline()))
+    return levels
+
+
+def refinements(exam: Examination, case: Case) -> tuple[list[Mapping[str, Any]], str]:
+    """Return settings from coarse to fine: those given, the solver's own, or a suite's; and why there are none."""
+    own = exam.refinements or tuple(exam.facts["refinements"])
+    found = list(own) if own else _swept(exam.entry.name, case.name)
+    reason = f"it has no refinements, and no suite on {STUDY} sweeps it on {case.name}: give some by --refine"
+    return spread_out(found, MOST), reason
+
+
+def spread_out(refinements: Sequence[Mapping[str, Any]], most: int) -> list[Mapping[str, Any]]:
+    """Return at most so many of a sequence of settings, the first and last among them, about equal factors apart."""
+    sizes = np.array([np.prod(_numbers(settings)) for settings in refinements], dtype=float)
+    if len(sizes) <= most or sizes.min() <= 0:
+        return list(refinements)[-most:]
+    wanted = np.linspace(np.log(sizes[0]), np.log(sizes[-1]), most)
+    return [refinements[i] for i in sorted({int(np.argmin(np.abs(np.log(sizes) - size))) for size in wanted})]
+
+
+def _numbers(value: Any) -> list[float]:
+    """Return all numbers in settings: their product says how fine they are, up to what they share."""
+    match value:
+        case bool() | str() | None:
+            return []
+        case int() | float():
+            return [float(value)]
+        case Mapping():
+            return [number for part in value.values() for number in _numbers(part)]
+        case list() | tuple():
+            return [number for part in value for number in _numbers(part)]
+    return []
+
+
+def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
+    """Return the longest sweep that a suite declares for a solver and a case."""
+    sweeps: dict[str, list[Mapping[str, Any]]] = {}
+    for name in suite_names():
+        suite = find_suite(name)
+        if suite.study != STUDY:
+            continue
+        for run in suite.runs:
+            if run.solver == solver and (not run.cases or case in run.cases) and run.settings:
+                rest = {k: v for k, v in run.settings.items() if not isinstance(v, list)}
+                sweeps.setdefault(f"{sorted(run.settings)} {rest if len(rest) < len(run.settings) else ''}", []).append(
+                    run.settings
+                )
+    return max(sweeps.values(), key=len, default=[])
+
+
+def judged(levels: Sequence[Level], known: float | None) -> Verdict:
+    """Judge a sequence of refinements."""
+    found = Findings()
+    unknowns = np.array([level.unknowns for level in levels], dtype=float)
+    values = np.array([level.value for level in levels])
+    scale = abs(known) if known else float(np.abs(values).max())
+    if scale == 0:
+        return not_shown("the headline quantity is zero at all refinements")
+    if np.any(np.diff(unknowns) <= 0):
+        counts = ", ".join(f"{n:.0f}" for n in unknowns)
+        return not_shown(
+            f"its parameters do not grow with refinement, so there is nothing to measure a rate by: {counts}"
+        )
+    steps = np.abs(np.diff(values)) / scale
+    if steps.max() == 0 and (known is None or abs(values[0] - known) > FLOOR * scale):
+        found.faults.append(f"refined from {unknowns[0]:.0f} to {unknowns[-1]:.0f} unknowns it answers the same")
+        return found.verdict()
+    settles = steps[-1] <= max(FALLS * steps.max(), FLOOR)
+    if known is None:
+        words = f"steps {', '.join(f'{s:.1e}' for s in steps)}"
+        found.hold(bool(settles), f"it does not settle: {words}", f"no known value; {words}")
+        return found.verdict()
+    errors = np.abs(values - known) / scale
+    words = f"errors {', '.join(f'{e:.1e}' for e in errors)} with {', '.join(f'{n:.0f}' for n in unknowns)} unknowns"
+    limit = extrapolated(unknowns, values) if settles else None
+    if limit is not None and errors[-1] > FLOOR:
+        missing = max(abs(limit - values[-1]), abs(values[-1] - values[-2])) / scale
+        if abs(limit - known) / scale > max(ELSEWHERE * missing, FLOOR):
+            return not_shown(f"it converges to {limit:.6g}, known is {known:.6g}: accuracy is not shown; {words}")
+    found.hold(bool(errors[-1] <= max(FALLS * errors.max(), FLOOR)), f"it does not converge: {words}")
+    rate = slope(unknowns, errors)
+    found.figures.append(words if rate is None else f"{words}; error ~ unknowns^(-{rate / 2:.2f}), order {rate:.1f}")
+    return found.verdict()
+
+
+def slope(unknowns: np.ndarray, errors: np.ndarray) -> float | None:
+    """Return the slope of log error against log unknowns^(-1/2), above rounding; None of fewer than two errors."""
+    seen = errors > FLOOR
+    if np.count_nonzero(seen) < 2:
+        return None
+    return float(np.polyfit(-np.log(unknowns[seen]) / 2, np.log(errors[seen]), 1)[0])
+
+
+def extrapolated(unknowns: np.ndarray, values: np.ndarray) -> float:
+    """Return the limit v of value = v + C unknowns^(-p/2) through the last three levels, or the last value.
+
+    The rate p is looked for; where no rate fits the last two steps, the last value is all that is known.
+    """
+    h = unknowns[-3:] ** -0.5
+    first, second = np.diff(values[-3:])
+    if second == 0 or first / second <= 0:
+        return float(values[-1])
+    ratios = (h[0] ** RATES - h[1] ** RATES) / (h[1] ** RATES - h[2] ** RATES)
+    best = int(np.argmin(np.abs(np.log(ratios / (first / second)))))
+    if best in (0, len(RATES) - 1):
+        return float(values[-1])
+    share = h[2] ** RATES[best] / (h[1] ** RATES[best] - h[2] ** RATES[best])
+    return float(values[-1] + second * share)

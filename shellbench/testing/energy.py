@@ -1,0 +1,161 @@
+"""Checks of energies and strains: that an answer's own figures agree with each other, and with its displacement."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.measure import load_density
+from shellbench.problems.shell.places import Edge, Point
+from shellbench.testing.examination import MOST as MOST_EXCUSED
+from shellbench.testing.examination import OWN, Examination, scattered
+from shellbench.testing.kinematics import differences, energy_densities, lengths, strains
+from shellbench.testing.placing import size
+from shellbench.testing.subject import Answer
+from shellbench.testing.verdict import Findings, Verdict, not_applicable
+
+PANELS, OTHER_PANELS, RULE = 48, 37, 4  # a side, of two rules that share no lines: they differ by what they miss
+SAME = 1e-6  # relative difference that counts as none
+MISSED = 3.0  # times the difference of the two rules, which an integral may be off
+WORK = 0.01  # relative: by which loads on a coarse mesh may do another work than the exact ones
+POINTS = 200  # at random, at which strains are compared
+MARGIN = 0.02  # of the side, by which they keep off the edges
+MOST = 0.9  # of the points must agree: at the others a difference may cross a line of the mesh
+STRETCH_STEPS, BEND_STEPS = (1e-5, 1e-4), (1e-3, 1e-2)  # of the side: for first and for second differences
+CLOSE, CLOSER = 0.05, 0.01  # of the largest strain: what bending and membrane strains may be off
+UNSTRAINED = 1e-8  # of the displacement over the size: below, differences of a rigid motion are rounding
+EDGE_POINTS = 64  # of the rule along an edge
+
+
+def energies(exam: Examination, case: Case) -> Verdict:
+    """Check that the energy densities are those of the strains, and add up to the energies."""
+    found, answer = Findings(), exam.solve(case)
+    points = scattered(case, POINTS, seed=6)
+    stated = [answer.field(f"{part}_energy_density", points) for part in ("membrane", "bending")]
+    expected = energy_densities(
+        case, points, answer.field("membrane_strain", points), answer.field("bending_strain", points)
+    )
+    scale = max(np.abs(e).max() for e in expected)
+    for part, mine, theirs in zip(("membrane", "bending"), expected, stated, strict=True):
+        off = float(np.abs(mine - theirs).max() / scale) if scale > 0 else float(np.abs(theirs).max())
+        found.hold(
+            off <= SAME,
+            f"the {part} energy density is not that of the {part} strain: off by {off:.1e} of the largest density",
+            f"{part} density off by {off:.1e}",
+        )
+    total = sum(answer.energies())
+    for part, energy in zip(("membrane", "bending"), answer.energies(), strict=True):
+        integral, other = (_integral(answer, f"{part}_energy_density", panels) for panels in (PANELS, OTHER_PANELS))
+        missed = MISSED * abs(integral - other)
+        off = abs(integral - energy)
+        found.hold(
+            off <= missed + SAME * abs(total),
+            f"the {part} energy is {energy:.6g} J; its density adds up to {integral:.6g} J, known to {missed:.1g} J",
+            f"{part} energy {energy:.6g} J, integral off by {off / abs(total) if total else off:.1e}",
+        )
+    return found.verdict()
+
+
+def rule(case: Case, panels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 2) and weights (n,), m^2: Gauss's rule on equal panels."""
+    domain = case.surface.domain
+    x, w = np.polynomial.legendre.leggauss(RULE)
+    local = ((np.arange(panels)[:, None] + (x + 1) / 2) / panels).ravel()
+    weights = np.tile(w / 2 / panels, panels)
+    first, second = (low + side * local for low, side in zip(domain.lower, domain.size, strict=True))
+    points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+    x_ = case.surface.derivatives(points, order=1)
+    area = np.linalg.norm(np.cross(x_[1, 0], x_[0, 1]), axis=-1)
+    return points, np.outer(weights, weights).ravel() * np.prod(domain.size) * area
+
+
+def _integral(answer: Answer, name: str, panels: int) -> float:
+    points, weights = rule(answer.case, panels)
+    return float(weights @ answer.field(name, points))
+
+
+def work(exam: Examination, case: Case) -> Verdict:
+    """Check that in linear theory the loads' work is twice the strain energy, where no support moves (Clapeyron)."""
+    if not case.linear:
+        return not_applicable("the case is not linear")
+    if any(s.motion for s in case.supports):
+        return not_applicable("supports move, and work")
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return not_applicable("the work of moments is not taken here")
+    found, answer = Findings(), exam.solve(case)
+    done, energy = loads_work(answer), sum(answer.energies())
+    off = abs(2 * energy - done) / abs(done) if done else abs(energy)
+    own = OWN * answer.facts["uncertainty"].get("strain_energy", 0.0) / energy if energy else 0.0
+    limit = min(MOST_EXCUSED, max(WORK, own))
+    found.hold(
+        off <= limit,
+        f"twice its strain energy is {2 * energy:.6g} J, but the loads' work {done:.6g} J: at most {limit:.1e} may be",
+        f"twice the strain energy is off the loads' work, {done:.6g} J, by {off:.1e} (at most {limit:.1e})",
+    )
+    return found.verdict()
+
+
+def loads_work(answer: Answer) -> float:
+    """Return the work of a linear case's loads on the displacement, J."""
+    case, at = answer.case, answer.case.states[-1]
+    points, weights = rule(case, PANELS)
+    total = float(weights @ np.sum(load_density(case, points, at) * answer.displacement(points), axis=-1))
+    for load in case.loads:
+        for place in (case.places[name] for name in load.on) if isinstance(load, PointLoad | EdgeLoad) else ():
+            if isinstance(load, PointLoad) and isinstance(place, Point):
+                force = case.evaluate(load.force, np.asarray(place.xi), at)[0, 0]
+                total += float(force @ answer.displacement(np.asarray(place.xi)))
+            elif isinstance(load, EdgeLoad) and isinstance(place, Edge):
+                total += _edge_work(answer, load, place, at)
+    return total
+
+
+def _edge_work(answer: Answer, load: EdgeLoad, edge: Edge, at: float) -> float:
+    case, running = answer.case, 1 - edge.axis
+    x, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
+    domain = case.surface.domain
+    points = edge.points(domain, domain.lower[running] + domain.size[running] * (x + 1) / 2)
+    tangent = case.surface.derivatives(points, order=1)[(1, 0) if running == 0 else (0, 1)]
+    length = w / 2 * domain.size[running] * np.linalg.norm(tangent, axis=-1)
+    return float(length @ np.sum(case.evaluate(load.vector, points, at)[0, 0] * answer.displacement(points), axis=-1))
+
+
+def strain_fields(exam: Examination, case: Case) -> Verdict:
+    """Check that strains at points are those of the displacement's differences there."""
+    found, answer = Findings(), exam.solve(case)
+    points, sides = scattered(case, POINTS, seed=7, margin=MARGIN), np.asarray(case.surface.domain.size)
+    physical = lengths(case, points)
+    parts = (("membrane", 1.0, CLOSER, STRETCH_STEPS), ("bending", case.material.thickness / 2, CLOSE, BEND_STEPS))
+    felt = {}  # by part: what is stated, and what differences over a fine and a coarse step give, as strains
+    for number, (part, factor, _, steps) in enumerate(parts):
+        measured = (strains(case, points, differences(answer.displacement, points, s * sides))[number] for s in steps)
+        felt[part] = [factor * f / physical for f in (answer.field(f"{part}_strain", points), *measured)]
+    # differences across a kink are as large as their step is small, and must not set the scale
+    scale = max(max(np.abs(f[0]).max(), np.median(np.abs(f[1]).max(axis=-1))) for f in felt.values())
+    if scale <= UNSTRAINED * np.abs(answer.displacement(points)).max() / size(case):
+        found.figures.append("unstrained, and says so")
+        return found.verdict()
+    for part, _, close, steps in parts:
+        theirs, mine, rough = (f / scale for f in felt[part])
+        there = (
+            np.max(np.abs([theirs, mine, rough]), axis=(0, 2)) > close
+        )  # elsewhere all agree by being next to nothing
+        off, kinks = (np.abs(mine - other).max(axis=-1)[there] for other in (theirs, rough))
+        if not off.size:
+            found.figures.append(f"{part} strains are next to nothing, and say so")
+            continue
+        if np.mean(kinks <= close) < MOST:
+            found.unseen.append(
+                f"{part} strains: the displacement's differences over {steps[0]:g} and {steps[1]:g} of the side"
+                f" disagree at {np.mean(kinks > close):.0%} of the points, as where it has kinks"
+            )
+            continue
+        agree = float(np.mean(off <= close))
+        found.hold(
+            agree >= MOST,
+            f"{part} strains agree with differences of the displacement at {agree:.0%} of {off.size} points only"
+            f" (median {np.median(off):.1e} of the largest strain)",
+            f"{part} strains agree at {agree:.0%} of {off.size} points, median {np.median(off):.1e} of the largest",
+        )
+    return found.verdict()

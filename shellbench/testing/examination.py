@@ -1,0 +1,161 @@
+"""What checks work with: the solver, the cases, and answers that are solved for once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.bench.registry import SolverEntry
+from shellbench.bench.task import case_data
+from shellbench.problems.shell.case import Case
+from shellbench.testing.subject import Answer, Respondent, Trouble, solve_in
+
+Array = NDArray[np.float64]
+Setting = Mapping[str, Any]
+
+SAMPLE = 17  # points a side of the grid on which displacements are compared
+SAME = 1e-6  # relative difference that counts as none
+OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
+MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states that it does not know the answer
+
+
+@dataclass
+class Examination:
+    """One solver under examination.
+
+    Attributes
+    ----------
+    start
+        Starts the solver in a process of its own.
+    facts
+        What the solver says about itself; see `shellbench.testing.protocol.solver_facts`.
+    settings
+        Settings that differ from the defaults in all solves.
+    folder
+        For saved solutions.
+    refinements
+        Settings from coarse to fine; empty: the solver's own, or those of a suite.
+    """
+
+    entry: SolverEntry
+    start: Callable[[], Respondent]
+    facts: Setting
+    settings: Setting
+    folder: Path
+    refinements: tuple[Setting, ...] = ()
+    _subject: Respondent | None = None
+    _answers: dict[str, Answer] = field(default_factory=dict)
+    _troubles: dict[str, Trouble] = field(default_factory=dict)
+    _refusals: dict[str, tuple[str, Any, float]] = field(default_factory=dict)
+
+    @property
+    def subject(self) -> Respondent:
+        """The running process; a new one if the last was lost."""
+        if self._subject is None or not self._subject.alive:
+            self._subject = self.start()
+            self._answers.clear()
+        return self._subject
+
+    @contextmanager
+    def fresh(self) -> Iterator[Respondent]:
+        """Give a process that has solved nothing yet."""
+        subject = self.start()
+        try:
+            yield subject
+        finally:
+            subject.stop()
+
+    def solve(self, case: Case, settings: Setting | None = None) -> Answer:
+        """Return the solver's answer to a case; what was solved for already is not solved for again.
+
+        Raises
+        ------
+        Trouble
+            If there is none. `KnownTrouble` where that was met before: it is one finding, not several.
+        """
+        chosen = {**self.settings, **(settings or {})}
+        key = json.dumps([case.name, case.digest(), chosen], sort_keys=True)
+        if key in self._troubles:
+            raise KnownTrouble(f"its solve of {case.name} has no answer, as said above")
+        subject = self.subject
+        if key not in self._answers:
+            try:
+                self._answers[key] = solve_in(subject, key, case, chosen)
+            except Trouble as trouble:
+                self._troubles[key] = trouble
+                raise
+        return self._answers[key]
+
+    def declined(self, case: Case) -> str | None:
+        """Return why the solver declines a case, or None; raises `Trouble` if it can't be asked."""
+        kind, answer, _ = self.refusals((case,))[0]
+        if kind != "ok":
+            raise Trouble(f"declines {answer}")
+        return None if answer is None else str(answer)
+
+    def refusals(self, cases: tuple[Case, ...]) -> list[tuple[str, Any, float]]:
+        """Ask whether cases are declined: ("ok", clause or None, seconds) or ("raised", words, seconds)."""
+        keys = [f"{case.name} {case.digest()}" for case in cases]
+        unasked = [i for i, key in enumerate(keys) if key not in self._refusals]
+        if unasked:
+            data = [{**case_data(cases[i]), "name": cases[i].name} for i in unasked]
+            for i, answer in zip(unasked, self.subject.call("declines", data), strict=True):
+                self._refusals[keys[i]] = answer
+        return [self._refusals[key] for key in keys]
+
+    def close(self) -> None:
+        """End the process."""
+        if self._subject is not None and self._subject.alive:
+            self._subject.stop()
+
+
+class KnownTrouble(Trouble):
+    """A trouble that an earlier check has told of already."""
+
+
+def grid(case: Case, sides: int = SAMPLE) -> Array:
+    """Return points (n, 2) on a regular grid of the closed domain."""
+    return case.surface.domain.grid(sides, sides).reshape(-1, 2)
+
+
+def scattered(case: Case, count: int, seed: int = 0, margin: float = 0.0) -> Array:
+    """Return points (n, 2) at random in the domain, `margin` of its side away from the edges."""
+    domain = case.surface.domain
+    local = margin + (1 - 2 * margin) * np.random.default_rng(seed).random((count, 2))
+    return np.asarray(domain.lower) + np.asarray(domain.size) * local
+
+
+def apart(first: Array, second: Array) -> float:
+    """Return the largest difference of two fields, relative to the larger of their largest magnitudes."""
+    size = max(np.abs(first).max(initial=0.0), np.abs(second).max(initial=0.0))
+    return 0.0 if size == 0 else float(np.abs(first - second).max() / size)
+
+
+def own_uncertainty(answer: Answer) -> float:
+    """Return what the solver itself says of the error of the headline quantity, relative to it; 0 if nothing."""
+    stated = float(answer.facts["uncertainty"].get(answer.case.primary.name, 0.0))
+    if stated == 0:
+        return 0.0
+    value = abs(answer.headline())
+    return stated / value if value > 0 else 0.0
+
+
+def seed_difference(exam: Examination, case: Case) -> float:
+    """Return by how much another seed's answer differs, relative to the largest displacement; 0 without a seed."""
+    if not exam.facts["seeded"]:
+        return 0.0
+    points = grid(case)
+    other = exam.solve(case, {"seed": int(exam.settings.get("seed", exam.facts["defaults"]["seed"])) + 1})
+    return apart(exam.solve(case).displacement(points), other.displacement(points))
+
+
+def admissible(exam: Examination, case: Case) -> float:
+    """Return the relative difference that two solves of one question may have."""
+    return min(MOST, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))

@@ -1,0 +1,86 @@
+"""Cases that the examination makes of others: louder, carried along by their supports, or cut short."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from shellbench.bench.catalog import named_case
+from shellbench.problems.shell.case import Case
+from shellbench.testing.placing import size
+from shellbench.testing.rewriting import times
+
+STATIC = (
+    "square_plate",
+    "scordelis_lo",
+    "sleeve_torque",
+    "square_plate_nonlinear",
+    "cantilever_shear",
+    "rigid_rotation",
+)
+"""Cheap static cases, the first of which that a solver takes it is examined on."""
+
+MOVING = ("napkin_fixed_edges", "napkin_plane", "napkin_soft_pin", "napkin_corner", "pendulum_strip", "free_fall")
+"""The same of motions, cut short."""
+
+CLOSED = ("sleeve_torque", "pinched_cylinder_diaphragm", "sleeve_twist", "sleeve_compression")
+"""Cases on a closed surface, for the seam."""
+
+SHORT = 0.1  # s: of a motion, long enough that a napkin under gravity has moved by 5 cm
+CARRIED = 0.01  # of the shell's size: distance of the centre of the supports' rotation from the middle
+TURNED, TURNED_FAR = 0.5, 20.0  # degrees that supports turn the shell by, in the linear and the non-linear theory
+FALL = "free_fall"
+
+
+def short_motion(name: str) -> Case:
+    """Return a motion of the suite cut short; its headline is what it asks for first, at the end."""
+    case = named_case(name)
+    data = case.model_dump(mode="json", exclude_unset=True)
+    spatial = [q for q in data["quantities"] if q["kind"] in ("displacement", "position", "centre_of_mass")]
+    headline = {**spatial[0], "name": "headline", "at": SHORT, "primary": True}
+    for field in ("tolerance", "absolute", "open_finding"):
+        headline.pop(field, None)
+    data |= {"name": f"{name}_short", "suites": [], "quantities": [headline], "dynamics": {"until": SHORT}}
+    return Case.model_validate(data)
+
+
+def louder(case: Case, factor: float) -> Case:
+    """Return a case with all loads and prescribed motions times a factor, for linear theory."""
+    data = case.model_dump(mode="json", exclude_unset=True) | {"name": case.name, "suites": []}
+    for load in data.get("loads", []):
+        for name in ("vector", "force", "acceleration"):
+            if name in load:
+                load[name] = [times(f, factor) for f in load[name]]
+        if "value" in load:
+            load["value"] = times(load["value"], factor)
+    for support in data.get("supports", []):
+        motion = support.get("motion") or {}
+        for name in ("x", "y", "z", "angle"):
+            if name in motion:
+                motion[name] = times(motion[name], factor)
+        if "vector" in motion:
+            motion["vector"] = [times(f, factor) for f in motion["vector"]]
+    return Case.model_validate(data)
+
+
+def carried(case: Case) -> Case | None:
+    """Return a static case without loads whose supports turn it as a rigid body; None if they can't.
+
+    They can if each can be moved, and together they leave no rigid motion to be removed.
+    """
+    if case.dynamics is not None or case.remove_rigid_motions or not case.supports:
+        return None
+    if any(support.symmetry for support in case.supports):
+        return None
+    data: dict[str, Any] = case.model_dump(mode="json", exclude_unset=True)
+    angle: Any = TURNED if case.linear else f"{TURNED_FAR!r}*t"
+    middle = case.surface.position(np.add(case.surface.domain.lower, case.surface.domain.upper) / 2)
+    centre = (middle + CARRIED * size(case)).tolist()
+    motion = {"kind": "rotation", "axis": [1.0, 2.0, 3.0], "centre": centre, "angle": angle}
+    for support in data["supports"]:
+        support["motion"] = motion
+    data.pop("path", None)
+    headline = {"name": "largest", "kind": "largest_displacement", "primary": True}
+    data |= {"name": f"{case.name[:53]}_carried", "suites": [], "loads": [], "quantities": [headline]}
+    return Case.model_validate(data)

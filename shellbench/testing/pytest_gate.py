@@ -1,0 +1,161 @@
+"""The gate as pytest sees it: nodes to collect, items to run, a table at the end.
+
+Items hang below the session beside the folders of ordinary tests. A report carries its judgement as data, so that
+the table and the verdict on the whole are made in the process that the user started, with pytest-xdist or without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator
+from typing import Any
+
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.bench.store import Store
+from shellbench.errors import InputError
+from shellbench.testing.pytest_judging import Judgement, Question, questions
+from shellbench.testing.pytest_options import GateOptions
+from shellbench.testing.pytest_solving import Answers
+from shellbench.testing.pytest_summary import table
+
+ROOT = "shellbench"  # first part of the names of all items
+PROPERTY = "shellbench"  # of a report
+BEGAN = "shellbench_began"
+JUDGED = {"green", "red", "expected failure"}
+
+
+class QuantityItem(pytest.Item):
+    """One quantity of one case by one solver."""
+
+    question: Question
+    answers: Answers
+    options: GateOptions
+
+    def runtest(self) -> None:
+        """Judge the quantity."""
+        found = self.question.judged(self.answers, self.options.tolerances)
+        self.user_properties.append((PROPERTY, found.plain()))
+        match found.colour:
+            case "red":
+                pytest.fail(found.sentence, pytrace=False)
+            case "expected failure":
+                pytest.xfail(found.sentence)
+            case "not judged":
+                pytest.skip(found.sentence)
+
+    def reportinfo(self) -> tuple[Any, int | None, str]:
+        """Return where the item is; it is in no file."""
+        return self.path, None, self.nodeid.replace("::", " ")
+
+
+class Branch(pytest.Collector):
+    """All items, those of a suite, a case, or a solver: what is below was made with it."""
+
+    below: dict[str, Any]
+    gate: Gate
+
+    def collect(self) -> Iterator[pytest.Item | pytest.Collector]:
+        """Yield what is below."""
+        for name, content in self.below.items():
+            if isinstance(content, Question):
+                item = QuantityItem.from_parent(self, name=name)
+                item.question, item.answers, item.options = content, self.gate.answers, self.gate.options
+                item.add_marker(ROOT)
+                yield item
+            else:
+                yield self.gate.branch(self, name, content)
+
+
+class Gate:
+    """The plug-in proper, registered where a suite is named."""
+
+    def __init__(self, config: pytest.Config, options: GateOptions) -> None:
+        self.config = config
+        self.options = options
+        store = Store(options.store)
+        known = getattr(config, "workerinput", {}).get(BEGAN)  # by pytest-xdist, when the session began
+        try:
+            self.began: int = store.last_number() if known is None else known
+        except InputError as error:
+            raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
+        self.answers = Answers(store, self.began, options.settings, options.timeout)
+        self.found: list[Judgement] = []
+
+    def pytest_report_header(self) -> str:
+        """Say what is gated."""
+        return self.options.headline(self.config.rootpath)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node: Any) -> None:
+        """Tell a process of pytest-xdist when the session began."""
+        node.workerinput[BEGAN] = self.began
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(
+        self, collector: pytest.Collector
+    ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+        """Add the gate to what the session has collected."""
+        report = yield
+        if isinstance(collector, pytest.Session) and report.result is not None:
+            report.result = [*report.result, self.branch(collector, ROOT, self.tree())]
+        return report
+
+    def tree(self) -> dict[str, Any]:
+        """Return all questions by suite, case, solver and name."""
+        return {
+            suite: {
+                case.name: {
+                    solver: {question.name: question for question in questions(suite, case, solver)}
+                    for solver in self.options.solvers
+                }
+                for case in catalog.cases_of(suite)
+            }
+            for suite in self.options.suites
+        }
+
+    def branch(self, parent: Any, name: str, below: dict[str, Any]) -> Branch:
+        """Return a node with all that is below it."""
+        nodeid = name if isinstance(parent, pytest.Session) else f"{parent.nodeid}::{name}"
+        branch: Branch = Branch.from_parent(parent, name=name, nodeid=nodeid, path=self.config.rootpath)
+        branch.below, branch.gate = below, self
+        return branch
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note the judgement that a report carries."""
+        if report.when == "call":
+            self.found.extend(Judgement.read(data) for name, data in report.user_properties if name == PROPERTY)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Let the session fail where nothing was judged of a solver: a gate that can't fail is none."""
+        good = (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED)
+        if self.unjudged() and session.exitstatus in good:
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def unjudged(self) -> list[str]:
+        """Return a sentence for each solver and suite of which items ran and none was judged."""
+        asked = dict.fromkeys((j.suite, j.solver) for j in self.found)
+        judged = {(j.suite, j.solver) for j in self.found if j.colour in JUDGED}
+        return [
+            f"shellbench: nothing was judged: no case of suite '{suite}' that was asked for applies to '{solver}'"
+            for suite, solver in asked
+            if (suite, solver) not in judged
+        ]
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """Print the table of what was judged."""
+        if self.config.getoption("collectonly", False):
+            return
+        if not self.found:
+            terminalreporter.write_line("shellbench: no item of the gate was run")
+            return
+        terminalreporter.write_sep("=", "shellbench")
+        for line in table(self.found):
+            terminalreporter.write_line(line)
+        _write(terminalreporter, self.unjudged())
+
+
+def _write(terminalreporter: pytest.TerminalReporter, sentences: Iterable[str]) -> None:
+    for sentence in sentences:
+        terminalreporter.write_line(sentence, red=True)

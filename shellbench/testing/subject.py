@@ -1,0 +1,239 @@
+"""The solver under examination, seen from outside: a process that may crash or hang at the cost of one check."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.bench.process import THREAD_LIMITS
+from shellbench.bench.registry import SolverEntry
+from shellbench.bench.task import case_data
+from shellbench.problems.shell.case import Case
+
+Array = NDArray[np.float64]
+
+
+class Trouble(Exception):
+    """What a solver did instead of answering, in one clause; a check that meets it unprepared has failed."""
+
+
+class Refused(Trouble):
+    """It raised InputError."""
+
+
+class SolveFailed(Trouble):
+    """It raised SolveFailure."""
+
+
+class UnknownName(Trouble):
+    """It raised KeyError."""
+
+
+class Raised(Trouble):
+    """It raised something else."""
+
+
+class Lost(Trouble):
+    """Its process died, or did not answer in time."""
+
+
+KINDS: dict[str, tuple[type[Trouble], str]] = {
+    "refused": (Refused, "refused: "),
+    "failed": (SolveFailed, "failed: "),
+    "unknown": (UnknownName, "raised "),
+    "raised": (Raised, "raised "),
+}
+
+
+def outcome(operation: str, kind: str, result: Any) -> Any:
+    """Return the result of what a solver was asked for, or raise the `Trouble` that it was."""
+    if kind == "ok":
+        return result
+    trouble, prefix = KINDS[kind]
+    raise trouble(f"{operation} {prefix}{result}")
+
+
+class Respondent(Protocol):
+    """Who answers for a solver; see `Subject`."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        ...
+
+    def call(self, operation: str, *arguments: Any) -> Any:
+        """Have it do something."""
+        ...
+
+    def stop(self) -> None:
+        """End it."""
+        ...
+
+
+@dataclass
+class Subject:
+    """A solver in a process of its own.
+
+    Attributes
+    ----------
+    seconds
+        Longest time that it may take for one answer.
+    """
+
+    process: subprocess.Popen[bytes]
+    line: Connection
+    errors: IO[bytes]
+    seconds: float
+
+    @classmethod
+    def start(cls, entry: SolverEntry, seconds: float, threads: int = 1) -> Self:
+        """Start the process and import the solver there.
+
+        Raises
+        ------
+        Trouble
+            If it can't be imported: `Refused` with the reason, as a rule.
+        """
+        ours, theirs = socket.socketpair()
+        limits = dict.fromkeys(THREAD_LIMITS, str(threads))
+        path = os.pathsep.join(p or os.curdir for p in sys.path)
+        errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        process = subprocess.Popen(
+            [sys.executable, "-m", "shellbench.testing.child", str(theirs.fileno()), entry.name, entry.target],
+            stdin=subprocess.DEVNULL,
+            stdout=errors,
+            stderr=errors,
+            pass_fds=[theirs.fileno()],
+            env={**os.environ, **limits, "PYTHONPATH": path},
+            start_new_session=True,
+        )
+        theirs.close()
+        subject = cls(process, Connection(ours.detach()), errors, seconds)
+        try:
+            subject._hear("the import")
+        except Trouble:
+            subject.stop()
+            raise
+        return subject
+
+    @property
+    def alive(self) -> bool:
+        """Whether it can be asked."""
+        return self.process.poll() is None and not self.line.closed
+
+    def call(self, operation: str, *arguments: Any) -> Any:
+        """Have it do something; see `shellbench.testing.child.Child` for what.
+
+        Raises
+        ------
+        Trouble
+            The kind says whether it refused, failed, raised or was lost.
+        """
+        what = str(arguments[1]) if operation == "ask" else operation
+        try:
+            self.line.send((operation, arguments))
+        except OSError:
+            raise Lost(f"{what}: {self._end()}") from None
+        return self._hear(what)
+
+    def _hear(self, operation: str) -> Any:
+        try:
+            if not self.line.poll(self.seconds):
+                self.stop()
+                raise Lost(f"{operation} did not end within {self.seconds:g} s")
+            kind, result = self.line.recv()
+        except (EOFError, OSError):
+            raise Lost(f"{operation}: {self._end()}") from None
+        return outcome(operation, kind, result)
+
+    def _end(self) -> str:
+        """Say how the process died."""
+        try:
+            code = self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            code = None
+        words = self._last_words()
+        self.stop()
+        how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+        return f"its process died ({how}{': ' + words if words else ''})"
+
+    def _last_words(self) -> str:
+        self.errors.seek(0)
+        lines = self.errors.read().decode(errors="replace").strip().splitlines()
+        return lines[-1].strip()[:200] if lines else ""
+
+    def stop(self) -> None:
+        """End the process and all that it has started."""
+        if self.line.closed:
+            return
+        try:
+            os.killpg(self.process.pid, signal.SIGKILL)
+        except (ProcessLookupError, PermissionError):
+            self.process.kill()
+        self.process.wait()
+        self.line.close()
+        self.errors.close()
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A solution in the subject's process.
+
+    Attributes
+    ----------
+    facts
+        History, parameters, storage_bytes, uncertainty, and `faults`: what it lacks of the protocol.
+    """
+
+    subject: Respondent
+    key: str
+    case: Case
+    facts: Mapping[str, Any]
+
+    def ask(self, method: str, *arguments: Any) -> Any:
+        """Call a method of the solution and return whatever it does."""
+        return self.subject.call("ask", self.key, method, *arguments)
+
+    def displacement(self, points: ArrayLike) -> Array:
+        """Return the displacement (..., 3) at points (..., 2) at the last time or load factor, m."""
+        return np.asarray(self.ask("displacement", points), dtype=float)
+
+    def field(self, name: str, points: ArrayLike) -> Array:
+        """Return one of `shellbench.problem.FIELDS` at points (..., 2)."""
+        return np.asarray(self.ask("evaluate", name, points), dtype=float)
+
+    def energies(self) -> tuple[float, float]:
+        """Return membrane and bending energy, J."""
+        membrane, bending = self.ask("energies")
+        return float(membrane), float(bending)
+
+    def headline(self) -> float:
+        """Return the case's headline quantity."""
+        return float(self.subject.call("headline", self.key))
+
+    def save(self, path: Path) -> Path:
+        """Write the solution; return where it is."""
+        return Path(self.subject.call("save", self.key, str(path)))
+
+
+def solve_in(subject: Respondent, key: str, case: Case, settings: Mapping[str, Any]) -> Answer:
+    """Have a subject solve a case; raises `Trouble`."""
+    data = {**case_data(case), "name": case.name}
+    return Answer(subject, key, case, subject.call("solve", key, data, dict(settings)))
+
+
+def load_in(subject: Respondent, key: str, case: Case, path: Path) -> Answer:
+    """Have a subject load a saved solution; raises `Trouble`."""
+    return Answer(subject, key, case, subject.call("load", key, str(path)))

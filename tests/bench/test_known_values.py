@@ -1,0 +1,160 @@
+"""Known values: every gated one is recomputed from two independent origins, and every source is in the bibliography."""
+
+import math
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+
+import derivations as origins
+from derivations import elastica, plane_strip, roll_up
+from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
+from derivations.levy_roof import scordelis_lo
+from derivations.navier_plate import square_plate
+from derivations.pinched_diaphragm import pinched_cylinder_diaphragm
+from derivations.pinched_free import pinched_cylinder_free
+from derivations.rolled_plate import sampled_plate, sampled_rotation
+from derivations.torsion import sleeve_torque
+from shellbench.bench import catalog
+
+TWIST = math.radians(0.2)  # the relative twist that cases/sleeve_torque.toml prescribes
+
+
+def torsion():
+    values = sleeve_torque(TWIST)
+    return {**values, "torque": values["torque_per_radian"], "factor": {"torque": TWIST}}
+
+
+ORIGINS = {
+    "square_plate": square_plate,
+    "scordelis_lo": scordelis_lo,
+    "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
+    "pinched_cylinder_free": pinched_cylinder_free,
+    "sleeve_torque": torsion,
+    "annular_plate": annular_plate,
+    "square_plate_nonlinear": origins.square_plate_nonlinear,
+    "scordelis_lo_nonlinear": origins.scordelis_lo_nonlinear,
+    "cantilever_shear": origins.cantilever_shear,
+    "cantilever_moment": origins.cantilever_moment,
+    "slit_annular_plate": origins.slit_annular_plate,
+    "cylinder_pull_out": origins.cylinder_pull_out,
+    "hinged_roof_thick": origins.hinged_roof_thick,
+    "hinged_roof_thin": origins.hinged_roof_thin,
+    "rolled_plate": origins.rolled_plate,
+    "rigid_rotation": origins.rigid_rotation,
+    "free_fall": origins.free_fall,
+    "pendulum_strip": origins.pendulum_strip,
+    "napkin_plane": origins.napkin_plane,
+    "napkin_soft_pin": origins.napkin_soft_pin,
+    "napkin_corner": origins.napkin_corner,
+    "napkin_moving_corners": origins.napkin_moving_corners,
+    "napkin_fixed_edges": origins.napkin_fixed_edges,
+    "sleeve_twist": origins.sleeve_twist,
+    "sleeve_compression": origins.sleeve_compression,
+}
+LONG = {
+    "pendulum_strip",
+    "napkin_plane",
+    "napkin_soft_pin",
+    "napkin_corner",
+    "napkin_moving_corners",
+    "napkin_fixed_edges",
+    "sleeve_twist",
+    "slit_annular_plate",
+    "cylinder_pull_out",
+    "hinged_roof_thick",
+    "hinged_roof_thin",
+    "scordelis_lo_nonlinear",
+}
+SECOND_FORMS = {
+    "inextensible elastica in elliptic integrals": elastica.elastica,
+    "inextensible circle": roll_up.inextensible_circle,
+    "forms of the surface through sampled positions": lambda: {**sampled_plate(), **sampled_rotation()},
+}
+POLYNOMIALS = {"cantilever_shear": plane_strip.cantilever_shear, "cantilever_moment": plane_strip.cantilever_moment}
+
+
+@cache
+def computed_values(name):
+    return ORIGINS[name]()
+
+
+OTHER_NAMES = {"load_deflection": "load_displacement"}
+GATED = [(name, q.name) for name in catalog.case_names() for q in catalog.named_case(name).quantities if q.tolerance]
+JUDGED = [(name, v.quantity) for name in catalog.case_names() for v in catalog.known_values(name).values if v.role == "judge" and "thinness" not in name]  # those: tests/test_thinness_cases.py  # fmt: skip
+
+
+def marked(judged):
+    return [pytest.param(*pair, marks=[pytest.mark.long] if pair[0] in LONG else []) for pair in judged]
+
+
+@pytest.mark.parametrize(("name", "quantity"), marked(JUDGED))
+def test_a_judge_is_what_its_origin_computes(name, quantity):
+    if quantity.startswith("total_energy"):
+        assert catalog.known_values(name).judge(quantity, catalog.named_case(name).theory).value == 0  # conserved
+        return
+    computed = computed_values(name)
+    estimate = computed[OTHER_NAMES.get(quantity, quantity)]
+    factor = computed.get("factor", {}).get(quantity, 1.0)
+    known = catalog.known_values(name).judge(quantity, catalog.named_case(name).theory)
+    assert abs(known.value - estimate.value * factor) <= known.uncertainty + estimate.uncertainty * factor
+
+
+@pytest.mark.parametrize(("name", "quantity"), GATED)
+def test_a_gated_value_has_two_origins_that_agree(name, quantity):
+    known = catalog.known_values(name)
+    judge = known.judge(quantity, catalog.named_case(name).theory)
+    assert judge is not None
+    seconds = [v for v in known.of(quantity, "origin") if v.theory == judge.theory and v.uncertainty is not None]
+    assert seconds, "a gated value needs a second origin"
+    assert all(v.origin != judge.origin for v in seconds)
+    for second in seconds:
+        assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty
+
+
+@pytest.mark.parametrize(("name", "quantity"), GATED)
+def test_tolerances_are_wider_than_what_is_known(name, quantity):
+    case = catalog.named_case(name)
+    judge = catalog.known_values(name).judge(quantity, case.theory)
+    for tolerance in case.quantity(quantity).tolerance.values():
+        assert judge.uncertainty < 0.1 * tolerance * (1.0 if case.quantity(quantity).absolute else abs(judge.value))
+
+
+@cache
+def second_form(name, origin):
+    return (POLYNOMIALS[name] if origin == "plane Ritz polynomials of the position" else SECOND_FORMS[origin])()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["cantilever_shear", pytest.param("cantilever_moment", marks=pytest.mark.long), "rolled_plate", "rigid_rotation"],
+)
+def test_second_forms_are_what_they_compute(name):
+    known = [v for v in catalog.known_values(name).values if v.role == "origin" and v.source == "shellbench"]
+    assert {v.quantity for v in known} >= {quantity for case, quantity in GATED if case == name}
+    for value in known:
+        estimate = second_form(name, value.origin)[value.quantity]
+        assert abs(value.value - estimate.value) <= 0.1 * value.uncertainty + 1e-15 * abs(value.value)
+        assert estimate.uncertainty <= value.uncertainty
+
+
+def test_every_source_is_in_the_bibliography():
+    text = (catalog.data_folder("references") / "bibliography.bib").read_text()
+    keys = set(re.findall(r"@\w+\{(\w+),", text))
+    used = {v.source for name in catalog.case_names() for v in catalog.known_values(name).values}
+    assert used <= keys
+
+
+def test_files_of_known_values_name_quantities_of_their_cases():
+    for path in catalog.data_folder("references").glob("*.toml"):
+        names = {q.name for q in catalog.named_case(path.stem).quantities}
+        assert {v.quantity for v in catalog.known_values(path.stem).values} <= names
+
+
+def test_the_annular_plate_by_two_forms():
+    assert rim_deflection_by_ritz() == pytest.approx(annular_plate()["rim_deflection"].value, rel=1e-9)
+    r = np.linspace(1.0, 2.0, 2001)
+    slopes = np.gradient(deflection(r), r, edge_order=2)
+    assert abs(slopes[0]) < 1e-5 * np.abs(slopes).max()
+    assert np.argmax(deflection(r)) == len(r) - 1

@@ -1,0 +1,105 @@
+"""Suite files: lines that sweep over a setting, studies, and what is refused in one sentence."""
+
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.bench.gate import Scope, gate
+from shellbench.bench.store import Store
+from shellbench.bench.suite import read_suite
+from shellbench.errors import InputError
+from tests.test_faults import findings
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(f'title = "Mine"\n{text}')
+    return path
+
+
+def test_a_sweep_is_read_as_a_line_for_each_value(tmp_path):
+    text = '[[runs]]\nsolver = "a"\nseeds = [3]\nsettings = { order = 2 }\nsweep = { cells = [[4, 4], [8, 9]] }\n'
+    runs = read_suite(write(tmp_path, text)).runs
+    assert [(run.settings, run.label, run.seeds) for run in runs] == [
+        ({"order": 2, "cells": [4, 4]}, "cells 4×4", (3,)),
+        ({"order": 2, "cells": [8, 9]}, "cells 8×9", (3,)),
+    ]
+
+
+def test_a_label_stands_before_the_value(tmp_path):
+    text = '[[runs]]\nsolver = "a"\nlabel = "fine"\nsweep = { step = [0.5] }\n[[runs]]\nsolver = "b"\n'
+    first, second = read_suite(write(tmp_path, text)).runs
+    assert (first.label, second.label, second.settings) == ("fine, step 0.5", "", {})
+
+
+@pytest.mark.parametrize(
+    "sweep",
+    ["{}", "{ a = [1], b = [2] }", "{ a = 1 }", "{ a = [] }", "{ a = [1, 1] }", "{ set = [1] }", "[1, 2]", '"cells"'],
+    ids=str,
+)
+def test_what_is_no_sweep_is_one_sentence(tmp_path, sweep):
+    path = write(tmp_path, f'[[runs]]\nsolver = "a"\nsettings = {{ set = 2 }}\nsweep = {sweep}\n')
+    with pytest.raises(
+        InputError, match=r"runs\.0\.sweep: found .* one setting, .* with a list of different values"
+    ) as caught:
+        read_suite(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_study_is_refused(tmp_path):
+    with pytest.raises(InputError, match="study"):
+        read_suite(write(tmp_path, 'study = "taste"\n[[runs]]\nsolver = "a"\n'))
+
+
+@pytest.mark.parametrize("name", catalog.suite_names())
+def test_a_suite_names_cases_that_belong_to_it(name):
+    suite = catalog.find_suite(name)
+    members = {case.name for case in catalog.cases_of(name)}
+    assert members
+    assert set(suite.order) == members
+    for run in suite.runs:
+        assert set(run.cases) <= members
+
+
+GATED_STUDIES = {"engines"}  # the default runs of our reference and of the engine that has a tolerance
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in catalog.suite_names() if catalog.find_suite(n).study and n not in GATED_STUDIES]
+)
+def test_a_study_gates_nothing_of_its_own(name):
+    """A gate judges runs with default settings: a study's lines that have none are never red or green."""
+    suite = catalog.find_suite(name)
+    gated = [case for case in catalog.cases_of(name) if set(case.suites) <= {name}]
+    for case in gated:
+        assert not any(quantity.tolerance for quantity in case.quantities)
+    assert suite.title.endswith("not gated")
+
+
+def test_the_engine_of_the_same_theory_is_held_to_what_was_asked_of_its_converged_values():
+    asked = {
+        "square_plate": 1e-4,
+        "scordelis_lo": 1e-4,
+        "pinched_cylinder_free": 1e-4,
+        "pinched_cylinder_diaphragm": 1e-3,
+    }
+    suite = catalog.find_suite("engines")
+    for name, tolerance in asked.items():
+        case = catalog.named_case(name)
+        assert case.primary.tolerance["kratos-iga"] == tolerance
+        defaults = [r for r in suite.runs if r.solver == "kratos-iga" and not r.settings and name in r.cases]
+        assert len(defaults) == 1
+
+
+def test_a_study_is_judged_only_if_it_is_named(tmp_path):
+    """The engines need an extra: who has not installed it is judged without them."""
+    findings(Store(tmp_path), "fem", "square_plate")
+
+    def solvers(*suites):
+        return {row.solver for row in (f.row for f in gate(Store(tmp_path), None, Scope(suites)).accuracy)}
+
+    assert "fem" in solvers()
+    assert "kratos-iga" not in solvers()
+    assert "kratos-iga" in solvers("engines")

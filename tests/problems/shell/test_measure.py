@@ -1,0 +1,227 @@
+"""Measuring: exact on fields that are known in closed form."""
+
+import numpy as np
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.model import read_toml
+from shellbench.problem import Step
+from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.measure import (
+    area_rule,
+    curve,
+    largest_displacement,
+    mean_displacement,
+    measure,
+    measure_all,
+)
+from tests.bench.falling import FallSolution
+
+
+class ClosedFormField:
+    """A displacement given by a function of the points."""
+
+    def __init__(self, case, field):
+        self.case, self.field = case, field
+
+    def displacement(self, points, at=None, parameters=None):
+        return self.field(np.asarray(points, dtype=float))
+
+
+@pytest.mark.parametrize("peak", [(50.0, 50.0), (13.37, 71.11), (0.0, 100.0), (99.9, 0.1)])
+def test_the_largest_displacement_is_found_wherever_it_is(peak):
+    case = catalog.named_case("square_plate")
+
+    def hill(points):
+        height = np.exp(-np.sum((points - np.asarray(peak)) ** 2, axis=-1) / 50.0)
+        return height[..., None] * np.array([0.6, 0.0, -0.8])
+
+    assert largest_displacement(ClosedFormField(case, hill)) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_sharp_peak_at_a_named_point_is_not_missed():
+    case = catalog.named_case("pinched_cylinder_free")
+    load = np.asarray(case.places["top"].xi)
+    sharp = ClosedFormField(case, lambda p: np.exp(-np.abs(p - load).sum(axis=-1) * 1e6)[..., None] * np.eye(3)[0])
+    assert largest_displacement(sharp) == 1.0
+
+
+def test_a_peak_across_the_seam_of_a_periodic_surface():
+    case = catalog.named_case("pinched_cylinder_free")
+    ring = ClosedFormField(case, lambda p: np.cos(p[..., :1] + 0.001) * np.array([0.0, 1.0, 0.0]))
+    assert largest_displacement(ring) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_directions_are_normalised_and_points_averaged():
+    case = catalog.named_case("pinched_cylinder_free")
+    pinch = ClosedFormField(case, lambda p: np.stack([0 * p[..., 0], 0 * p[..., 0], -np.sin(p[..., 0]) * 2.0], axis=-1))
+    assert mean_displacement(pinch, case.primary) == pytest.approx(2.0)
+
+
+class SnappingPath:
+    """A solution of the thick roof that is known by its path alone: t = w^3 - 4.5 w^2 + 6 w, w in units of 10 mm."""
+
+    def __init__(self, case, end=3.0, states=60):
+        self.case = case
+        w = np.linspace(0, end, states + 1)[1:]
+        path = (
+            Step(n, 0.0, 0.0, 1, at=x**3 - 4.5 * x**2 + 6 * x, quantities={"deflection": 10 * x}, phase="path")
+            for n, x in enumerate(w, start=2)
+        )
+        refinements = (Step(n, 0.0, 0.0, 1, at=30.0, quantities={"deflection": 30.0}) for n in (0, 1))
+        self.history = (*refinements, *path)
+
+
+def test_loads_and_limit_points_are_read_off_the_path():
+    solution = SnappingPath(catalog.named_case("hinged_roof_thick"))
+    expected = {"limit_load": 2500, "limit_deflection": 10, "valley_load": 2000, "load_20": 2000}
+    for name, value in expected.items():
+        assert measure(solution, solution.case.quantity(name)) == pytest.approx(value, rel=1e-4)
+    half = solution.case.quantity("load_20").model_copy(update={"at": 5.0, "scale": -2.0})
+    assert measure(solution, half) == pytest.approx(-2 * 2.0, rel=1e-5)
+
+
+def test_a_snap_back_is_read_off_the_path():
+    case = catalog.named_case("hinged_roof_thin")
+    s = np.linspace(0, 1.5 * np.pi, 200)[1:]
+    solution = SnappingPath(case)
+    solution.history = tuple(
+        Step(n, 0.0, 0.0, 1, at=t, quantities={"deflection": w}, phase="path")
+        for n, (t, w) in enumerate(zip(np.sin(2 * s), s + 2 * np.sin(s), strict=True))
+    )
+    turn = 2 * np.pi / 3
+    displacement = measure(solution, case.quantity("snap_back_deflection"))
+    assert displacement == pytest.approx(turn + 2 * np.sin(turn), rel=1e-5)
+    assert measure(solution, case.quantity("snap_back_load")) == pytest.approx(1000 * np.sin(2 * turn), rel=1e-3)
+
+
+def test_what_the_path_does_not_reach_is_said():
+    short = SnappingPath(catalog.named_case("hinged_roof_thick"), end=0.9)
+    with pytest.raises(ValueError, match="has 0 turning points of the load, not 1"):
+        measure(short, short.case.quantity("limit_load"))
+    with pytest.raises(ValueError, match="does not reach the displacement 20"):
+        measure(short, short.case.quantity("load_20"))
+    with pytest.raises(ValueError, match="too few states"):
+        measure(SnappingPath(short.case, states=2), short.case.quantity("load_20"))
+
+
+def test_a_case_without_a_path_quantity_has_no_curve():
+    solution = SnappingPath(catalog.named_case("cantilever_shear"))
+    with pytest.raises(ValueError, match="has no displacement quantity"):
+        curve(solution)
+
+
+# motion
+
+
+def test_the_rule_of_integrals_is_exact_on_the_plane_and_finds_a_cylinders_area():
+    points, weights = area_rule(catalog.named_case("napkin_plane"))
+    assert weights.sum() == pytest.approx(1.0, rel=1e-13)
+    x, y = points.T
+    assert weights @ (x**7 * y**6) == pytest.approx(1 / 8 / 7, rel=1e-12)  # four points a panel: degree 7
+    _, weights = area_rule(catalog.named_case("sleeve_twist"))
+    assert weights.sum() == pytest.approx(2 * np.pi * 0.25 * 1.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3, 0.5, 1.0])
+def test_free_fall_is_measured_as_newton_has_it(t):
+    case = catalog.named_case("free_fall")
+    rho, g, area = 0.144, 9.8, 1.0
+    fallen = g * t**2 / 2
+    expected = {
+        "fall_500ms": fallen,
+        "centre_z_500ms": -fallen,
+        "kinetic_energy_500ms": rho * area * (g * t) ** 2 / 2,
+        "strain_energy_500ms": 0.0,
+        "total_energy_500ms": 0.0,  # what is gained in motion is lost in height
+    }
+    for name, value in expected.items():
+        quantity = case.quantity(name).model_copy(update={"at": t})
+        assert measure(FallSolution(case), quantity) == pytest.approx(value, abs=1e-12)
+
+
+def test_the_sums_stationary_motion_keeps_no_energy():
+    """u = g (T t - t^2/2): at T/2 it has fallen three times too far, and its total energy is not zero."""
+    case = catalog.named_case("free_fall")
+    values = measure_all(FallSolution(case, reversed_inertia=True))
+    exact = measure_all(FallSolution(case))
+    assert values["fall_500ms"] / exact["fall_500ms"] == pytest.approx(3.0, rel=1e-12)
+    assert values["fall_1000ms"] == pytest.approx(exact["fall_1000ms"], rel=1e-12)
+    assert values["kinetic_energy_1000ms"] == pytest.approx(0.0, abs=1e-12)
+    assert values["total_energy_500ms"] == pytest.approx(0.144 * 9.8**2 * (0.5**2 / 2 - 3 / 8), rel=1e-12)
+
+
+class Moving(FallSolution):
+    """A displacement u = t^2 a(xi) with a given a, and strain energies t and 2 t."""
+
+    def __init__(self, case, field):
+        super().__init__(case)
+        self.field = field
+
+    def displacement(self, points, at=None, parameters=None):
+        return at**2 * self.field(np.asarray(points))
+
+    def velocity(self, points, at=None):
+        return 2 * at * self.field(np.asarray(points))
+
+    def energies(self, at=None):
+        return at, 2 * at
+
+
+def test_the_total_energy_counts_springs_motion_strain_and_the_work_of_loads():
+    """u_y = t^2 xi1, u_x = 0 on the unit square, by hand: k = 12 xi2 on y, gravity 0 but p = 6 xi1 along y."""
+    data = read_toml(catalog.data_folder("cases") / "napkin_plane.toml")
+    data["springs"] = [{"name": "bed", "stiffness": "12*xi2", "components": ["y"]}]
+    data["loads"] = [{"kind": "area", "vector": [100, "6*xi1", 0]}]
+    case = build_case(data, "by_hand", "by_hand.toml")
+    solution = Moving(case, lambda xi: np.stack([0 * xi[..., 0], xi[..., 0], 0 * xi[..., 0]], axis=-1))
+    t, rho = 0.4, case.material.areal_density
+    kinetic = rho / 2 * (2 * t) ** 2 / 3  # mean of xi1^2 is 1/3
+    springs = (12 / 2) * t**4 / 3 / 2  # mean of xi2 xi1^2 is 1/6
+    work = 6 * t**2 / 3
+    asked = next(q for q in case.quantities if q.kind == "total_energy").model_copy(update={"at": t})
+    assert measure(solution, asked) == pytest.approx(kinetic + 3 * t + springs - work, rel=1e-12)
+    kinetic_asked = next(q for q in case.quantities if q.kind == "kinetic_energy").model_copy(update={"at": t})
+    assert measure(solution, kinetic_asked) == pytest.approx(kinetic, rel=1e-12)
+
+
+def test_a_centre_of_mass_is_where_the_material_is():
+    """Mass goes by reference area: stretching one half of the napkin moves its mass, not its weight per point."""
+    case = catalog.named_case("napkin_plane")
+    solution = Moving(case, lambda xi: np.stack([xi[..., 0] ** 2, -xi[..., 1], 0 * xi[..., 0]], axis=-1))
+    for quantity in case.quantities:
+        if quantity.kind == "centre_of_mass":
+            t = quantity.at
+            expected = {0: 0.5 + t**2 / 3, 1: 0.5 - t**2 / 2}[quantity.direction.index(1)]
+            assert measure(solution, quantity) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_position_is_the_reference_point_moved():
+    case = catalog.named_case("napkin_plane")
+    solution = Moving(case, lambda xi: np.zeros((*xi.shape[:-1], 3)) + np.array([0.5, -1.0, 0.0]))
+    for quantity in (q for q in case.quantities if q.kind == "position"):
+        (name,) = quantity.points
+        axis = quantity.direction.index(1)
+        expected = case.places[name].xi[axis] + quantity.at**2 * (0.5, -1.0)[axis]
+        assert measure(solution, quantity) == pytest.approx(expected, rel=1e-12)
+
+
+class Buckled:
+    """A path of a sleeve whose torque is its twist squared, with a critical state or without one."""
+
+    def __init__(self, critical):
+        self.case = catalog.named_case("sleeve_twist")
+        self.history = tuple(Step(i, 0.0, 0.0, 1, at=t, phase="critical") for i, t in enumerate(critical))
+
+    def reaction(self, support, centre=(0.0, 0.0, 0.0), at=None):
+        return np.zeros(3), np.array([0.0, at**2, 7.0])
+
+
+def test_the_critical_state_is_the_first_and_has_quantities_of_its_own():
+    solution = Buckled((0.078, 0.2))
+    assert measure(solution, solution.case.quantity("critical_twist")) == 0.078
+    assert measure(solution, solution.case.quantity("critical_torque")) == pytest.approx(0.078**2)
+    doubled = solution.case.quantity("critical_twist").model_copy(update={"scale": 2.0})
+    assert measure(solution, doubled) == 2 * 0.078
+    with pytest.raises(ValueError, match="no critical state"):
+        measure(Buckled(()), solution.case.quantity("critical_torque"))

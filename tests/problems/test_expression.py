@@ -1,0 +1,94 @@
+"""Formulas: only what is allowed is read, and derivatives are exact."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shellbench.errors import InputError
+from shellbench.problems.expression import FUNCTIONS, Expression
+
+# Coordinates in the interior of every function's domain.
+POINTS = np.array([[0.31, 0.57], [0.62, 0.41], [0.45, 0.73]])
+
+
+def central_differences(expression: Expression, step: float = 1e-3) -> dict[tuple[int, int], np.ndarray]:
+    """First to third derivatives by differences of the next lower exact ones."""
+    lower = expression.derivatives
+    first, second = np.array([step, 0.0]), np.array([0.0, step])
+    result = {}
+    for i, j in [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)]:
+        offset, key = (first, (i - 1, j)) if i else (second, (i, j - 1))
+        values = [lower(POINTS + k * offset, 3)[key] for k in (-2, -1, 1, 2)]
+        result[i, j] = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
+    return result
+
+
+@pytest.mark.parametrize("name", sorted(FUNCTIONS))
+def test_every_function_has_the_derivatives_of_its_values(name):
+    expression = Expression(f"{name}(0.3*xi1 + 0.5*xi2**2 + 0.1*xi1*xi2)")
+    exact = expression.derivatives(POINTS, order=3)
+    assert np.allclose(exact[0, 0], [getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "asinh":
+                       "arcsinh"}.get(name, name))(0.3 * a + 0.5 * b**2 + 0.1 * a * b) for a, b in POINTS])  # fmt: skip
+    for key, difference in central_differences(expression).items():
+        assert np.allclose(exact[key], difference, rtol=1e-8, atol=1e-9), key
+
+
+@pytest.mark.parametrize(
+    "text", ["xi1/xi2", "xi1**xi2", "xi1**-2", "2**xi1", "(xi1 + 1)**2.5", "-xi1 + +xi2", "R*cos(xi1)/(1 + xi2**3)"]
+)
+def test_operators_have_the_derivatives_of_their_values(text):
+    expression = Expression(text, constants={"R": 2.5})
+    names = {"cos": np.cos, "R": 2.5}
+    exact = expression.derivatives(POINTS, order=3)
+    assert np.allclose(exact[0, 0], [eval(text, {**names, "xi1": a, "xi2": b}) for a, b in POINTS])
+    for key, difference in central_differences(expression).items():
+        assert np.allclose(exact[key], difference, rtol=1e-8, atol=1e-9), key
+
+
+def test_mixed_derivatives_of_a_monomial():
+    derivatives = Expression("xi1**3 * xi2**2").derivatives(np.array([2.0, 5.0]), order=4)
+    assert derivatives[2, 1] == pytest.approx(6 * 2.0 * 2 * 5.0)
+    assert derivatives[3, 0] == pytest.approx(6 * 25.0)
+    assert derivatives[2, 2] == pytest.approx(6 * 2.0 * 2)
+    assert derivatives[0, 3] == 0
+
+
+def test_a_whole_power_of_zero_has_finite_derivatives():
+    derivatives = Expression("xi1**2").derivatives(np.array([0.0, 0.0]), order=3)
+    assert [float(derivatives[key]) for key in [(0, 0), (1, 0), (2, 0), (3, 0)]] == [0, 0, 2, 0]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "__import__('os').system('true')", "().__class__", "xi1.real", "lambda: 1", "[xi1]", "xi1 if xi2 else 0", "xi1 and xi2",
+        "open('x')", "cos(xi1, xi2)", "cos(x=xi1)", "cos(*xi1)", "abs(xi1)", "'text'", "1j", "True", "f'{xi1}'", "xi3", "xi1 ^ 2",
+        "xi1 // 2", "xi1 % 2", "~xi1", "xi1 < 2", "(xi1 := 2)", "", "1 +", "1" * 501, "1e999", "9" * 400, "(" * 400, "-" * 499 + "1",
+        "cos", "xi1;xi2", "xi1\nxi2", "\x00",
+    ],
+)  # fmt: skip
+def test_anything_but_a_formula_is_refused_in_one_sentence(text):
+    with pytest.raises(InputError) as caught:
+        Expression(text)
+    assert "Traceback" not in str(caught.value)
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_formula_or_a_clear_refusal(text):
+    try:
+        expression = Expression(text)
+    except InputError:
+        return
+    assert expression.derivatives(POINTS, order=1)[0, 0].shape == (3,)
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3))
+def test_product_rule_agrees_with_expansion(a, b):
+    point = np.array([a, b])
+    product = Expression("(xi1 + 2*xi2)*(xi1 - xi2)").derivatives(point, order=2)
+    expanded = Expression("xi1**2 + xi1*xi2 - 2*xi2**2").derivatives(point, order=2)
+    for key in product:
+        assert math.isclose(product[key], expanded[key], rel_tol=1e-12, abs_tol=1e-12)

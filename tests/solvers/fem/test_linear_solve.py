@@ -1,0 +1,71 @@
+"""The direct solvers agree, and refuse what can't be solved in one sentence."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.solvers.fem import linear_solve
+from tests.solvers.fem.test_dissection import random_matrix
+
+
+def problem(shift=1.0):
+    mesh, matrix = random_matrix((9, 7), (True, False), shift)
+    return matrix, np.random.default_rng(1).normal(size=(mesh.node_count, 2, 2)), mesh
+
+
+@pytest.mark.parametrize("method", ["auto", "dissection", "superlu", "pardiso"])
+def test_all_methods_solve(method):
+    if method == "pardiso":
+        pytest.importorskip("pypardiso")
+    matrix, right, mesh = problem()
+    answer = linear_solve.solve(matrix, right, mesh, method)
+    assert np.allclose(matrix @ answer.unknowns, right, atol=1e-12)
+    assert answer.residual < 1e-13
+
+
+@pytest.mark.parametrize("method", ["dissection", "superlu"])
+def test_a_singular_matrix_is_said_to_be_one(method):
+    matrix, right, mesh = problem()
+    matrix.blocks[...] = 0.0
+    with pytest.raises(SolveFailure, match="singular to working precision") as failure:
+        linear_solve.solve(matrix, right, mesh, method)
+    assert "\n" not in str(failure.value)
+
+
+def test_a_bad_residual_is_a_failure(monkeypatch):
+    matrix, right, mesh = problem()
+    wrong = {**linear_solve._FACTORISATIONS, "auto": lambda *_: lambda f: 0.5 * f}
+    monkeypatch.setattr(linear_solve, "_FACTORISATIONS", wrong)
+    with pytest.raises(SolveFailure, match="relative residual"):
+        linear_solve.solve(matrix, right, mesh, "auto")
+
+
+def test_memory_that_does_not_suffice_is_said_in_one_sentence(monkeypatch):
+    def exhausted(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(linear_solve, "_FACTORISATIONS", {"superlu": exhausted})
+    matrix, right, mesh = problem()
+    with pytest.raises(SolveFailure, match="does not fit into memory"):
+        linear_solve.solve(matrix, right, mesh, "superlu")
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_not_finite_is_refused(bad):
+    matrix, right, mesh = problem()
+    right[3, 1] = bad
+    with pytest.raises(SolveFailure, match="not finite"):
+        linear_solve.solve(matrix, right, mesh, "auto")
+    matrix, right, mesh = problem()
+    matrix.blocks[3, 4] = bad
+    with pytest.raises(SolveFailure, match="not finite"):
+        linear_solve.solve(matrix, right, mesh, "auto")
+
+
+def test_pardiso_is_asked_for_in_vain_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pypardiso", None)
+    matrix, right, mesh = problem()
+    with pytest.raises(InputError, match="not installed"):
+        linear_solve.solve(matrix, right, mesh, "pardiso")

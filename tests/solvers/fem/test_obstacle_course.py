@@ -1,0 +1,74 @@
+"""The suite's own cases at default settings: errors, uncertainties and rates.
+
+The known values are read here, and only here: the solver never sees them.
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from derivations.levy_roof import scordelis_lo
+from shellbench.bench import catalog
+from shellbench.problems.shell.case import build_case
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
+
+CASES = ["square_plate", "scordelis_lo", "sleeve_torque", "pinched_cylinder_diaphragm", "pinched_cylinder_free"]
+LONG = [pytest.param(n, marks=pytest.mark.long) if n.startswith("pinched") else n for n in CASES]
+
+
+@cache
+def solved(name):
+    return FemSolver().solve(catalog.named_case(name), FemSettings())
+
+
+def known(name, quantity):
+    return catalog.known_values(name).judge(quantity, catalog.named_case(name).theory)
+
+
+def slope(errors, resolutions):
+    return -np.polyfit(np.log(resolutions), np.log(np.abs(errors)), 1)[0]
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_default_settings_reach_the_gates_and_know_it(name):
+    solution = solved(name)
+    assert solution.diagnostics["converged"]
+    assert solution.diagnostics["residual"] < 1e-5
+    for quantity in solution.case.quantities:
+        if "fem" not in quantity.tolerance:
+            continue
+        found, true = solution.history[-1].quantities[quantity.name], known(name, quantity.name)
+        assert abs(found / true.value - 1) <= quantity.tolerance["fem"]
+        # its own estimate covers the error
+        assert abs(found - true.value) <= solution.uncertainty[quantity.name] + true.uncertainty
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["pinched_cylinder_diaphragm", "pinched_cylinder_free"])
+def test_graded_cylinders_converge_with_order_three_and_a_half_at_least(name):
+    history = solved(name).history
+    true = known(name, "load_deflection").value
+    errors = [step.quantities["load_deflection"] - true for step in history]
+    assert np.all(np.array(errors) < 0)  # the deflection under a load is its work: from below (Ritz)
+    assert slope(errors, [np.sqrt(step.unknowns) for step in history]) >= 3.5
+
+
+@pytest.mark.parametrize(("name", "order"), [("square_plate", 3.9), ("scordelis_lo", 4.0)])
+def test_rates_of_the_smooth_cases(name, order):
+    case, cells = catalog.named_case(name), (4, 8, 16)
+    true = known(name, case.primary.name).value
+    values = [FemSolver().solve(case, FemSettings(cells=(n, n))).history[0].quantities for n in cells]
+    assert slope([v[case.primary.name] - true for v in values], cells) >= order
+    # the energy, which bounds all else, converges with order four
+    energies = [v["strain_energy"] for v in values]
+    assert np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])) >= 3.9
+
+
+@pytest.mark.parametrize("thickness", [0.025, 0.125, 0.5])
+def test_the_roof_at_other_thicknesses(thickness):
+    data = catalog.named_case("scordelis_lo").model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    case = build_case(data | {"material": data["material"] | {"thickness": thickness}}, "roof", "test")
+    true = scordelis_lo(thickness)["edge_deflection"]
+    found = FemSolver().solve(case, FemSettings()).history[-1].quantities["edge_deflection"]
+    assert found == pytest.approx(true.value, rel=1e-6, abs=true.uncertainty)

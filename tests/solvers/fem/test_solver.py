@@ -1,0 +1,266 @@
+"""What `fem` answers: known problems, symmetry, units, balance, and its own estimate of its error."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from shellbench.bench import catalog
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problems.shell.case import build_case
+from shellbench.solvers.fem import equilibrium, solving
+from shellbench.solvers.fem.refinement import first_level, level_cells
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, LARGEST, MATERIAL, shell
+
+DOWN = {"kind": "area", "vector": [0, 0, -1.0]}
+CENTRE = {"name": "w", "kind": "displacement", "primary": True, "points": ["c"], "direction": [0, 0, -1]}
+PLATE = {"kind": "plane", "xi1": [0, 1], "xi2": [0, 1]}
+
+
+def plate(supports, **fields):
+    return shell(PLATE, supports=supports, points={"c": [0.5, 0.5]}, quantities=[CENTRE], loads=[DOWN], **fields)
+
+
+def solve(case, **settings):
+    return FemSolver().solve(case, FemSettings(**settings))
+
+
+def value(solution):
+    return solution.history[-1].quantities[solution.case.primary.name]
+
+
+def bending_stiffness():
+    return MATERIAL["youngs_modulus"] * MATERIAL["thickness"] ** 3 / 12 / (1 - MATERIAL["poissons_ratio"] ** 2)
+
+
+def test_clamped_square_plate():
+    # w = 0.0012653191 q L^4 / B: Taylor & Govindjee (2004), Comm. Numer. Meth. Eng. 20, 757-765
+    solution = solve(plate([{"name": "rim", "on": EVERY_EDGE, "clamped": True}]))
+    assert solution.diagnostics["converged"]
+    assert value(solution) * bending_stiffness() == pytest.approx(0.0012653191, rel=6e-7)
+    assert solution.uncertainty["w"] < 6e-7 * value(solution)
+
+
+def test_cylindrical_bending_of_a_strip():
+    """A strip between two clamps and two planes of symmetry is a beam of stiffness B: w = q L^4 / 384 B."""
+    supports = [
+        {"name": "walls", "on": ["xi1_min", "xi1_max"], "clamped": True},
+        {"name": "sides", "on": ["xi2_min", "xi2_max"], "symmetry": "y"},
+    ]
+    solution = solve(plate(supports), cells=(3, 2))
+    # a quartic: its values at the nodes are those of the exact beam
+    assert solution.displacement([1 / 3, 0.7])[2] == pytest.approx(
+        -((1 / 3) ** 2) * (2 / 3) ** 2 / 24 / bending_stiffness(), rel=1e-10
+    )
+    moment = solution.reaction("walls", centre=(0.5, 0.5, 0))[1]
+    force = solution.reaction("walls")[0]
+    assert np.allclose(force, [0, 0, 1], atol=1e-10)
+    assert np.allclose(moment, 0, atol=1e-10)
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+def test_a_quarter_with_planes_of_symmetry_is_the_whole_plate(clamped):
+    whole = solve(plate([{"name": "rim", "on": EVERY_EDGE, "clamped": clamped}]), cells=(6, 6))
+    supports = [
+        {"name": "rim", "on": ["xi1_min", "xi2_min"], "clamped": clamped},
+        {"name": "x", "on": ["xi1_max"], "symmetry": "x"},
+        {"name": "y", "on": ["xi2_max"], "symmetry": "y"},
+    ]
+    half = {"kind": "plane", "xi1": [0, 0.5], "xi2": [0, 0.5]}
+    quarter = solve(
+        shell(half, supports=supports, points={"c": [0.5, 0.5]}, quantities=[CENTRE], loads=[DOWN]), cells=(3, 3)
+    )
+    points = 0.5 * np.random.default_rng(0).uniform(size=(30, 2))
+    assert np.allclose(quarter.displacement(points), whole.displacement(points), rtol=1e-9, atol=1e-9 * value(whole))
+    assert sum(quarter.energies()) == pytest.approx(sum(whole.energies()) / 4, rel=1e-9)
+
+
+def test_an_eighth_of_the_pinched_cylinder_is_the_whole():
+    data = catalog.named_case("pinched_cylinder_diaphragm").model_dump(
+        mode="json", exclude_unset=True, exclude={"name"}
+    )
+    whole = solve(build_case(data, "whole", "test"), cells=(6, 5))
+    eighth = data | {
+        "surface": data["surface"] | {"closed": False, "xi1": [0, 90], "xi2": [0, 300]},
+        "points": {"top": [90, 300]},
+        "supports": [
+            {"name": "diaphragm", "on": ["xi2_min"], "components": ["x", "z"]},
+            {"name": "y", "on": ["xi2_max"], "symmetry": "y"},
+            {"name": "z", "on": ["xi1_min"], "symmetry": "z"},
+            {"name": "x", "on": ["xi1_max"], "symmetry": "x"},
+        ],
+        "remove_rigid_motions": [],
+        "loads": [{"kind": "point", "on": ["top"], "force": [0, 0, -0.25]}],
+        "quantities": [CENTRE | {"points": ["top"]}],
+    }
+    part = solve(build_case(eighth, "part", "test"), cells=(6, 5))
+    assert value(part) == pytest.approx(value(whole), rel=2e-6)
+
+
+def test_a_symmetric_load_gives_a_symmetric_answer():
+    case = catalog.named_case("pinched_cylinder_free")
+    solution = solve(case, cells=(6, 4))
+    rng = np.random.default_rng(0)
+    angle, along = rng.uniform(-1.5, 1.5, 20), rng.uniform(0, 300, 20)
+    mirrored = [
+        (np.pi / 2 + s * angle, 300 + t * along, np.array([s, t, 1])) for s in (1, -1) for t in (1, -1)
+    ]  # fmt: skip
+    fields = [solution.displacement(np.stack(p[:2], axis=-1)) * p[2] for p in mirrored]
+    opposite = solution.displacement(np.stack([-np.pi / 2 + angle, 300 + along], axis=-1)) * [-1, 1, -1]
+    largest = np.abs(fields[0]).max()
+    for other in (*fields[1:], opposite):
+        assert np.allclose(fields[0], other, atol=1e-7 * largest)
+
+
+def test_the_answer_holds_no_removed_rigid_motion():
+    solution = solve(catalog.named_case("pinched_cylinder_free"), cells=(6, 4))
+    n = 200
+    angle = np.linspace(0, 2 * np.pi, n, endpoint=False)
+    y, w = np.polynomial.legendre.leggauss(60)
+    points = np.stack(np.meshgrid(angle, 300 + 300 * y, indexing="ij"), axis=-1)
+    u, x = solution.displacement(points), solution.case.surface.position(points) - [0, 300, 0]
+    weights = np.broadcast_to(w / w.sum() / n, u.shape[:2])
+    largest = np.abs(u).max()
+    assert np.abs(np.einsum("ij,ijc->c", weights, u)).max() < 1e-6 * largest
+    assert np.abs(np.einsum("ij,ijc->c", weights, np.cross(x, u))).max() < 1e-6 * largest * 300
+
+
+def test_units_do_not_matter():
+    metre, newton = 7.0, 3.0
+    supports = [{"name": "wall", "on": ["xi1_min"], "clamped": True}]
+    surface = {"kind": "cylinder", "axis": "x", "radius": 1.0, "xi1": [0, 100], "xi2": [0, 2]}
+    answers = []
+    for length, force in ((1.0, 1.0), (metre, newton)):
+        case = shell(
+            surface | {"radius": length, "xi2": [0, 2 * length]},
+            supports=supports,
+            material={"youngs_modulus": 1e4 * force / length**2, "poissons_ratio": 0.3, "thickness": 0.05 * length},
+            loads=[{"kind": "pressure", "value": force / length**2}],
+            quantities=[LARGEST, {"name": "energy", "kind": "strain_energy"}],
+        )
+        quantities = solve(case, cells=(4, 4)).history[-1].quantities
+        answers.append((quantities["largest"] / length, quantities["energy"] / (length * force)))
+    assert answers[0] == pytest.approx(answers[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["superlu", "pardiso"])
+def test_direct_solvers_agree(method):
+    if method == "pardiso":
+        pytest.importorskip("pypardiso")
+    case = catalog.named_case("pinched_cylinder_free")
+    ours, theirs = (solve(case, cells=(5, 4), direct_solver=name) for name in ("dissection", method))
+    assert value(ours) == pytest.approx(value(theirs), rel=1e-8)
+
+
+def test_loads_out_of_balance_are_refused():
+    case = shell(loads=[DOWN], remove_rigid_motions=EVERY_MOTION)
+    with pytest.raises(SolveFailure, match="not in balance"):
+        solve(case)
+
+
+def test_loads_that_are_not_finite_everywhere_are_refused():
+    # the case's own check samples a grid of 9 x 9 points, which all lie outside this narrow band
+    load = {"kind": "pressure", "value": "sqrt((xi1 - 0.05)**2*(xi1 - 0.07)*(xi1 - 0.02))"}
+    case = shell(PLATE, supports=[{"name": "rim", "on": EVERY_EDGE}], loads=[load])
+    with pytest.raises(SolveFailure, match="not finite"):
+        solve(case)
+
+
+def test_a_shell_too_thin_for_double_precision_is_a_failure():
+    data = catalog.named_case("scordelis_lo").model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    case = build_case(data | {"material": data["material"] | {"thickness": 1e-9}}, "thin", "test")
+    with pytest.raises(SolveFailure, match="singular to working precision") as failure:
+        solve(case)
+    assert "\n" not in str(failure.value)
+
+
+def test_a_limit_on_unknowns_gives_an_answer_that_is_not_called_converged():
+    solution = solve(plate([{"name": "rim", "on": EVERY_EDGE}]), max_unknowns=4000)
+    assert solution.diagnostics["converged"] is False
+    assert solution.parameters <= 4000
+
+
+def test_what_converged_before_a_failure_comes_with_it(monkeypatch):
+    honest = equilibrium.solve
+
+    def limited(case, mesh, *rest):
+        if mesh.node_count > 400:
+            raise MemoryError
+        return honest(case, mesh, *rest)
+
+    monkeypatch.setattr(solving.equilibrium, "solve", limited)
+    with pytest.raises(SolveFailure, match="memory") as failure:
+        solve(plate([{"name": "rim", "on": EVERY_EDGE}]), symmetry=False)
+    assert 0 < failure.value.partial.mesh.node_count <= 400
+
+
+def test_history_progress_and_differences_tell_of_every_mesh():
+    told = []
+    solution = FemSolver().solve(plate([{"name": "rim", "on": EVERY_EDGE}]), FemSettings(), progress=told.append)
+    unknowns = [step.unknowns for step in solution.history]
+    assert len(told) == len(unknowns) == len(solution.diagnostics["mesh_differences"]) + 1
+    assert unknowns == sorted(unknowns)
+    assert solution.parameters == unknowns[-1]
+    assert all(a.seconds < b.seconds for a, b in zip(solution.history, solution.history[1:], strict=False))
+    differences = [d["largest_difference"] for d in solution.diagnostics["mesh_differences"]]
+    assert differences == sorted(differences, reverse=True)
+
+
+def test_ritz_energies_only_fall_on_nested_meshes():
+    energies = [solve(plate([{"name": "rim", "on": EVERY_EDGE}]), cells=(n, n)).history[0].energy for n in (2, 4, 8)]
+    assert energies == sorted(energies, reverse=True)
+
+
+def test_a_shell_that_may_turn_is_declined_at_finite_strain():
+    case = shell(theory="kirchhoff-love-nonlinear")
+    assert "it needs supports against rotation_x" in FemSolver().declines(case)
+    assert FemSolver().declines(shell()) is None
+    with pytest.raises(InputError, match="can't take"):
+        solve(case)
+
+
+@pytest.mark.parametrize("bad", [{"cells": (0, 3)}, {"tolerance": 0}, {"grading": 4}, {"direct_solver": "magic"}])
+def test_settings_out_of_range_are_refused(bad):
+    with pytest.raises(ValidationError):
+        FemSettings(**bad)
+
+
+def test_cells_go_where_the_energy_asks_for_them():
+    """A sleeve that is only twisted changes around its rim's circle in x and z, and hardly along its axis."""
+    solution = solve(catalog.named_case("sleeve_torque"), tolerance=1e-3)
+    around, along = solution.mesh.cells
+    assert around >= 4 * along
+    assert level_cells(0, 0) == (8, 8)
+    assert level_cells(2, 2) == (32, 8)
+    assert first_level(lambda cells: 4 * cells[0] * cells[1]) == 0
+    assert first_level(lambda cells: 400 * cells[0] * cells[1]) < 0
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_surfaces_closed_in_either_coordinate(axis):
+    """The same pinched ring with its coordinates exchanged."""
+    ring = {"kind": "expression", "constants": {"R": 1.0}}
+    swap = (lambda pair: pair) if axis == 0 else (lambda pair: pair[::-1])
+    around, along = swap(("xi1", "xi2"))
+    # exchanging the coordinates turns a3 round; the loads are vectors
+    ring |= {"x": f"R*cos({around})", "y": along, "z": f"R*sin({around})", "periodic": [around], "angles": [around]}
+    ring |= {around: [0, 360], along: [0, 0.5]}
+    case = shell(
+        ring,
+        points={"c": list(swap((90, 0.25))), "d": list(swap((270, 0.25)))},
+        remove_rigid_motions=EVERY_MOTION,
+        loads=[{"kind": "point", "on": ["c"], "force": [0, 0, -1]}, {"kind": "point", "on": ["d"], "force": [0, 0, 1]}],
+        quantities=[CENTRE],
+    )
+    solution = solve(case, cells=swap((8, 4)))
+    reference = solve(
+        shell(
+            {"kind": "cylinder", "axis": "y", "radius": 1.0, "closed": True, "xi1": [0, 360], "xi2": [0, 0.5]},
+            points={"c": [90, 0.25], "d": [270, 0.25]},
+            remove_rigid_motions=EVERY_MOTION,
+            loads=case.model_dump(mode="json")["loads"],
+            quantities=[CENTRE],
+        ),
+        cells=(8, 4),
+    )
+    assert value(solution) == pytest.approx(value(reference), rel=1e-9)

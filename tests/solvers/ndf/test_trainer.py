@@ -1,0 +1,205 @@
+"""The trainer: derivatives against differences, certified steps, and what it does when things go wrong."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import torch
+
+from shellbench.bench import catalog
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.measure import measure_all
+from shellbench.solvers.ndf import training
+from shellbench.solvers.ndf.backward import flatten, forward, jacobian, unflatten
+from shellbench.solvers.ndf.build import FieldSpec
+from shellbench.solvers.ndf.gauss_newton import energy_gradient, quadratic_model
+from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.network import Network
+from shellbench.solvers.ndf.solve import point_constraints
+from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+from shellbench.solvers.ndf.training import Plan, Problem, first_state, train
+from tests.alike import REPEATED, alike, same_tensors
+
+SOLVER = NdfSolver()
+
+
+def small_problem(name="scordelis_lo", width=12, activation="sine"):
+    spec = FieldSpec(activation=activation, layer=2.2, multipliers=2)
+    problem = Problem.of(catalog.named_case(name), spec, Placement(), point_constraints)
+    plan = Plan((6, 6), (width,), ((3.0, 2.0),), activation, 3, 1e-9, 1e-2, 0.1, 5, 0)
+    return problem, plan
+
+
+def network_and_points(name, width=12, activation="sine"):
+    problem, plan = small_problem(name, width, activation)
+    with torch.no_grad():
+        state, points = first_state(problem, plan)
+    return problem, plan, state, points
+
+
+@pytest.mark.parametrize("activation", ["sine", "tanh", "gelu"])
+def test_the_reverse_sweep_is_the_derivative_of_the_jets(activation):
+    generator = torch.Generator().manual_seed(3)
+
+    def draw(*shape):
+        return torch.randn(shape, generator=generator, dtype=torch.float64)
+
+    network = Network((draw(4, 2), draw(5, 4), draw(3, 5)), (draw(4), draw(5), draw(3)), activation)
+    inputs, seed = draw(6, 7, 2), draw(7, 2, 6, 3)
+
+    def functionals(vector):
+        return torch.einsum("nskm,knm->ns", seed, unflatten(vector, network).features(inputs)).reshape(-1)
+
+    with torch.no_grad():
+        _, tape = forward(network, inputs)
+        rows = jacobian(network, tape, seed)
+    exact = torch.autograd.functional.jacobian(functionals, flatten(network))
+    torch.testing.assert_close(rows, exact, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["scordelis_lo", "pinched_cylinder_diaphragm", "sleeve_torque"])
+def test_the_gradient_is_that_of_the_energy_with_the_output_layer_solved_for(name):
+    problem, _, state, points = network_and_points(name)
+    theta = flatten(state.network)
+    direction = torch.randn(theta.shape, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
+    direction *= 1e-4 / direction.norm()
+    with torch.no_grad():
+        slope = float(energy_gradient(points.train, points.tips, state.network, state.output) @ direction)
+        up, down = (points.evaluate(problem, unflatten(theta + s * direction, state.network)) for s in (1, -1))
+    difference = (up.train.potential - down.train.potential) / 2
+    assert slope == pytest.approx(difference, rel=2e-4)
+
+
+def test_the_gauss_newton_model_foresees_the_decrease_of_a_damped_step():
+    problem, _, state, points = network_and_points("scordelis_lo")
+    with torch.no_grad():
+        model = quadratic_model(points.train, points.tips, points.check, state.network, state.output)
+        step = model.step(damping=1e3)
+        new = points.evaluate(problem, unflatten(flatten(state.network) + step, state.network))
+    seen = state.train.potential - new.train.potential
+    assert seen > 0
+    assert seen == pytest.approx(model.decrease(step), rel=0.1)
+
+
+def test_every_certified_step_gains_on_both_point_sets_and_training_pays():
+    problem, plan, state, points = network_and_points("scordelis_lo", width=20)
+    states = [state]
+    with torch.no_grad():
+        train(problem, replace(plan, iterations=8), state, points, lambda _, new: states.append(new))
+    assert len(states) > 1
+    for old, new in pairwise(states):
+        assert new.train.gain > old.train.gain
+        assert new.check.gain > old.check.gain
+    best = -4826.577034  # potential energy of the roof, J: minus its strain energy (references/scordelis_lo.toml)
+    before, after = (1 - s.check.potential / best for s in (states[0], states[-1]))
+    assert 0 < after < 0.3 * before
+
+
+def test_all_weights_are_trained():
+    with torch.no_grad():
+        problem, plan, state, points = network_and_points("scordelis_lo", width=20)
+        new, _ = train(problem, plan, state, points, lambda *_: None)
+    for old, trained in zip(
+        (*state.network.weights, *state.network.biases), (*new.network.weights, *new.network.biases), strict=True
+    ):
+        assert bool((old != trained).any())
+
+
+def test_a_seed_gives_the_same_answer_and_another_one_another():
+    case, settings = catalog.named_case("square_plate"), TrainerSettings(widths=(20,), iterations=1)
+    first, again = (measure_all(SOLVER.solve(case, settings)) for _ in range(2))
+    other = measure_all(SOLVER.solve(case, settings.model_copy(update={"seed": 5})))
+    assert again == pytest.approx(first, rel=REPEATED)
+    assert other != pytest.approx(first, rel=REPEATED)
+
+
+def test_a_solution_is_kept_and_trained_on(tmp_path):
+    case = catalog.named_case("scordelis_lo")
+    solution = SOLVER.solve(case, TrainerSettings(widths=(20,), iterations=1))
+    points = case.surface.domain.grid(7, 5)
+    path = solution.save(tmp_path / "field")
+    same_tensors(SOLVER.load(path).tensors(), solution.tensors())
+    alike(SOLVER.load(path).displacement(points), solution.displacement(points))
+    further = SOLVER.solve(case, TrainerSettings(iterations=2), start=path)
+    assert further.diagnostics["certified_energy"] < solution.diagnostics["certified_energy"]
+    assert further.parameters == solution.parameters
+    with pytest.raises(InputError, match="start"):
+        SOLVER.solve(catalog.named_case("pinched_cylinder_free"), TrainerSettings(), start=path)
+
+
+def test_a_training_that_breaks_down_keeps_its_last_certified_state(monkeypatch):
+    original = training.quadratic_model
+
+    def breaks_down(*args):
+        breaks_down.calls += 1
+        if breaks_down.calls > 1:
+            raise SolveFailure("the Gauss-Newton matrix is not positive definite")
+        return original(*args)
+
+    breaks_down.calls = 0
+    monkeypatch.setattr(training, "quadratic_model", breaks_down)
+    with pytest.raises(SolveFailure, match="broke down") as caught:
+        SOLVER.solve(catalog.named_case("scordelis_lo"), TrainerSettings(widths=(12,), tolerance=1e-12))
+    partial = caught.value.partial
+    assert partial is not None
+    assert len(partial.history) >= 2
+    assert np.isfinite(partial.displacement(np.array([1.5, 25.0]))).all()
+
+
+def test_steps_into_nonsense_are_refused(monkeypatch):
+    monkeypatch.setattr(training.Quadratic, "step", lambda self, _: torch.full_like(self.slope, float("nan")))
+    solution = SOLVER.solve(catalog.named_case("square_plate"), TrainerSettings(widths=(20,)))
+    assert solution.diagnostics["ending"] == "no further step is certified"
+
+
+def test_an_exploited_quadrature_is_a_failed_run(monkeypatch):
+    monkeypatch.setattr(training, "LEAST_POINTS", 16)
+    monkeypatch.setattr(training, "POINTS", 0.5)
+    with pytest.raises(SolveFailure, match="quadrature"):
+        SOLVER.solve(catalog.named_case("scordelis_lo"), TrainerSettings(widths=(80,)))
+
+
+def test_relu_is_refused():
+    with pytest.raises(InputError, match="second derivatives"):
+        SOLVER.solve(catalog.named_case("square_plate"), TrainerSettings(activation="relu"))
+
+
+@pytest.mark.parametrize("activation", ["tanh", "gelu"])
+def test_other_activations_learn_the_plate(activation):
+    case = catalog.named_case("square_plate")
+    value = measure_all(SOLVER.solve(case, TrainerSettings(activation=activation)))[case.primary.name]
+    known = catalog.known_values(case.name).judge(case.primary.name, case.theory)
+    assert value == pytest.approx(known.value, rel=1e-3)
+
+
+def test_an_edge_load_and_a_point_support():
+    data = {
+        "title": "strip", "theory": "kirchhoff-love-linear", "surface": {"kind": "plane", "xi1": [0, 2], "xi2": [0, 1]},
+        "material": {"youngs_modulus": 1e6, "poissons_ratio": 0.0, "thickness": 0.1},
+        "supports": [{"name": "wall", "on": ["xi1_min"], "clamped": True}],
+        "loads": [{"kind": "edge", "on": ["xi1_max"], "vector": [0, 0, -1]}],
+        "points": {"tip": [2, 0.5]},
+        "quantities": [{"name": "w", "kind": "displacement", "points": ["tip"], "direction": [0, 0, -1], "primary": True}],
+    }  # fmt: skip
+    case = build_case(data, "strip", "strip")
+    cantilever = 1.0 * 2**3 / (3 * case.material.bending_stiffness)  # P L^3 / (3 B), per unit width
+    assert measure_all(SOLVER.solve(case, TrainerSettings()))["w"] == pytest.approx(cantilever, rel=1e-5)
+    held = {**data, "supports": [*data["supports"], {"name": "prop", "on": ["mid"], "components": ["z"]}], "points": {**data["points"], "mid": [1.0, 0.5]}}  # fmt: skip
+    propped = build_case(held, "strip", "strip")
+    solution = SOLVER.solve(propped, TrainerSettings(iterations=1))
+    assert abs(solution.displacement(np.array([1.0, 0.5]))[2]) < 1e-10 * cantilever
+    assert 0 < measure_all(solution)["w"] < cantilever
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("name", [c.name for c in catalog.cases_of("obstacle_course")])
+def test_accuracy_on_the_obstacle_course(name, seed):
+    case = catalog.named_case(name)
+    values = measure_all(SOLVER.solve(case, TrainerSettings(seed=seed)))
+    for quantity in case.quantities:
+        if "ndf" in quantity.tolerance:
+            known = catalog.known_values(name).judge(quantity.name, case.theory)
+            assert values[quantity.name] == pytest.approx(known.value, rel=quantity.tolerance["ndf"])

@@ -1,0 +1,95 @@
+"""Cases that are made of others say the same physics in other numbers."""
+
+import numpy as np
+import pytest
+
+from shellbench.bench.catalog import case_names, named_case
+from shellbench.problems.shell.measure import load_density
+from shellbench.testing.examination import scattered
+from shellbench.testing.made_cases import MOVING, SHORT, carried, louder, short_motion
+from shellbench.testing.placing import CYCLE, placed, size, turning
+from shellbench.testing.rewriting import combined, substituted, times
+from shellbench.testing.units import MILLIMETRES, converted, converted_points
+from tests.alike import alike
+
+EVERY_CASE = case_names()
+SHIFT = np.array([1.0, -2.0, 0.5])
+
+
+@pytest.mark.parametrize("name", EVERY_CASE)
+def test_other_units_change_numbers_as_their_dimensions_say(name):
+    case = named_case(name)
+    other, points = converted(case, MILLIMETRES), scattered(case, 5)
+    there = converted_points(case, MILLIMETRES, points)
+    # 1 m = 1000 mm; 1 N/m^2 = 1e-9 kN/mm^2; 1 N/m = 1e-6 kN/mm; 1 N m = 1 kN mm; 1 N/m^3 = 1e-12 kN/mm^3
+    assert other.surface.position(there) == pytest.approx(1000 * case.surface.position(points))
+    assert load_density(other, there, 0.5) == pytest.approx(1e-9 * load_density(case, points, 0.5))
+    assert other.material.membrane_stiffness == pytest.approx(1e-6 * case.material.membrane_stiffness)
+    assert other.material.bending_stiffness == pytest.approx(case.material.bending_stiffness)
+    assert other.spring_stiffness(there) == pytest.approx(1e-12 * case.spring_stiffness(points))
+    for (s, place), (t, there_place) in zip(case.supported_places(), other.supported_places(), strict=True):
+        moved = case.motion(s, place, points, 0.5)[0, 0]
+        assert other.motion(t, there_place, there, 0.5)[0, 0] == pytest.approx(1000 * moved, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", EVERY_CASE)
+def test_a_placed_case_is_the_turned_one(name):
+    case = named_case(name)
+    rotation, points = turning(case), scattered(case, 5)
+    assert rotation @ rotation.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    other = placed(case, rotation, SHIFT)
+    assert other.surface.position(points) == pytest.approx(case.surface.position(points) @ rotation.T + SHIFT)
+    assert load_density(other, points, 0.5) == pytest.approx(load_density(case, points, 0.5) @ rotation.T)
+    for (s, place), (t, _) in zip(case.supported_places(), other.supported_places(), strict=True):
+        moved = case.motion(s, place, points, 0.5)[0, 0]
+        assert other.motion(t, place, points, 0.5)[0, 0] == pytest.approx(moved @ rotation.T, abs=1e-12)
+        held = np.isin(list("xyz"), s.held).astype(float)
+        assert np.isin(list("xyz"), t.held).tolist() == (np.abs(rotation) @ held > 0.5).tolist()
+
+
+def test_partly_held_cases_change_axes_only():
+    assert turning(named_case("scordelis_lo")) is CYCLE
+    assert turning(named_case("square_plate")) is not CYCLE
+
+
+def test_a_louder_case_has_the_loads_and_motions_times_the_factor():
+    points = scattered(named_case("scordelis_lo"), 5)
+    case, twice = named_case("scordelis_lo"), louder(named_case("scordelis_lo"), 2.0)
+    assert load_density(twice, points, 1.0) == pytest.approx(2 * load_density(case, points, 1.0))
+    sleeve, more = named_case("sleeve_torque"), louder(named_case("sleeve_torque"), 2.0)
+    for (s, place), (t, _) in zip(sleeve.supported_places(), more.supported_places(), strict=True):
+        assert more.motion(t, place, points)[0, 0] == pytest.approx(2 * sleeve.motion(s, place, points)[0, 0])
+
+
+def test_a_carried_case_has_no_load_and_one_rigid_motion():
+    case = carried(named_case("square_plate_nonlinear"))
+    points = scattered(case, 20)
+    (support, place), *rest = case.supported_places()
+    u = case.motion(support, place, points, 1.0)[0, 0]
+    x = case.surface.position(points)
+    before, after = (np.linalg.norm(p[:, None] - p, axis=-1) for p in (x, x + u))
+    assert after == pytest.approx(before)
+    assert np.abs(u).max() > 0.01 * size(case)
+    assert case.loads == ()
+    for s, p in rest:
+        alike(case.motion(s, p, points, 1.0)[0, 0], u)
+
+
+def test_what_can_not_be_carried_is_not():
+    assert carried(named_case("scordelis_lo")) is None
+    assert carried(named_case("napkin_plane")) is None
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_a_short_motion_ends_early_and_asks_for_its_end(name):
+    case = short_motion(name)
+    assert case.dynamics.until == SHORT == case.primary.at
+
+
+def test_formulas_are_rewritten_whole_names_only():
+    assert substituted("xi1 + sin(xi12)*xi1**2", {"xi1": "xi1/2"}) == "(xi1/2) + sin(xi12)*(xi1/2)**2"
+    assert substituted(3.0, {"xi1": "xi1/2"}) == 3.0
+    assert times("a + b", 2.0) == "2.0*(a + b)"
+    assert combined([1.0, 2.0], [3.0, 4.0]) == 11.0
+    assert combined(["xi1", 0.0], [0.0, 1.0]) == 0.0

@@ -1,0 +1,66 @@
+"""A solver's process: what it does to itself costs one check, and is said in one sentence."""
+
+import pytest
+
+from shellbench.bench.catalog import named_case
+from shellbench.bench.registry import SolverEntry
+from shellbench.errors import InputError
+from shellbench.testing.subject import Lost, Subject, Trouble, solve_in
+from shellbench.testing.suite import Wish, examine
+from tests.patience import GUARD
+
+PLATE = named_case("square_plate")
+
+
+def entry_of(attribute, module="tests.testing.naughty"):
+    return SolverEntry("navier", f"{module}:{attribute}", "", "")
+
+
+@pytest.mark.parametrize(
+    ("attribute", "words"),
+    [
+        pytest.param("CRASH", "signal 11", marks=pytest.mark.long),
+        ("EXIT", "exit code 3: words that are no answer"),
+        ("RAISE", "ZeroDivisionError: a bug in the solver"),
+    ],
+)
+def test_a_solve_that_does_not_answer_says_how_it_ended(attribute, words):
+    subject = Subject.start(entry_of(attribute), seconds=GUARD)
+    with pytest.raises(Trouble, match=words):
+        solve_in(subject, "plate", PLATE, {})
+    subject.stop()
+
+
+def test_a_solve_that_hangs_is_ended():
+    subject = Subject.start(entry_of("HANG"), seconds=GUARD)
+    subject.seconds = 0.5  # from now on: the import may take longer
+    with pytest.raises(Lost, match=r"did not end within 0\.5 s"):
+        solve_in(subject, "plate", PLATE, {})
+    assert not subject.alive
+
+
+def test_what_a_solver_prints_does_not_disturb_its_answers():
+    subject = Subject.start(entry_of("PRINT"), seconds=GUARD)
+    answer = solve_in(subject, "plate", PLATE, {})
+    assert answer.displacement([[50.0, 50.0]])[0, 2] == pytest.approx(-0.487482, rel=1e-4)
+    subject.stop()
+
+
+def test_a_crash_is_one_finding_and_not_several():
+    lines = list(examine(entry_of("CRASH"), Wish(seconds=GUARD, checks=("declining", "answers", "fields", "units"))))
+    by_check = {line.check: line.verdict for line in lines}
+    assert by_check["declining"].status == "passed"
+    assert by_check["answers"].status == "failed"
+    assert "its process died" in by_check["answers"].words
+    assert by_check["fields"].status == "not shown"
+    assert by_check["units"].status != "passed"
+
+
+def test_a_solver_that_can_not_be_imported_is_bad_usage():
+    with pytest.raises(InputError, match=r"^solver 'navier' can't be used: .*no_such_module"):
+        list(examine(entry_of("X", "no_such_module"), Wish()))
+
+
+def test_settings_that_are_refused_are_bad_usage():
+    with pytest.raises(InputError, match="field 'terms'"):
+        list(examine(entry_of("NAVIER", "tests.testing.navier"), Wish(settings={"terms": 0})))
