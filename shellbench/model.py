@@ -13,9 +13,12 @@ from shellbench.errors import InputError
 
 MAX_BYTES = 1_000_000  # a case or reference file is a page of text; anything larger is a mistake
 
+NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
+
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=60)]
 
 
 class Model(BaseModel):
@@ -115,7 +118,6 @@ def _allowed(kind: str, context: Mapping[str, Any]) -> str:
     return "of another kind"
 
 
-NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"
 NAMES = {NAME_PATTERN: "a name: letters, digits and _, the first a letter"}
 ALLOWED = {
     "float_type": "a number",

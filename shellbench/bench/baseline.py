@@ -20,8 +20,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import said_plainly
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, one_sentence
-from shellbench.problems.shell.conditions import Name
+from shellbench.model import Finite, Model, Name, one_sentence
 
 REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
 ROOM = 5.0  # of the measured spread: a handful of conditions does not show the worst one

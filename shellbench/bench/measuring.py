@@ -16,16 +16,17 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.frame_rates import frame_rate_study
-from shellbench.bench.precision import precision_study
-from shellbench.bench.record import MOST, HistoryStep, Measured, finite
-from shellbench.bench.sampling import energies_of_states, resolution_study, write_fields
-from shellbench.bench.series import series_of
+from shellbench.account import MOST, HistoryStep, finite
+from shellbench.bench.record import Measured
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.frame_rates import frame_rate_study
 from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.precision import precision_study
+from shellbench.problems.shell.sampling import energies_of_states, resolution_study, write_fields
+from shellbench.problems.shell.series import series_of
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"

@@ -8,8 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, one_sentence, read_toml
-from shellbench.problems.shell.conditions import Name
+from shellbench.model import Finite, Model, Name, one_sentence, read_toml
 
 KnownTheory = Literal[
     "kirchhoff-love-linear",

@@ -11,8 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from shellbench.errors import InputError
-from shellbench.model import Model, one_sentence, read_toml
-from shellbench.problems.shell.conditions import Name
+from shellbench.model import Model, Name, one_sentence, read_toml
 
 Study = Literal["resolution", "sampling", "training", "thinness", "engines"]
 """What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""

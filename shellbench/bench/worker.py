@@ -17,9 +17,10 @@ from typing import Any
 import psutil
 from pydantic import ValidationError
 
+from shellbench.account import finite
 from shellbench.bench.identity import current_source
 from shellbench.bench.measuring import measured, pass_on_full_disk, said
-from shellbench.bench.record import Record, document, finite, readable
+from shellbench.bench.record import Record, document, readable
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure

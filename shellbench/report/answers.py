@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from shellbench.bench.record import PrecisionStep
+from shellbench.account import PrecisionStep
 from shellbench.report.ladder import ALIKE, CaseRuns, Ladder, Run
 
 BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from shellbench.bench.record import HistoryStep, Record
+from shellbench.account import HistoryStep
+from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.solutions import variant_name
 

@@ -9,9 +9,9 @@ from shellbench.bench.marks import mark_words
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
-from shellbench.bench.series import Asked
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import CriticalPoint
+from shellbench.problems.shell.series import Asked
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure

@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.record import HistoryStep, Record
+from shellbench.account import HistoryStep
+from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.bench.series import Asked, asked_series
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import CriticalPoint, EnergyQuantity, MotionEnergy
+from shellbench.problems.shell.series import Asked, asked_series
 from shellbench.report.paths import words_of
 
 Array = NDArray[np.float64]

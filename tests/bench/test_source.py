@@ -177,7 +177,7 @@ def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
     before = current_source(entry)
     edit(plugin / "toy_shells" / "strip.py", "24", "25")
     assert current_source(entry) != before
-    assert {"shellbench.problems.shell.measure", "shellbench.bench.sampling"} <= set(
+    assert {"shellbench.problems.shell.measure", "shellbench.problems.shell.sampling"} <= set(
         import_closure("shellbench.bench.worker")
     )
 

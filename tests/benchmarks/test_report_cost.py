@@ -10,7 +10,7 @@ import time
 import pytest
 
 from shellbench.bench import store as bench
-from shellbench.bench.sampling import PICTURE
+from shellbench.problems.shell.sampling import PICTURE
 from shellbench.report.exhibits import PICTURE as SHELL
 from shellbench.report.exhibits import exhibits
 from shellbench.report.page import write_report

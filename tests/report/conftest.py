@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shellbench.account import HistoryStep, ResolutionStep
 from shellbench.bench import catalog
-from shellbench.bench.record import Environment, HistoryStep, Identity, Measured, Record, ResolutionStep
+from shellbench.bench.record import Environment, Identity, Measured, Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.problems.shell.case import Case

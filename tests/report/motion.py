@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, sampling
+from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
 from shellbench.bench.measuring import measured
@@ -20,6 +20,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
 from shellbench.errors import InputError
 from shellbench.problem import Step
+from shellbench.problems.shell import sampling
 from shellbench.problems.shell.case import Case
 from tests.report.conftest import ENVIRONMENT, Store
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from shellbench.account import HistoryStep, StateEnergies
 from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
-from shellbench.bench.record import HistoryStep, Identity, Measured, Record, StateEnergies
+from shellbench.bench.record import Identity, Measured, Record
 from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data

@@ -7,16 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from shellbench.account import FrameRateStep, HistoryStep, PrecisionStep, ResolutionStep
 from shellbench.bench import catalog
-from shellbench.bench.record import (
-    FrameRateStep,
-    HistoryStep,
-    Identity,
-    Measured,
-    PrecisionStep,
-    Record,
-    ResolutionStep,
-)
+from shellbench.bench.record import Identity, Measured, Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
 from tests.report.conftest import ENVIRONMENT

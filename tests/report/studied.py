@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from shellbench.account import HistoryStep
 from shellbench.bench import catalog
-from shellbench.bench.record import HistoryStep, Record
+from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.suite import value_words
 from shellbench.report.evidence import Evidence

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import store as bench
-from shellbench.bench.sampling import PICTURE
+from shellbench.problems.shell.sampling import PICTURE
 from shellbench.report.page import write_report
 from tests.report import conftest
 

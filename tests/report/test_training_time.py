@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from shellbench.account import HistoryStep
 from shellbench.bench import catalog
-from shellbench.bench.record import HistoryStep
 from shellbench.report.training_time import section, training_stops, training_table
 from tests.report.conftest import GRID, TRUTH, field
 from tests.report.studied import evidence, studied

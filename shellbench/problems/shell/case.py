@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, one_sentence, read_toml
+from shellbench.model import Finite, Model, Name, one_sentence, read_toml
 from shellbench.problems.expression import Expression
 from shellbench.problems.shell.conditions import (
     COMPONENTS,
@@ -28,7 +28,6 @@ from shellbench.problems.shell.conditions import (
     GravityLoad,
     Load,
     MomentLoad,
-    Name,
     PointLoad,
     Rotation,
     Spring,

@@ -6,13 +6,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from shellbench.model import NAME_PATTERN, Finite, Model, Vector
+from shellbench.model import Finite, Model, Name, Vector
 
 Component = Literal["x", "y", "z"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
 Formula = Finite | str
 VectorFormula = tuple[Formula, Formula, Formula]
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=60)]
 Places = Annotated[tuple[str, ...], Field(min_length=1)]
 
 

@@ -6,8 +6,7 @@ from typing import Literal, Self
 
 from pydantic import model_validator
 
-from shellbench.model import Model, Positive
-from shellbench.problems.shell.conditions import Name
+from shellbench.model import Model, Name, Positive
 
 
 class Path(Model):

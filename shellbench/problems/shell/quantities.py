@@ -6,8 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from shellbench.model import Finite, Model, Positive, Vector
-from shellbench.problems.shell.conditions import Name, Places
+from shellbench.model import Finite, Model, Name, Positive, Vector
+from shellbench.problems.shell.conditions import Places
 
 
 def _not_zero(direction: Vector) -> Vector:

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.record import Series, finite
-from shellbench.bench.snapshot import snapshot_of
+from shellbench.account import Series, finite
 from shellbench.bench.task import case_data
 from shellbench.errors import InputError
 from shellbench.problem import Solution
@@ -32,6 +31,7 @@ from shellbench.problems.shell.quantities import (
     TorqueQuantity,
     Unmarked,
 )
+from shellbench.problems.shell.snapshot import snapshot_of
 
 SAMPLES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
 FRAMES = 21  # times at which the field is kept, rest among them: every twentieth of the whole time

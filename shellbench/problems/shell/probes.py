@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.series import frames
 from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.series import frames
 from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.precision import FORMATS, MARKS, marks_of, precision_study
-from shellbench.bench.series import frames
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.precision import FORMATS, MARKS, marks_of, precision_study
+from shellbench.problems.shell.series import frames
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

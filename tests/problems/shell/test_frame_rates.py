@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.frame_rates import MOST, RATES, frame_rate_study, joined
-from shellbench.bench.series import reached
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.frame_rates import MOST, RATES, frame_rate_study, joined
+from shellbench.problems.shell.series import reached
 from tests.bench import spring
 from tests.bench.falling import FallSolution
 from tests.bench.spring import SpringSolution

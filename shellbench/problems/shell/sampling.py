@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.probes import probe_fields, state_at, states_at
-from shellbench.bench.record import ResolutionStep, StateEnergies
+from shellbench.account import ResolutionStep, StateEnergies
 from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.probes import probe_fields, state_at, states_at
 from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]

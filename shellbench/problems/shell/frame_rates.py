@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.probes import probes_of, state_at
-from shellbench.bench.record import FrameRateStep
-from shellbench.bench.series import reached
+from shellbench.account import FrameRateStep
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.probes import probes_of, state_at
+from shellbench.problems.shell.series import reached
 
 Array = NDArray[np.float64]
 

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from shellbench.bench import catalog, sampling
-from shellbench.bench.probes import PROBES, probe_fields, probes_of
-from shellbench.bench.sampling import write_fields
-from shellbench.bench.series import frames
+from shellbench.bench import catalog
+from shellbench.problems.shell import sampling
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.probes import PROBES, probe_fields, probes_of
+from shellbench.problems.shell.sampling import write_fields
+from shellbench.problems.shell.series import frames
 from shellbench.problems.shell.surface import Domain
 from tests.bench import spring
 from tests.bench.falling import FallSolution

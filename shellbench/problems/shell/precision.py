@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.probes import probes_of, state_at
-from shellbench.bench.record import PrecisionStep, finite
-from shellbench.bench.series import frames
+from shellbench.account import PrecisionStep, finite
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
+from shellbench.problems.shell.probes import probes_of, state_at
 from shellbench.problems.shell.quantities import (
     CentreOfMass,
     DisplacementQuantity,
@@ -23,6 +22,7 @@ from shellbench.problems.shell.quantities import (
     LargestDisplacement,
     PositionQuantity,
 )
+from shellbench.problems.shell.series import frames
 
 Array = NDArray[np.float64]
 
