@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from shellbench.problem import Solution
+from typing import Any
 
 
 class ShellbenchError(Exception):
@@ -31,6 +28,6 @@ class SolveFailure(ShellbenchError):
         What had converged before the failure, if anything.
     """
 
-    def __init__(self, reason: str, partial: Solution | None = None) -> None:
+    def __init__(self, reason: str, partial: Any = None) -> None:
         super().__init__(reason)
         self.partial = partial

@@ -1,36 +1,204 @@
-"""Solver and Solution: the two protocols that everything else stands on.
+"""Problem, Solution and Solver: what everything else stands on.
 
-A solver turns a case into a solution; a solution is a continuous displacement field that can be asked
-anywhere. Comparison, records and reports are written against these protocols and know no solver by name.
-Solvers are found through the entry-point group ``shellbench.solvers``; our own register there like anyone's.
+A problem is asked, a solver turns it into a solution, and the problem's quantities measure that. The bench and the
+report are written against these three and know no kind of problem and no solver by name. Kinds of problem are found
+through the entry-point group ``shellbench.problems`` and solvers through ``shellbench.solvers``; our own register there
+like anyone's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from pydantic import Field
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
 
-from shellbench.model import Model
-from shellbench.problems.shell.case import Case, Theory
+from shellbench.account import Phase
+from shellbench.errors import InputError
+from shellbench.model import Finite, Model, Name, Positive, one_sentence, read_toml
+from shellbench.sample import Sample
 
-Array = NDArray[np.float64]
 Device = Literal["cpu", "cuda"]
 NumberFormat = Literal["float64", "float32", "float16"]
-Phase = Literal["solve", "path", "critical", "time"]
+FULL = 1.0  # the mark of a figure of which nothing else is said
+LONGEST_TITLE = 200  # characters
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
-"""Names that `Solution.evaluate` knows.
+"""Names that a shell solution's `evaluate` knows.
 
 Strains are (..., 3): covariant components 11, 22, 12 in the surface's coordinates, eps = (a - abar)/2 without
 unit and kappa = bbar - b in 1/m, both times the coordinates' own units; densities are (...), J per square metre
 of reference area.
 """
+
+
+class Quantity(Model):
+    """A figure that a problem asks of every solution.
+
+    A kind of problem derives its quantities from this class; each says its unit, and how it is measured.
+
+    Attributes
+    ----------
+    tolerance
+        By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
+    open_finding
+        By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
+    at
+        Mark of the state that it belongs to, such as a time in s or a load factor.
+    """
+
+    name: Name
+    description: str = ""
+    unit: str = "m"
+    primary: bool = False
+    at: Finite = FULL
+    tolerance: dict[str, Positive] = Field(default_factory=dict)
+    absolute: bool = False
+    open_finding: dict[str, str] = Field(default_factory=dict)
+
+    if TYPE_CHECKING:
+
+        @property
+        def kind(self) -> str:
+            """What case files call it."""
+            ...
+
+    @property
+    def mark(self) -> float | None:
+        """The mark of its state; None where the solution itself marks the state."""
+        return self.at
+
+    def measure(self, solution: Any) -> float:
+        """Return its value, in SI units or the problem's own.
+
+        Raises
+        ------
+        ValueError
+            If it belongs to a state that the solution did not reach.
+        """
+        raise NotImplementedError
+
+
+class Problem(Model):
+    """A question that is put to solvers.
+
+    A kind of problem derives its own from this class, with the fields that its file has; `quantities` is one of them.
+
+    Attributes
+    ----------
+    name
+        Stem of the file; records and known values refer to it.
+    kind
+        Which kind of problem it is: the name of its entry point.
+    units
+        Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
+    theory
+        Which theory the answer is asked for: known values of another theory do not judge it.
+    """
+
+    not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units"})
+    not_physics_of_a_quantity: ClassVar[frozenset[str]] = frozenset(
+        {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
+    )
+
+    name: Name
+    kind: str
+    title: str = Field(max_length=LONGEST_TITLE)
+    description: str = ""
+    units: str = "SI"
+    suites: tuple[Name, ...] = ()
+    theory: str
+
+    if TYPE_CHECKING:
+
+        @property
+        def quantities(self) -> Sequence[Quantity]:
+            """What is asked."""
+            ...
+
+    @classmethod
+    def read(cls, path: Path) -> Self:
+        """Read and check a file.
+
+        Raises
+        ------
+        InputError
+            In one sentence with the file, the field, what was found and what is allowed.
+        """
+        return cls.build(read_toml(path), name=path.stem, where=str(path))
+
+    @classmethod
+    def build(cls, data: Mapping[str, Any], name: str, where: str) -> Self:
+        """Make a problem of parsed data; `where` stands at the start of error messages."""
+        if "name" in data:
+            raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+        whole = {**data, "name": name}
+        try:
+            return cls.model_validate(whole)
+        except ValidationError as error:
+            raise InputError(f"{where}: {one_sentence(error, whole)}") from None
+
+    @property
+    def primary(self) -> Quantity:
+        """The headline quantity."""
+        return next(q for q in self.quantities if q.primary)
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Marks at which the answer is kept, increasing."""
+        return tuple(sorted({q.at for q in self.quantities if q.mark is not None}))
+
+    def quantity(self, name: str) -> Quantity:
+        """Return the quantity of this name; KeyError if there is none."""
+        for quantity in self.quantities:
+            if quantity.name == name:
+                return quantity
+        raise KeyError(name)
+
+    def mark_words(self, mark: float) -> str:
+        """Return what a mark means, such as "t = 0.25"."""
+        return f"t = {mark:.4g}"
+
+    def telling_mark(self, quantity: Quantity) -> str:
+        """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        mark = quantity.mark
+        asked = {other.mark for other in self.quantities} - {None}
+        return "" if mark is None or asked == {FULL} else self.mark_words(mark)
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on: no tolerances, suites or prose."""
+        data = self.model_dump(mode="json", exclude=set(self.not_physics))
+        for quantity in data["quantities"]:
+            for name in self.not_physics_of_a_quantity:
+                quantity.pop(name, None)
+        return data
+
+    def digest(self) -> str:
+        """Return the hexadecimal SHA-256 of the physics."""
+        text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def check_state(self, at: float) -> None:
+        """Raise InputError if no solution can be asked at this mark."""
+
+    def data(self) -> dict[str, Any]:
+        """Return the problem as JSON data from which it can be made again."""
+        return self.model_dump(mode="json", exclude_unset=True)
+
+    @model_validator(mode="after")
+    def _one_quantity_is_primary(self) -> Self:
+        names = [quantity.name for quantity in self.quantities]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two of them are called '{name}': quantity names must differ")
+        if sum(q.primary for q in self.quantities) != 1:
+            raise ValueError("exactly one quantity must be primary")
+        return self
 
 
 class Settings(Model):
@@ -63,7 +231,7 @@ class Capabilities:
         One line for tables: what the solver is, honestly.
     """
 
-    theories: tuple[Theory, ...]
+    theories: tuple[str, ...]
     label: str
     devices: tuple[Device, ...] = ("cpu",)
 
@@ -122,11 +290,11 @@ ProgressCallback = Callable[[Progress], None]
 
 
 class Solution(Protocol):
-    """A continuous displacement field and how it came about."""
+    """An answer to a problem, and how it came about."""
 
     @property
-    def case(self) -> Case:
-        """The case it answers."""
+    def case(self) -> Any:
+        """The problem that it answers."""
         ...
 
     @property
@@ -141,7 +309,7 @@ class Solution(Protocol):
 
     @property
     def storage_bytes(self) -> int:
-        """Bytes needed to keep what `displacement` needs, beside the case."""
+        """Bytes needed to keep the answer, beside the problem."""
         ...
 
     @property
@@ -159,50 +327,13 @@ class Solution(Protocol):
         """Values extrapolated from the history by quantity; they stand beside the answer and never replace it."""
         ...
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at any points (..., 2), angles in radians.
-
-        `at` is the time, s, or the load factor (the last one if None); a motion answers at any time that it has
-        reached. `parameters` are a material, for fields that are conditioned on one.
-        """
-        ...
-
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) in m/s at points (..., 2) and a time; zero in a static case."""
-        ...
-
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `FIELDS` at points (..., 2); KeyError for an unknown name."""
-        ...
-
-    def energies(self, at: float | None = None) -> tuple[float, float]:
-        """Return the membrane and the bending part of the strain energy of the whole shell, J."""
-        ...
-
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
-        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
-        ...
-
-    def rounded(self, format: NumberFormat) -> tuple[Solution, int]:
-        """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
-
-        What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
-        two as its scale (see `shellbench.problems.rounding`). Plug-ins may lack this method; no precision is studied
-        then.
-        """
-        ...
-
     def save(self, path: Path) -> Path:
         """Write the solution (safetensors or npz, never a pickle); return the file with its suffix."""
         ...
 
 
 class Solver(Protocol):
-    """Something that solves cases.
+    """Something that solves problems.
 
     Attributes
     ----------
@@ -218,18 +349,18 @@ class Solver(Protocol):
     capabilities: ClassVar[Capabilities]
     settings_type: ClassVar[type[Settings]]
 
-    def declines(self, case: Case) -> str | None:
-        """Return why the solver can't take this case, as one clause, or None if it can."""
+    def declines(self, case: Any) -> str | None:
+        """Return why the solver can't take this problem, as one clause, or None if it can."""
         ...
 
     def solve(
         self,
-        case: Case,
+        case: Any,
         settings: Any,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
     ) -> Solution:
-        """Solve the case.
+        """Solve the problem.
 
         `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from.
 
@@ -245,3 +376,34 @@ class Solver(Protocol):
     def load(self, path: Path) -> Solution:
         """Read a solution that `Solution.save` wrote."""
         ...
+
+
+Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
+"""What makes one field of a record (see `shellbench.account`) of a solution, its problem and its values by name."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of problem, as its entry point names it.
+
+    Attributes
+    ----------
+    problem
+        Its problems, read from files.
+    keep
+        Takes a solution and its problem; returns the arrays that are kept for comparison and pictures, by name. None if
+        the solution has no finite answer.
+    accounts
+        What else a record keeps, by the record's field: without it a run is not whole.
+    studies
+        What stands beside the answer, by the record's field: a study that fails is left out.
+    sample
+        Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
+        solutions of this kind are no surfaces.
+    """
+
+    problem: type[Problem]
+    keep: Callable[[Any, Any], Mapping[str, NDArray[Any]] | None]
+    accounts: Mapping[str, Account] = field(default_factory=dict)
+    studies: Mapping[str, Account] = field(default_factory=dict)
+    sample: Callable[[Any, int, float | None, str], Sample] | None = None

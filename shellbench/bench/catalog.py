@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+from shellbench.bench.kinds import read_problem
 from shellbench.bench.reference import KnownValues, read_known_values
 from shellbench.bench.suite import Suite, read_suite
 from shellbench.errors import InputError
 from shellbench.model import read_toml
-from shellbench.problems.shell.case import Case, read_case
+from shellbench.problem import Problem
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -36,12 +37,12 @@ def suites_named_by(name: str) -> tuple[str, ...]:
 
 
 @cache
-def named_case(name: str) -> Case:
+def named_case(name: str) -> Problem:
     """Return one of the suite's own cases."""
-    return read_case(data_folder("cases") / f"{name}.toml")
+    return read_problem(data_folder("cases") / f"{name}.toml")
 
 
-def find_case(text: str) -> Case:
+def find_case(text: str) -> Problem:
     """Return the case of this name, or of this path to a TOML file.
 
     Raises
@@ -53,7 +54,7 @@ def find_case(text: str) -> Case:
         return named_case(text)
     path = Path(text)
     if path.suffix == ".toml":
-        return read_case(path)
+        return read_problem(path)
     raise InputError(f"unknown case '{text}': name one of {', '.join(case_names())}, or a path to a .toml file")
 
 
@@ -65,7 +66,7 @@ def find_suite(name: str) -> Suite:
     return read_suite(data_folder("cases") / "suites" / f"{name}.toml")
 
 
-def cases_of(suite: str) -> list[Case]:
+def cases_of(suite: str) -> list[Problem]:
     """Return the suite's own cases that belong to a suite, in the order of its file."""
     order = find_suite(suite).order
     members = [case for case in map(named_case, case_names()) if suite in case.suites]

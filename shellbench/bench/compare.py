@@ -25,8 +25,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
-from shellbench.problems.shell.case import LONGEST_TITLE, Case
-from shellbench.problems.shell.quantities import QuantityModel
+from shellbench.problem import LONGEST_TITLE, Problem, Quantity
 
 SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
 
@@ -169,14 +168,14 @@ def planned_rows(task: Task) -> list[Row]:
     ]
 
 
-def gates(quantity: QuantityModel, solver: str) -> bool:
+def gates(quantity: Quantity, solver: str) -> bool:
     """Whether a quantity has a tolerance, or an open finding, for a solver."""
     return solver in quantity.tolerance or solver in quantity.open_finding
 
 
 def empty_row(
-    case: Case,
-    quantity: QuantityModel,
+    case: Problem,
+    quantity: Quantity,
     solver: str,
     seed: int | None,
     suites: tuple[str, ...],
@@ -215,7 +214,7 @@ def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, 
     return (suite, case, row.case, not row.primary, quantity, row.solver, settings, row.seed or 0)
 
 
-def row_of(run: CurrentRun, quantity: QuantityModel) -> Row:
+def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     """Return one row of a run."""
     record = run.record
     identity = record.identity
@@ -269,7 +268,7 @@ def _converged(record: Record) -> bool | None:
     return all(said) if said and all(isinstance(one, bool) for one in said) else None
 
 
-def with_known_values(row: Row, known: KnownValues, case: Case, quantity: QuantityModel) -> Row:
+def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:
     """Return the row with the value that judges it, its errors, and the figures of the literature."""
     found: dict[str, Any] = {}
     if judge := known.judge(quantity.name, case.theory):
@@ -297,12 +296,12 @@ def with_known_values(row: Row, known: KnownValues, case: Case, quantity: Quanti
     return row.model_copy(update=found | {"tolerance_is_absolute": absolute})
 
 
-def near_zero(judge: KnownValue, quantity: QuantityModel) -> bool:
+def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
     """Tell whether an error relative to the known value would say nothing."""
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
-def judged(row: Row, quantity: QuantityModel) -> Row:
+def judged(row: Row, quantity: Quantity) -> Row:
     """Return the row with its tolerance and verdict, if it is gated."""
     tolerance = quantity.tolerance.get(row.solver)
     finding = quantity.open_finding.get(row.solver)

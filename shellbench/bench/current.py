@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from shellbench.bench import catalog
 from shellbench.bench.environment import engine_distribution
 from shellbench.bench.identity import current_source, difference, with_overrides
+from shellbench.bench.kinds import kind_name, problem_of
 from shellbench.bench.plan import declared_runs
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
@@ -25,7 +26,7 @@ from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task
 from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
-from shellbench.problems.shell.case import Case
+from shellbench.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class CurrentRun:
     """
 
     record: Record
-    case: Case
+    case: Problem
     overrides: Mapping[str, Any]
     declared_by: Mapping[str, str] = field(default_factory=dict)
     installed: bool = True
@@ -130,7 +131,7 @@ class CurrentRuns:
 
 def current_runs(contents: Contents) -> CurrentRuns:
     """Sort out which records count."""
-    sources = _current_sources({record.identity.solver for record in contents.records})
+    sources = _current_sources({(record.identity.solver, kind_name(record.case)) for record in contents.records})
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
     runs: dict[tuple[object, ...], CurrentRun] = {}
@@ -138,13 +139,13 @@ def current_runs(contents: Contents) -> CurrentRuns:
         identity = record.identity
         try:
             case = _todays_case(record)
-        except ValidationError:
+        except (ValidationError, InputError):
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
-        elif sources.get(identity.solver, identity.source) != identity.source:
+        elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         elif (changed := _changed_engine(identity.settings)) is not None:
             stale[record.run_id] = (record, changed)
@@ -152,7 +153,7 @@ def current_runs(contents: Contents) -> CurrentRuns:
             overrides = difference(record.defaults, identity.settings)
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
-                installed = identity.solver in sources and not _lacks_engine(identity.settings)
+                installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
 
@@ -161,19 +162,19 @@ def _runs(count: int) -> str:
     return "run is" if count == 1 else "runs are"
 
 
-def _todays_case(record: Record | Task) -> Case:
+def _todays_case(record: Record | Task) -> Problem:
     if not record.own_case and record.case_name in catalog.case_names():
         return catalog.named_case(record.case_name)
-    return Case.model_validate(record.case)
+    return problem_of(record.case)
 
 
-def _current_sources(solvers: Iterable[str]) -> dict[str, str]:
-    """Return the digests of the sources of solvers by name; of those that are installed only."""
+def _current_sources(asked: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
+    """Return the digests of the sources by name of solver and kind; of those that are installed only."""
     entries = solver_entries()
-    sources: dict[str, str] = {}
-    for name in solvers:
+    sources: dict[tuple[str, str], str] = {}
+    for solver, kind in asked:
         try:
-            sources[name] = current_source(entries[name])
+            sources[solver, kind] = current_source(entries[solver], kind)
         except (KeyError, InputError):  # not registered here, or its module is gone
             continue
     return sources
@@ -193,7 +194,7 @@ def _changed_engine(settings: Mapping[str, Any]) -> str | None:
     return f"its engine has changed since: {settings[ENGINE]}, now {installed.removeprefix(f'{engine} ')}"
 
 
-def _declared_by(record: Record | Task, case: Case) -> dict[str, str]:
+def _declared_by(record: Record | Task, case: Problem) -> dict[str, str]:
     if record.own_case:
         return {}
     found: dict[str, str] = {}
@@ -206,11 +207,11 @@ def _declared_by(record: Record | Task, case: Case) -> dict[str, str]:
     return found
 
 
-def case_of_planned(task: Task) -> tuple[Case, dict[str, str]] | None:
+def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:
     """Return today's case of a planned run and the suites that declare it; None if it can't be read any more."""
     try:
         case = _todays_case(task)
-    except ValidationError:
+    except (ValidationError, InputError):
         return None
     return case, _declared_by(task, case)
 

@@ -13,8 +13,8 @@ from rich.text import Text
 
 from shellbench import problem as solution
 from shellbench.bench.execute import Observer, Outcome
+from shellbench.bench.kinds import problem_of
 from shellbench.bench.task import Task
-from shellbench.problems.shell.case import Case
 
 COLOURS = {"ok": "green", "failed": "red", "timeout": "red"}
 
@@ -110,7 +110,7 @@ def _line(outcome: Outcome) -> str:
     if record is None:
         return f"[red]refused[/] {name}: {escape(outcome.refused or '')}"
     colour = COLOURS[record.status]
-    primary = Case.model_validate(record.case).primary
+    primary = problem_of(record.case).primary
     measured = record.values.get(primary.name)
     answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
     reason = f": {escape(record.reason)}" if record.reason else ""

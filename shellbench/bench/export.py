@@ -11,8 +11,6 @@ import errno
 import io
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -20,76 +18,13 @@ from numpy.typing import NDArray
 
 from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
-from shellbench.bench.marks import mark_words
+from shellbench.bench.kinds import find_kind
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.store import Say, Store, said_plainly, silent
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.problem import FIELDS
+from shellbench.sample import Sample
 
 Array = NDArray[np.float64]
-
-SEAM = 1e-6  # largest gap at a seam that is closed, in largest displacements: far above rounding, too small to see
-STRAIN_COMPONENTS = ("11", "22", "12")
-COMPONENTS = {
-    "xi": ("xi1", "xi2"),
-    "displacement": ("x", "y", "z"),
-    "membrane_strain": STRAIN_COMPONENTS,
-    "bending_strain": STRAIN_COMPONENTS,
-}
-ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A solution on a regular grid of n x n points.
-
-    Attributes
-    ----------
-    xi
-        (n, n, 2) curvilinear coordinates, angles in radians.
-    position, displacement
-        (n, n, 3) of the reference midsurface, metres.
-    fields
-        Strains (n, n, 3) and energy densities (n, n), see `shellbench.problem.FIELDS`; also `strain_energy_density`
-        (n, n), the sum of its two parts.
-    title
-        One line on where it comes from.
-    periodic
-        For each coordinate, whether the reference surface closes on itself.
-    at
-        Time, s, or mark of the state; None for the last.
-    """
-
-    xi: Array
-    position: Array
-    displacement: Array
-    fields: dict[str, Array]
-    title: str
-    periodic: tuple[bool, bool] = (False, False)
-    at: float | None = None
-
-    @cached_property
-    def closed(self) -> tuple[bool, bool]:
-        """For each coordinate, whether surface and displacement both close."""
-        u = self.displacement
-        bound = SEAM * float(np.abs(u).max())
-        gaps = (u[-1] - u[0], u[:, -1] - u[:, 0])
-        first, second = (p and float(np.abs(gap).max()) <= bound for p, gap in zip(self.periodic, gaps, strict=True))
-        return first, second
-
-    @property
-    def point_data(self) -> dict[str, Array]:
-        """All arrays (n, n, ...) but the position, by name."""
-        return {"displacement": self.displacement, "xi": self.xi, **self.fields}
-
-    def vertices(self, values: Array) -> Array:
-        """Return values (n, n, ...) at the vertices of the mesh (m, ...): a closed seam has one side only."""
-        kept = values[: -1 if self.closed[0] else None, : -1 if self.closed[1] else None]
-        return kept.reshape(-1, *values.shape[2:])
-
-    def deformed(self, scale: float) -> Array:
-        """Return the positions (n, n, 3) after a displacement times `scale`."""
-        return np.asarray(self.position + scale * self.displacement)
 
 
 def as_npz(sample: Sample, scale: float) -> bytes:
@@ -129,10 +64,11 @@ def as_vtu(sample: Sample, scale: float) -> bytes:
     mesh = pyvista.UnstructuredGrid(cells.ravel(), types, sample.vertices(sample.position))
     for name, values in sample.point_data.items():
         mesh.point_data[name] = sample.vertices(values)
-        for i, component in enumerate(COMPONENTS.get(name, ())):
+        for i, component in enumerate(sample.components.get(name, ())):
             mesh.GetPointData().GetArray(name).SetComponentName(i, component)
     mesh.set_active_vectors("displacement")
-    mesh.set_active_scalars("strain_energy_density")  # what viewers colour by at first
+    if sample.scalar:
+        mesh.set_active_scalars(sample.scalar)
     mesh.field_data["title"] = [sample.title]
     if sample.at is not None:
         mesh.field_data["TimeValue"] = np.array([sample.at])  # the name that ParaView looks for
@@ -211,11 +147,11 @@ def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = No
     InputError
         If the solution has no state there.
     """
-    dynamics = run.case.dynamics
-    if at is not None and dynamics is not None and not 0 <= at <= dynamics.until:
-        raise InputError(f"--at: found {at:g}, but {run.case.name} moves from 0 to {dynamics.until:g} s")
-    if at is not None and run.case.linear:
-        raise InputError(f"--at: {run.case.name} is linear and has one state only")
+    kind = find_kind(run.case.kind)
+    if at is not None:
+        run.case.check_state(at)
+    if kind.sample is None:
+        raise InputError(f"{run.case.name}: solutions of the kind '{run.case.kind}' are no surfaces to export")
     record = run.record
     path = store.file(record.solution_file)
     solver = load_solver(find_solver(record.identity.solver))
@@ -227,20 +163,9 @@ def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = No
         raise
     except Exception as error:  # a plug-in's reader can raise anything
         raise ShellbenchError(f"the solution of {record.run_id} can't be read: {error}") from error
-    domain = run.case.surface.domain
-    xi = domain.grid(resolution, resolution)
-    fields = {name: np.asarray(solution.evaluate(name, xi, at=at)) for name in FIELDS}
-    fields["strain_energy_density"] = np.sum([fields[name] for name in ENERGY_PARTS], axis=0)
-    state = "" if at is None else f" at {mark_words(run.case, at)}"
-    return Sample(
-        xi=xi,
-        position=run.case.surface.position(xi),
-        displacement=solution.displacement(xi, at=at),
-        fields=fields,
-        title=f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units",
-        periodic=domain.periodic,
-        at=at,
-    )
+    state = "" if at is None else f" at {run.case.mark_words(at)}"
+    title = f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units"
+    return kind.sample(solution, resolution, at, title)
 
 
 def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:

@@ -24,8 +24,7 @@ from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import QuantityModel
+from shellbench.problem import Problem, Quantity
 
 Lack = tuple[Literal["missing", "declined"], str]
 NOTHING_LACKS: Lack = ("missing", "")
@@ -292,7 +291,7 @@ class _Expected:
     """A declared run with default settings, and its record if there is one that counts."""
 
     suite: str
-    case: Case
+    case: Problem
     solver: str
     seed: int
     run: CurrentRun | None
@@ -303,7 +302,7 @@ class _Expected:
             if gates(quantity, self.solver):
                 yield row_of(self.run, quantity) if self.run else self._empty(quantity)
 
-    def _empty(self, quantity: QuantityModel) -> Row:
+    def _empty(self, quantity: Quantity) -> Row:
         status, reason = self.lack
         return empty_row(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
 
@@ -335,7 +334,7 @@ def _suites_that_compare() -> list[str]:
     return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
 
 
-def _lack(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
+def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
     try:
         reason = declines(load_solver(find_solver(solver)), case)
@@ -346,6 +345,6 @@ def _lack(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
     return _absence(current, case, solver, seed)
 
 
-def _absence(current: CurrentRuns, case: Case, solver: str, seed: int) -> Lack:
+def _absence(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     stale = current.why_not(case.name, solver, seed)
     return "missing", f"no record that counts: {stale}" if stale else "no record"

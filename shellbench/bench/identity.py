@@ -15,27 +15,30 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from shellbench.bench.kinds import DEFAULT, module_of
 from shellbench.bench.record import Identity
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.source import source_digest
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
-from shellbench.problem import SeededSettings, Settings, Solver
-from shellbench.problems.shell.case import Case
+from shellbench.problem import Problem, SeededSettings, Settings, Solver
 
 MEASURING = "shellbench.bench.worker"  # what measures a solution counts as its source
 APART = {"seed", "device"}  # settings that an identity keeps in fields of their own
 GATED_DTYPE = "float64"
 
 
-def current_source(entry: SolverEntry) -> str:
-    """Return the digest of the solver's source and of what measures it; of a plug-in also of its version."""
+def current_source(entry: SolverEntry, kind: str = DEFAULT) -> str:
+    """Return the digest of the solver's source, of its kind of problem, and of what measures it.
+
+    Of a plug-in the version counts too.
+    """
     own = entry.module.partition(".")[0] == "shellbench"
     version = () if own else (f"{entry.distribution} {entry.version}",)
-    return source_digest([entry.module, MEASURING], *version)
+    return source_digest([entry.module, module_of(kind), MEASURING], *version)
 
 
-def make_identity(case: Case, entry: SolverEntry, settings: Settings) -> Identity:
+def make_identity(case: Problem, entry: SolverEntry, settings: Settings) -> Identity:
     """Return the identity of a run.
 
     Raises
@@ -49,7 +52,7 @@ def make_identity(case: Case, entry: SolverEntry, settings: Settings) -> Identit
         return Identity(
             case=case.digest(),
             solver=entry.name,
-            source=current_source(entry),
+            source=current_source(entry, case.kind),
             settings=dump_settings(settings),
             seed=seed,
             device=device,

@@ -17,60 +17,68 @@ import numpy as np
 from pydantic import ValidationError
 
 from shellbench.account import MOST, HistoryStep, finite
+from shellbench.bench.kinds import find_kind
 from shellbench.bench.record import Measured
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
-from shellbench.problem import Solution
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.frame_rates import frame_rate_study
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.precision import precision_study
-from shellbench.problems.shell.sampling import energies_of_states, resolution_study, write_fields
-from shellbench.problems.shell.series import series_of
+from shellbench.problem import Problem, Solution
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"
 UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
 
-Part = Callable[[Solution, Case, Path], dict[str, Any]]
+Part = Callable[[], dict[str, Any]]
 
 
-def measured(solution: Solution, case: Case, folder: Path) -> tuple[dict[str, Any], str | None]:
-    """Measure a solution, and put its fields and itself into the folder.
+def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str, Any], str | None]:
+    """Measure a solution, and put its arrays and itself into the folder.
 
     Returns
     -------
     tuple
         Fields of a record, and why it is not whole, in one sentence; None if it is.
     """
+    kind = find_kind(case.kind)
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
     why = without_values(lost) if lost else None
-    for part in (cost, course, states, along, samples, resolutions):
+    numbers = {name: found.value for name, found in values.items()}
+    accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}
+
+    def measure(*parts: Part) -> None:
+        nonlocal why
+        for part in parts:
+            try:
+                result.update(part())
+            except Exception as error:
+                pass_on_full_disk(error)
+                why = why or f"the solution can't be measured: {said(error)}"
+                traceback.print_exc()
+
+    measure(partial(cost, solution), partial(course, solution), partial(kept, solution, case, folder))
+    if "fields_file" in result:  # else there is no finite state of which anything could be said
+        measure(*(partial(_field, name, account) for name, account in accounts.items()))
+    for name, study in kind.studies.items():  # they stand beside the answer: one that fails is left out
         try:
-            result |= part(solution, case, folder)
-        except Exception as error:
-            pass_on_full_disk(error)
-            why = why or f"the solution can't be measured: {said(error)}"
-            traceback.print_exc()
-    studies: tuple[Part, ...] = (frame_rates, partial(precision, values=values))
-    for study in studies:  # they stand beside the answer: one that fails is left out, and the answer counts
-        try:
-            result |= study(solution, case, folder)
+            result[name] = tuple(study(solution, case, numbers))
         except Exception as error:
             pass_on_full_disk(error)
             traceback.print_exc()
     return result, why
 
 
-def values_of(solution: Solution, case: Case) -> tuple[dict[str, Measured], dict[str, str]]:
+def _field(name: str, account: Callable[[], Any]) -> dict[str, Any]:
+    return {name: tuple(account())}
+
+
+def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], dict[str, str]]:
     """Return the finite values of the case's quantities, and of the others why there is none (empty: not finite)."""
     values: dict[str, Measured] = {}
     lost: dict[str, str] = {}
     for quantity in case.quantities:
         name = quantity.name
         try:
-            value = finite(measure(solution, quantity))
+            value = finite(quantity.measure(solution))
             if value is None:
                 lost[name] = ""
                 continue
@@ -93,7 +101,7 @@ def without_values(lost: Mapping[str, str]) -> str:
     return f"the solution has no finite value for {', '.join(lost)}" + (f": {why}" if why else "")
 
 
-def cost(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+def cost(solution: Solution) -> dict[str, Any]:
     """Return what the solution takes, and what the solver says of it."""
     return {
         "parameters": int(solution.parameters),
@@ -102,44 +110,25 @@ def cost(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
     }
 
 
-def course(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
+def course(solution: Solution) -> dict[str, Any]:
     """Return how the solution came about."""
     return {"history": history_of(solution)}
 
 
-def states(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Return what is known of each kept state of a path."""
-    return {"energies": energies_of_states(solution, case)}
-
-
-def along(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Return what the quantities were along the way."""
-    return {"series": series_of(solution, case)}
-
-
-def samples(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Sample the field, and keep the solution itself; nothing if the field is not finite or has no state yet."""
+def kept(solution: Solution, case: Problem, folder: Path) -> dict[str, Any]:
+    """Keep arrays of the solution, and itself; nothing if it has no finite state yet."""
     if not write_fields(solution, case, folder / FIELDS):
         return {}
-    saved = solution.save(folder / SOLUTION)
-    return {"fields_file": FIELDS, "solution_file": saved.name}
+    return {"fields_file": FIELDS, "solution_file": solution.save(folder / SOLUTION).name}
 
 
-def resolutions(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Return what grids show of the field; nothing if it has no state yet."""
-    if not (folder / FIELDS).is_file():
-        return {}
-    return {"resolution": resolution_study(solution, case)}
-
-
-def frame_rates(solution: Solution, case: Case, folder: Path) -> dict[str, Any]:
-    """Return what frames of a motion show of it."""
-    return {"frame_rates": frame_rate_study(solution, case)}
-
-
-def precision(solution: Solution, case: Case, folder: Path, values: Mapping[str, Measured]) -> dict[str, Any]:
-    """Return what rounding does to the solution."""
-    return {"precision": precision_study(solution, case, {name: found.value for name, found in values.items()})}
+def write_fields(solution: Solution, case: Problem, path: Path) -> bool:
+    """Write the arrays that the kind of problem keeps as npz; return whether there are any."""
+    arrays = find_kind(case.kind).keep(solution, case)
+    if arrays is None:
+        return False
+    np.savez_compressed(path, **arrays)  # type: ignore[arg-type] # its stub takes them for its own options
+    return True
 
 
 def history_of(solution: Solution) -> tuple[HistoryStep, ...]:

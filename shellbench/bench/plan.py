@@ -25,8 +25,7 @@ from shellbench.bench.store import Contents, newest
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
 from shellbench.errors import InputError
-from shellbench.problem import SeededSettings, Solver
-from shellbench.problems.shell.case import Case
+from shellbench.problem import Problem, SeededSettings, Solver
 
 DEFAULT_SUITE = "obstacle_course"
 FIRST_SEED = 0
@@ -79,7 +78,7 @@ class Plan:
     notes: tuple[str, ...]
 
 
-def wanted_runs(request: Request) -> Iterator[tuple[Case, SuiteRun]]:
+def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     """Yield what to run on which case, before settings, seeds and device that were given.
 
     Raises
@@ -103,17 +102,17 @@ def wanted_runs(request: Request) -> Iterator[tuple[Case, SuiteRun]]:
             yield from ((case, run) for run in _runs_of(case, request.solvers))
 
 
-def declared_runs(runs: Sequence[SuiteRun], case: Case) -> tuple[SuiteRun, ...]:
+def declared_runs(runs: Sequence[SuiteRun], case: Problem) -> tuple[SuiteRun, ...]:
     """Return the lines of a suite that are for a case."""
     return tuple(run for run in runs if not run.cases or case.name in run.cases)
 
 
-def is_own(case: Case) -> bool:
+def is_own(case: Problem) -> bool:
     """Tell whether a case is a user's own: none of the suite's has its name and its physics."""
     return case.name not in catalog.case_names() or catalog.named_case(case.name).digest() != case.digest()
 
 
-def _runs_of(case: Case, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
+def _runs_of(case: Problem, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
     if solvers:
         return tuple(SuiteRun(solver=solver, seeds=(FIRST_SEED,)) for solver in dict.fromkeys(solvers))
     known = [name for name in case.suites if name in catalog.suite_names()]
@@ -182,7 +181,7 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
     return Plan(tuple(tasks.values()), tuple(kept.values()), tuple(declined.values()), notes)
 
 
-def declines(solver: Solver, case: Case) -> str | None:
+def declines(solver: Solver, case: Problem) -> str | None:
     """Return why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
@@ -198,7 +197,7 @@ def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str,
 
 
 def _task(
-    case: Case,
+    case: Problem,
     entry: SolverEntry,
     solver: Solver,
     run: SuiteRun,
@@ -235,5 +234,5 @@ def _task(
     )
 
 
-def _names(cases: Sequence[Case]) -> str:
+def _names(cases: Sequence[Problem]) -> str:
     return "its cases are " + ", ".join(case.name for case in cases) if cases else "it has no cases yet"

@@ -30,6 +30,7 @@ from typing import Any, NoReturn
 
 from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
+from shellbench.bench.kinds import DEFAULT, find_kind, module_of
 from shellbench.bench.source import import_closure, source_digest
 from shellbench.bench.store import LOG
 from shellbench.problem import Progress
@@ -46,7 +47,8 @@ def main(target: str) -> None:
     module = target.partition(":")[0]
     with contextlib.suppress(Exception):  # the run will say what is wrong with it
         import_module(module)
-        source_digest([module, MEASURING])  # remembered: each run looks whether it has changed
+        find_kind(DEFAULT)
+        source_digest([module, module_of(DEFAULT), MEASURING])  # remembered: each run looks whether it has changed
     import_what_solves(module)
     say(events, event="ready")
     waiting = b""

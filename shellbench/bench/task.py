@@ -12,7 +12,7 @@ from pydantic import Field
 
 from shellbench.bench.record import Environment, Identity, Record, shortened
 from shellbench.model import Model
-from shellbench.problems.shell.case import Case
+from shellbench.problem import Problem
 
 TASK = "task.json"
 
@@ -25,7 +25,7 @@ class Task(Model):
     target
         Where the solver is, ``module:attribute``.
     case
-        The case as it was read; `shellbench.problems.shell.case.Case` makes it again.
+        The case as it was read; its kind of problem makes it again.
     settings
         All that was set for the solver, seed and device included.
     defaults
@@ -70,9 +70,9 @@ class Task(Model):
         return cls.model_validate_json((folder / TASK).read_bytes())
 
 
-def case_data(case: Case) -> dict[str, Any]:
-    """Return a case as JSON data from which `shellbench.problems.shell.case.Case` makes it again."""
-    return case.model_dump(mode="json", exclude_unset=True)
+def case_data(case: Problem) -> dict[str, Any]:
+    """Return a case as JSON data from which `shellbench.bench.kinds.problem_of` makes it again."""
+    return case.data()
 
 
 def new_run_id(case: str, solver: str, seed: int | None) -> tuple[str, str]:

@@ -19,13 +19,13 @@ from pydantic import ValidationError
 
 from shellbench.account import finite
 from shellbench.bench.identity import current_source
+from shellbench.bench.kinds import kind_name, problem_of
 from shellbench.bench.measuring import measured, pass_on_full_disk, said
 from shellbench.bench.record import Record, document, readable
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, Solution, Solver
-from shellbench.problems.shell.case import Case
 
 RECORD = "record.json"
 REFUSED = "refused.txt"
@@ -57,7 +57,7 @@ def work(folder: Path, tell: Tell) -> None:
 
 def run(task: Task, folder: Path, tell: Tell) -> Record:
     """Solve and measure; see `work`."""
-    case = Case.model_validate(task.case)
+    case = problem_of(task.case)
     idle = psutil.Process().memory_info().rss
     start = time.perf_counter()
     solution: Solution | None = None
@@ -103,7 +103,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
 def same_source(task: Task) -> bool:
     """Tell whether the source is still that for which the run was planned: what ran may be another."""
     try:
-        return current_source(find_solver(task.identity.solver)) == task.identity.source
+        return current_source(find_solver(task.identity.solver), kind_name(task.case)) == task.identity.source
     except (InputError, OSError, SyntaxError):
         return False
 

@@ -165,7 +165,8 @@ def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Case
     record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
     if record is not None:
         return case_of(record)
-    return catalog.named_case(name) if name in catalog.case_names() else None
+    known = catalog.named_case(name) if name in catalog.case_names() else None
+    return known if isinstance(known, Case) else None
 
 
 def _status(row: Row) -> str:

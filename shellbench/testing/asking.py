@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from shellbench.bench.catalog import case_names, named_case
 from shellbench.bench.task import case_data
 from shellbench.engine import ENGINE
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination
+from shellbench.testing.examination import Examination, shells
 from shellbench.testing.subject import Lost, Raised, Refused, SolveFailed, Trouble, UnknownName
 from shellbench.testing.verdict import Findings, Verdict
 
@@ -34,7 +33,7 @@ def protocol(exam: Examination) -> Verdict:
 
 def declining(exam: Examination) -> Verdict:
     """Check that each shipped case is taken or declined in one clause, quickly, and one at least is taken."""
-    found, cases = Findings(), tuple(map(named_case, case_names()))
+    found, cases = Findings(), shells()
     taken: list[str] = []
     slowest = 0.0
     for case, (kind, answer, seconds) in zip(cases, exam.refusals(cases), strict=True):
@@ -112,7 +111,7 @@ def _declined_case(exam: Examination, found: Findings) -> None:
 
 
 def _first_declined(exam: Examination) -> Case | None:
-    cases = tuple(map(named_case, case_names()))
+    cases = shells()
     for case, (kind, answer, _) in zip(cases, exam.refusals(cases), strict=True):
         if kind == "ok" and answer is not None:
             return case

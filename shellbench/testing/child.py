@@ -23,7 +23,6 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
 from shellbench.problem import Progress, Solution, Solver
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure
 from shellbench.testing.protocol import solution_faults, solver_facts
 
 MOST_WORDS = 1000  # of progress that are kept of one solve
@@ -99,7 +98,7 @@ class Child:
     def headline(self, key: str) -> float:
         """Return the headline quantity of a solution."""
         solution = self.solutions[key]
-        return measure(solution, solution.case.primary)
+        return float(solution.case.primary.measure(solution))
 
 
 def facts(solution: Solution) -> dict[str, Any]:

@@ -14,12 +14,20 @@ from shellbench.bench.catalog import find_case
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.registry import find_solver
 from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
 from shellbench.testing.suite import Line, Wish, examine
 from shellbench.testing.verdict import Status
 
 COLOURS: dict[Status, str] = {"passed": "green", "failed": "red", "not applicable": "dim", "not shown": "yellow"}
 LONGEST_STATUS = 14  # characters
 GOOD, BAD = 0, 1
+
+
+def _shell(text: str) -> Case:
+    case = find_case(text)
+    if not isinstance(case, Case):
+        raise InputError(f"case '{case.name}' is of kind '{case.kind}', and the checks are made with shells")
+    return case
 
 
 def check_solver(
@@ -39,7 +47,7 @@ def check_solver(
         If the solver, a case or a setting is unknown, or an extra is missing.
     """
     entry = find_solver(name)
-    wish = Wish(tuple(map(find_case, cases)), given_settings(name, settings), given_refinements(refine), seconds)
+    wish = Wish(tuple(map(_shell, cases)), given_settings(name, settings), given_refinements(refine), seconds)
     out = console or Console(highlight=False, soft_wrap=True)
     lines: list[Line] = []
     if as_json:

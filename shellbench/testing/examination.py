@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.bench.catalog import case_names, named_case
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
 from shellbench.problems.shell.case import Case
@@ -24,6 +25,12 @@ SAMPLE = 17  # points a side of the grid on which displacements are compared
 SAME = 1e-6  # relative difference that counts as none
 OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
 MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states that it does not know the answer
+
+
+def shells(names: Iterable[str] | None = None) -> tuple[Case, ...]:
+    """Return the suite's own cases of these names that are shells; all of them if none are named."""
+    cases = map(named_case, case_names() if names is None else names)
+    return tuple(case for case in cases if isinstance(case, Case))
 
 
 @dataclass

@@ -12,8 +12,7 @@ from shellbench.bench.current import CurrentRun
 from shellbench.bench.plan import FIRST_SEED, declared_runs
 from shellbench.bench.reference import KnownValue
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import QuantityModel
+from shellbench.problem import Problem, Quantity
 from shellbench.testing.pytest_options import Tolerances
 from shellbench.testing.pytest_solving import Answers
 
@@ -67,9 +66,9 @@ class Question:
     """One quantity of one case that is put to a solver; `seeds` are all that the solver is run with."""
 
     suite: str
-    case: Case
+    case: Problem
     solver: str
-    quantity: QuantityModel
+    quantity: Quantity
     seed: int
     seeds: tuple[int, ...]
 
@@ -143,7 +142,7 @@ class Question:
         )
 
 
-def questions(suite: str, case: Case, solver: str) -> Iterator[Question]:
+def questions(suite: str, case: Problem, solver: str) -> Iterator[Question]:
     """Yield what is judged: the headline, what has a known value of the case's theory, and what the case gates."""
     seeds = seeds_of(suite, case, solver)
     known = catalog.known_values(case.name)
@@ -154,7 +153,7 @@ def questions(suite: str, case: Case, solver: str) -> Iterator[Question]:
                 yield Question(suite, case, solver, quantity, seed, seeds)
 
 
-def seeds_of(suite: str, case: Case, solver: str) -> tuple[int, ...]:
+def seeds_of(suite: str, case: Problem, solver: str) -> tuple[int, ...]:
     """Return the seeds that a suite declares for a solver with default settings; one if it declares none."""
     declared = [run for run in declared_runs(catalog.find_suite(suite).runs, case) if run.solver == solver]
     seeds = dict.fromkeys(seed for run in declared if not run.settings for seed in run.seeds)

@@ -16,8 +16,7 @@ from shellbench.bench.identity import make_settings, parse_setting
 from shellbench.bench.plan import FIRST_SEED
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.errors import InputError
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import QuantityModel
+from shellbench.problem import Problem, Quantity
 
 DEFAULT_TOLERANCE = 1e-2  # relative: an engineer's percent, until the project states its own
 WHOLE = 1.0  # relative error of the answer zero
@@ -60,7 +59,7 @@ class Tolerances:
             narrower[case.name, quantity or None] = tolerance
         return cls(general, narrower)
 
-    def of(self, case: Case, quantity: QuantityModel, solver: str) -> float | None:
+    def of(self, case: Problem, quantity: Quantity, solver: str) -> float | None:
         """Return the largest admissible error; what the case has frozen for the solver wins.
 
         None where only a relative tolerance is given, and the known value is so near zero that it says nothing.

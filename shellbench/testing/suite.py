@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.catalog import case_names, named_case
 from shellbench.bench.registry import SolverEntry
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
@@ -23,7 +22,7 @@ from shellbench.testing import (
     records,
     repeatability,
 )
-from shellbench.testing.examination import Examination, KnownTrouble
+from shellbench.testing.examination import Examination, KnownTrouble, shells
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import Refused, Respondent, Subject, Trouble
 from shellbench.testing.verdict import Verdict, failed, not_applicable, not_shown
@@ -182,15 +181,15 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
 
 def _cheap(exam: Examination) -> tuple[Case, ...]:
     """Return the first cheap case that the solver takes: a static one, a motion cut short, or else any static one."""
-    others = (case for case in map(named_case, case_names()) if case.dynamics is None)
-    for case in (*map(named_case, STATIC), *map(short_motion, MOVING), *others):
+    others = (case for case in shells() if case.dynamics is None)
+    for case in (*shells(STATIC), *map(short_motion, MOVING), *others):
         if _takes(exam, case):
             return (case,)
     return ()
 
 
 def _closed(exam: Examination) -> Case | None:
-    return next((case for case in map(named_case, CLOSED) if _takes(exam, case)), None)
+    return next((case for case in shells(CLOSED) if _takes(exam, case)), None)
 
 
 def _takes(exam: Examination, case: Case) -> bool:

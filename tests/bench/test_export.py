@@ -16,6 +16,7 @@ from shellbench.bench.export import Sample, export, quadrilaterals, sample, stor
 from shellbench.bench.store import Store, StoreError
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
+from shellbench.problems.shell.kind import COMPONENTS, ENERGY_DENSITY
 from tests.bench.running import run
 
 N = 13
@@ -38,7 +39,7 @@ def formula_sample(name: str = "pinched_cylinder_free", jump: float = 0.0, at: f
         "strain_energy_density": 4 * wave**2,
     }
     position = catalog.named_case(name).surface.position(xi)
-    return Sample(xi, position, u, fields, f"{name} by a formula", domain.periodic, at)
+    return Sample(xi, position, u, fields, f"{name} by a formula", domain.periodic, at, COMPONENTS, ENERGY_DENSITY)
 
 
 def vtk_arrays(path: Path) -> dict[str, tuple[np.ndarray, list[str]]]:

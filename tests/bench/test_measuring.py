@@ -12,7 +12,7 @@ import pytest
 
 from shellbench.account import HistoryStep, ResolutionStep
 from shellbench.bench.environment import environment
-from shellbench.bench.measuring import FIELDS, measured, values_of, without_values
+from shellbench.bench.measuring import FIELDS, measured, values_of, without_values, write_fields
 from shellbench.bench.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task, case_data
@@ -20,7 +20,7 @@ from shellbench.bench.worker import RECORD, run, work
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study, write_fields
+from shellbench.problems.shell.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study
 from tests.bench import spring
 from tests.bench.spring import END, FIRST, REASON, SECOND, SpringSolution
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench.identity import current_source
+from shellbench.bench.identity import MEASURING, current_source
+from shellbench.bench.kinds import module_of
 from shellbench.bench.registry import find_solver
 from shellbench.bench.source import import_closure, locate, source_digest, statements_of
 from shellbench.errors import InputError
@@ -177,9 +178,9 @@ def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
     before = current_source(entry)
     edit(plugin / "toy_shells" / "strip.py", "24", "25")
     assert current_source(entry) != before
-    assert {"shellbench.problems.shell.measure", "shellbench.problems.shell.sampling"} <= set(
-        import_closure("shellbench.bench.worker")
-    )
+    measuring = set(import_closure(module_of("shell"))) | set(import_closure(MEASURING))
+    assert {f"shellbench.problems.shell.{name}" for name in ("measure", "sampling", "quantities")} <= measuring
+    assert "shellbench.bench.measuring" in measuring
 
 
 def test_version_of_a_plugin_counts(plugin: Path) -> None:

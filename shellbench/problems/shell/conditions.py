@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -10,6 +10,10 @@ from shellbench.model import Finite, Model, Name, Vector
 
 Component = Literal["x", "y", "z"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
+RigidMotion = Literal["translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z"]
+RIGID_MOTIONS: tuple[RigidMotion, ...] = (
+    "translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z",
+)  # fmt: skip
 Formula = Finite | str
 VectorFormula = tuple[Formula, Formula, Formula]
 Places = Annotated[tuple[str, ...], Field(min_length=1)]
@@ -117,38 +121,73 @@ class Spring(Model):
 class AreaLoad(Model):
     """A dead load per reference area, N/m^2: numbers or formulas in xi1, xi2 and t."""
 
+    spread: ClassVar[bool] = True  # over the area
+
     kind: Literal["area"]
     vector: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
 
 
 class PressureLoad(Model):
     """A dead load along the reference normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3."""
 
+    spread: ClassVar[bool] = True
+
     kind: Literal["pressure"]
     value: Formula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return (self.value,)
 
 
 class GravityLoad(Model):
     """Gravity: areal density times acceleration, m/s^2."""
 
+    spread: ClassVar[bool] = True
+
     kind: Literal["gravity"]
     acceleration: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.acceleration
 
 
 class EdgeLoad(Model):
     """A dead load per reference length of edges, N/m: numbers or formulas in xi1, xi2 and t."""
 
+    spread: ClassVar[bool] = False
+
     kind: Literal["edge"]
     on: Places
     vector: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
 
 
 class PointLoad(Model):
     """A dead force at points, N (at each of them)."""
 
+    spread: ClassVar[bool] = False
+
     kind: Literal["point"]
     on: Places
     force: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.force
 
 
 class MomentLoad(Model):
@@ -159,10 +198,17 @@ class MomentLoad(Model):
     tangential to the edge; the sign follows the right hand.
     """
 
+    spread: ClassVar[bool] = False
+
     kind: Literal["moment"]
     on: Places
     axis: Vector
     value: Formula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return (self.value,)
 
     @model_validator(mode="after")
     def _has_an_axis(self) -> Self:

@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.conditions import (
-    COMPONENTS,
-    AreaLoad,
-    EdgeLoad,
-    Formula,
-    GravityLoad,
-    Load,
-    MomentLoad,
-    PointLoad,
-    PressureLoad,
-)
+from shellbench.problems.shell.conditions import COMPONENTS
 from shellbench.problems.shell.places import Whole
-from shellbench.problems.shell.quantities import (
-    CriticalPoint,
-    DisplacementQuantity,
-    LimitPoint,
-    LoadQuantity,
-    MotionEnergy,
-    Unmarked,
-)
-
-if TYPE_CHECKING:
-    from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.shell import Shell
 
 Array = NDArray[np.float64]
 
@@ -41,20 +21,7 @@ INSTANT = 1e-6  # of the whole time, after which a motion from rest has gone nex
 AT_REST = 1e-3  # of a support's mean velocity: the velocity it may have after that instant
 
 
-def formulas_of(load: Load) -> tuple[Formula, ...]:
-    """Return the numbers and formulas of a load."""
-    match load:
-        case AreaLoad() | EdgeLoad():
-            return load.vector
-        case PointLoad():
-            return load.force
-        case GravityLoad():
-            return load.acceleration
-        case PressureLoad() | MomentLoad():
-            return (load.value,)
-
-
-def check_path(case: Case) -> None:
+def check_path(case: Shell) -> None:
     """Check that a static case's path starts from rest and is one that solvers can follow.
 
     Raises
@@ -78,12 +45,7 @@ def check_path(case: Case) -> None:
                 f"where everything is prescribed no path is followed, so that control can't be '{path.control}'"
             )
     for quantity in case.quantities:
-        if isinstance(quantity, LoadQuantity | LimitPoint) and path.quantity is None:
-            raise ValueError(f"quantity '{quantity.name}' needs a path with control 'displacement' or 'arc_length'")
-        if isinstance(quantity, CriticalPoint) and (case.linear or path.control != "load"):
-            raise ValueError(f"quantity '{quantity.name}' needs the non-linear theory and a path with control = 'load'")
-        if isinstance(quantity, MotionEnergy):
-            raise ValueError(f"quantity '{quantity.name}' needs a case with [dynamics]")
+        quantity.check_path(case)
     if case.linear:
         return
     beyond = [state for state in case.states if not 0 < state <= path.until]
@@ -101,7 +63,7 @@ def check_path(case: Case) -> None:
             raise ValueError(f"{what} is not proportional to t, as a path with control '{path.control}' needs")
 
 
-def check_motion(case: Case) -> None:
+def check_motion(case: Shell) -> None:
     """Check that a case with [dynamics] starts from rest and says all that its motion needs.
 
     Raises
@@ -129,13 +91,11 @@ def check_motion(case: Case) -> None:
             f"a state is asked for at {beyond[0]:g} s, but the motion starts from rest at 0 s and ends at {until:g} s"
         )
     sample = case.surface.domain.grid(SAMPLES, SAMPLES)
-    times = until * np.concatenate([np.linspace(0.0, 1.0, SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
-    constant = case.steady
+    times = instants(case)
     for what, at in _moves(case, sample):
         values = [at(float(t)) for t in times]
         if not np.all(np.isfinite(values)):
             raise ValueError(f"{what} is not finite on the way to {until:g} s")
-        constant = constant and not np.any(values)
         farthest = np.abs(values).max()
         if np.any(values[0] != 0):
             raise ValueError(f"{what} is not zero at t = 0, where the shell is at rest")
@@ -144,20 +104,28 @@ def check_motion(case: Case) -> None:
     for what, at in _loads(case, sample):
         if not np.all(np.isfinite([at(float(t)) for t in times])):
             raise ValueError(f"{what} is not finite on the way to {until:g} s")
-    spread = all(isinstance(load, AreaLoad | PressureLoad | GravityLoad) for load in case.loads)
+    constant = is_constant(case)
     for quantity in case.quantities:
-        if isinstance(quantity, LoadQuantity | Unmarked):
-            raise ValueError(f"quantity '{quantity.name}' belongs to a [path], not to [dynamics]")
-        if isinstance(quantity, MotionEnergy) and quantity.kind == "total_energy" and not (constant and spread):
-            raise ValueError(
-                f"quantity '{quantity.name}' needs supports at rest, and loads that are constant and spread out"
-            )
+        quantity.check_motion(case, constant)
+
+
+def is_constant(case: Shell) -> bool:
+    """Whether supports stand still and loads do not depend on time."""
+    sample = case.surface.domain.grid(SAMPLES, SAMPLES)
+    return case.steady and not any(np.any(at(float(t))) for _, at in _moves(case, sample) for t in instants(case))
+
+
+def instants(case: Shell) -> Array:
+    """Return the instants at which a motion's supports and loads are looked at, s."""
+    assert case.dynamics is not None
+    shares = np.concatenate([np.linspace(0.0, 1.0, SAMPLES), (np.arange(1, TIMES) * GOLDEN) % 1])
+    return np.asarray(case.dynamics.until * shares)
 
 
 Acting = tuple[str, Callable[[float], Array]]
 
 
-def _moves(case: Case, sample: Array) -> Iterator[Acting]:
+def _moves(case: Shell, sample: Array) -> Iterator[Acting]:
     """Yield the motions of supports as functions of t."""
     for support, place in case.supported_places():
         if isinstance(place, Whole):
@@ -168,10 +136,10 @@ def _moves(case: Case, sample: Array) -> Iterator[Acting]:
         )
 
 
-def _loads(case: Case, sample: Array) -> Iterator[Acting]:
+def _loads(case: Shell, sample: Array) -> Iterator[Acting]:
     """Yield the loads as functions of t."""
     for load in case.loads:
-        formulas = [case.formula(formula) for formula in formulas_of(load)]
+        formulas = [case.formula(formula) for formula in load.formulas]
         yield (
             f"a load of kind '{load.kind}'",
             lambda t, fs=formulas: np.stack([f.derivatives(sample, 0, t)[0, 0] for f in fs]),  # type: ignore[misc]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.account import FrameRateStep
-from shellbench.problem import Solution
-from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.probes import probes_of, state_at
 from shellbench.problems.shell.series import reached
+from shellbench.problems.shell.shell import Shell
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ SAME = 6  # decimals of a number of frames beyond which two solvers' last instan
 FIXED = 5  # instants that are asked for at every rate
 
 
-def frame_rate_study(solution: Solution, case: Case) -> tuple[FrameRateStep, ...]:
+def frame_rate_study(solution: DisplacementField, case: Shell) -> tuple[FrameRateStep, ...]:
     """Look at one motion through frames from coarse to fine, as far as it goes; nothing for a case at rest.
 
     Frames are asked for in the order of time, with the fixed instants among them; these are first asked for by

@@ -11,34 +11,27 @@ from numpy.typing import NDArray
 
 from shellbench.account import PrecisionStep, finite
 from shellbench.errors import InputError
-from shellbench.problem import NumberFormat, Solution
-from shellbench.problems.shell.case import Case
+from shellbench.problem import NumberFormat
+from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.probes import probes_of, state_at
-from shellbench.problems.shell.quantities import (
-    CentreOfMass,
-    DisplacementQuantity,
-    EnergyQuantity,
-    LargestDisplacement,
-    PositionQuantity,
-)
 from shellbench.problems.shell.series import frames
+from shellbench.problems.shell.shell import Shell
 
 Array = NDArray[np.float64]
 
 FORMATS: tuple[NumberFormat, ...] = ("float64", "float32", "float16")
 MARKS = 5  # states at which the fields are compared, the last one among them
-MEASURED = CentreOfMass | DisplacementQuantity | EnergyQuantity | LargestDisplacement | PositionQuantity
 UNREACHED = (InputError, ValueError)
 
 
-def precision_study(solution: Solution, case: Case, values: Mapping[str, float]) -> tuple[PrecisionStep, ...]:
+def precision_study(solution: DisplacementField, case: Shell, values: Mapping[str, float]) -> tuple[PrecisionStep, ...]:
     """Compare a solution with itself in shorter formats; nothing if it can't be rounded or has no state.
 
     `values` are the quantities of the solution as solved, by name: a format in which it stays the very same is not
     measured again.
     """
-    rounded: Callable[[NumberFormat], tuple[Solution, int] | None] | None = getattr(solution, "rounded", None)
+    rounded: Callable[[NumberFormat], tuple[DisplacementField, int] | None] | None = getattr(solution, "rounded", None)
     points = probes_of(case.surface.domain)
     exact = {
         mark: field for mark in marks_of(solution, case) if (field := state_at(solution, points, mark)) is not None
@@ -64,7 +57,7 @@ def precision_study(solution: Solution, case: Case, values: Mapping[str, float])
     return tuple(steps)
 
 
-def marks_of(solution: Solution, case: Case) -> tuple[float | None, ...]:
+def marks_of(solution: DisplacementField, case: Shell) -> tuple[float | None, ...]:
     """Return the states that are compared: the only one of a linear case (None), else some that are evenly spread."""
     if case.linear:
         return (None,)
@@ -73,11 +66,11 @@ def marks_of(solution: Solution, case: Case) -> tuple[float | None, ...]:
     return tuple(every[k] for k in sorted({*chosen.tolist()}) if k >= 0)
 
 
-def quantities_of(solution: Solution, case: Case, known: Mapping[str, float]) -> dict[str, float]:
+def quantities_of(solution: DisplacementField, case: Shell, known: Mapping[str, float]) -> dict[str, float]:
     """Return the finite values of the quantities that a field alone defines; those known are not measured again."""
     found: dict[str, float] = {}
     for quantity in case.quantities:
-        if isinstance(quantity, MEASURED):
+        if quantity.of_field:
             with contextlib.suppress(*UNREACHED):
                 value = known[quantity.name] if quantity.name in known else measure(solution, quantity)
                 if finite(value) is not None:

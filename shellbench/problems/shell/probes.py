@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
-from shellbench.problem import Solution
-from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.series import frames
+from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]
@@ -32,7 +32,7 @@ def probes_of(domain: Domain, count: int = PROBES) -> Array:
     return np.asarray(np.asarray(domain.lower) + shares * np.asarray(domain.size))
 
 
-def state_at(solution: Solution, points: Array, mark: float | None) -> Array | None:
+def state_at(solution: DisplacementField, points: Array, mark: float | None) -> Array | None:
     """Return the displacement (..., 3) at points (..., 2) of a state; None if it was not reached or is not finite."""
     try:
         field = solution.displacement(points, at=mark)
@@ -41,7 +41,7 @@ def state_at(solution: Solution, points: Array, mark: float | None) -> Array | N
     return field if np.all(np.isfinite(field)) else None
 
 
-def states_at(solution: Solution, case: Case, points: Array) -> dict[float, Array]:
+def states_at(solution: DisplacementField, case: Shell, points: Array) -> dict[float, Array]:
     """Return the displacements (..., 3) at points (..., 2) by mark: of all frames, or the only state."""
     if case.linear:
         last = state_at(solution, points, None)
@@ -50,7 +50,7 @@ def states_at(solution: Solution, case: Case, points: Array) -> dict[float, Arra
     return {mark: field for mark, field in found.items() if field is not None}
 
 
-def probe_fields(solution: Solution, case: Case) -> dict[str, NDArray[Any]]:
+def probe_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[Any]]:
     """Return the probes and their displacements as a record keeps them; see `shellbench.bench.record.Record`."""
     points = probes_of(case.surface.domain)
     states = states_at(solution, case, points)

@@ -1,13 +1,29 @@
-"""Quantities of interest: what a case asks of every solution, and how closely each solver must answer."""
+"""Quantities of interest of shells: what a case asks of every solution, what each needs, and how it is measured.
+
+A new quantity is one class here: its `kind` is what case files call it.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Union
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 
-from shellbench.model import Finite, Model, Name, Positive, Vector
+from shellbench.model import Finite, Name, Vector
+from shellbench.problem import Quantity
 from shellbench.problems.shell.conditions import Places
+from shellbench.problems.shell.field import DisplacementField
+from shellbench.problems.shell.load_curve import Curve
+from shellbench.problems.shell.measure import area_rule, kinetic_energy, total_energy, unit
+from shellbench.problems.shell.places import Point
+
+Array = NDArray[np.float64]
+
+GRID = 101  # points a side of the first search for the largest displacement
+ZOOM = 9  # points a side of each closer look
+LEVELS = 10  # closer looks; each is (ZOOM - 1) / 2 times finer than the one before
 
 
 def _not_zero(direction: Vector) -> Vector:
@@ -19,35 +35,65 @@ def _not_zero(direction: Vector) -> Vector:
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
 
 
-class Quantity(Model):
-    """What all quantities have in common.
+class ShellQuantity(Quantity):
+    """What all quantities of shells have in common.
 
     Attributes
     ----------
-    tolerance
-        By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
-    open_finding
-        By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
     at
         Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
         (see `shellbench.problems.shell.path.Path`).
+    series
+        Where it is followed all along the way: "motion", "path" (both), or nowhere.
+    of_field
+        Whether the displacement field at its state defines it.
     """
 
-    name: Name
-    description: str = ""
-    unit: str = "m"
-    primary: bool = False
-    at: Finite = 1.0
-    tolerance: dict[str, Positive] = Field(default_factory=dict)
-    absolute: bool = False
-    open_finding: dict[str, str] = Field(default_factory=dict)
+    series: ClassVar[Literal["motion", "path", ""]] = "motion"
+    of_field: ClassVar[bool] = False
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Names of the places that it is measured at."""
+        return ()
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if it does not fit the shell that it is asked of."""
+
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError if a static case can't be asked for it."""
+
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError if a motion can't be asked for it; `constant`: supports and loads do not depend on time."""
 
 
-class DisplacementQuantity(Quantity):
+class PointQuantity(ShellQuantity):
+    """What is measured at points, as the mean over them."""
+
+    of_field: ClassVar[bool] = True
+    points: Places
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Names of its points."""
+        return self.points
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if a place is no point."""
+        for name in self.points:
+            if not isinstance(shell.places[name], Point):
+                raise ValueError(f"quantity '{self.name}' needs points, but '{name}' is none")
+
+    def coordinates(self, solution: DisplacementField) -> Array:
+        """Return the points (n, 2)."""
+        places = [solution.case.places[name] for name in self.points]
+        return np.array([place.xi for place in places if isinstance(place, Point)])
+
+
+class DisplacementQuantity(PointQuantity):
     """The displacement along a direction at a point, or its mean over points."""
 
     kind: Literal["displacement"]
-    points: Places
     direction: Vector | Annotated[tuple[Vector, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -67,36 +113,66 @@ class DisplacementQuantity(Quantity):
             return self.direction
         return (self.direction,) * len(self.points)
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the displacement along the directions, averaged over the points, metres."""
+        displacement = solution.displacement(self.coordinates(solution), at=self.at)
+        directions = np.array([unit(d) for d in self.directions])
+        return float(np.mean(np.sum(displacement * directions, axis=-1)))
 
-class PositionQuantity(Quantity):
+
+class PositionQuantity(PointQuantity):
     """The position x + u along a direction at a point, or its mean over points."""
 
     kind: Literal["position"]
-    points: Places
     direction: Direction
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the position along the direction, averaged over the points, metres."""
+        points = self.coordinates(solution)
+        position = solution.case.surface.position(points) + solution.displacement(points, at=self.at)
+        return float(np.mean(position @ unit(self.direction)))
 
-class CentreOfMass(Quantity):
+
+class CentreOfMass(ShellQuantity):
     """The position of the shell's centre of mass along a direction."""
 
+    of_field: ClassVar[bool] = True
     kind: Literal["centre_of_mass"]
     direction: Direction
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the position along the direction, metres."""
+        points, weights = area_rule(solution.case)
+        position = solution.case.surface.position(points) + solution.displacement(points, at=self.at)
+        return float(weights @ position @ unit(self.direction) / weights.sum())
 
-class LargestDisplacement(Quantity):
+
+class LargestDisplacement(ShellQuantity):
     """The largest magnitude of the displacement anywhere on the shell."""
 
+    series: ClassVar[Literal["motion", "path", ""]] = ""
+    of_field: ClassVar[bool] = True
     kind: Literal["largest_displacement"]
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the largest magnitude, metres."""
+        return largest_displacement(solution, self.at)
 
-class EnergyQuantity(Quantity):
+
+class EnergyQuantity(ShellQuantity):
     """Strain energy of the whole shell, or its membrane or bending part, J."""
 
+    of_field: ClassVar[bool] = True
     kind: Literal["strain_energy", "membrane_energy", "bending_energy"]
     unit: str = "J"
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        membrane, bending = solution.energies(self.at)
+        return {"membrane_energy": membrane, "bending_energy": bending}.get(self.kind, membrane + bending)
 
-class MotionEnergy(Quantity):
+
+class MotionEnergy(ShellQuantity):
     """Kinetic energy of the whole shell, or its total energy, J.
 
     The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
@@ -106,35 +182,101 @@ class MotionEnergy(Quantity):
     kind: Literal["kinetic_energy", "total_energy"]
     unit: str = "J"
 
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError: what stands still has none."""
+        raise ValueError(f"quantity '{self.name}' needs a case with [dynamics]")
 
-class ReactionQuantity(Quantity):
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError if the total energy is asked for where it is not kept."""
+        if self.kind == "total_energy" and not (constant and all(load.spread for load in shell.loads)):
+            raise ValueError(
+                f"quantity '{self.name}' needs supports at rest, and loads that are constant and spread out"
+            )
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        if self.kind == "kinetic_energy":
+            return kinetic_energy(solution, self.at)
+        return total_energy(solution, self.at)
+
+
+class SupportQuantity(ShellQuantity):
+    """What a support exerts on the shell."""
+
+    series: ClassVar[Literal["motion", "path", ""]] = "path"
+    support: Name
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if there is no such support."""
+        names = [s.name for s in shell.supports]
+        if self.support not in names:
+            raise ValueError(f"quantity '{self.name}' names support '{self.support}'; known are {names}")
+
+
+class ReactionQuantity(SupportQuantity):
     """The force that a support exerts on the shell, along a direction, N."""
 
     kind: Literal["reaction"]
-    support: Name
     direction: Vector
     unit: str = "N"
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the force, N."""
+        force, _ = solution.reaction(self.support, at=self.at)
+        return float(force @ unit(self.direction))
 
-class TorqueQuantity(Quantity):
+
+class TorqueQuantity(SupportQuantity):
     """The moment that a support exerts on the shell, about an axis through a centre, N m."""
 
     kind: Literal["torque"]
-    support: Name
     axis: Vector
     centre: Vector = (0.0, 0.0, 0.0)
     unit: str = "N m"
 
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the moment, N m."""
+        _, moment = solution.reaction(self.support, self.centre, at=self.at)
+        return float(moment @ unit(self.axis))
 
-class LoadQuantity(Quantity):
-    """The load at which the path's displacement first is `at`: the load factor times `scale`, N."""
 
-    kind: Literal["load"]
+class PathQuantity(ShellQuantity):
+    """What belongs to a path and not to one of its kept states."""
+
+    series: ClassVar[Literal["motion", "path", ""]] = ""
     scale: Finite = 1.0
     unit: str = "N"
 
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError if a load alone controls the path."""
+        if shell.path.quantity is None:
+            raise ValueError(f"quantity '{self.name}' needs a path with control 'displacement' or 'arc_length'")
 
-class LimitPoint(Quantity):
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError: a motion has no path."""
+        raise ValueError(f"quantity '{self.name}' belongs to a [path], not to [dynamics]")
+
+
+class LoadQuantity(PathQuantity):
+    """The load at which the path's displacement first is `at`: the load factor times `scale`, N."""
+
+    kind: Literal["load"]
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the load, N."""
+        return self.scale * curve(solution).factor_at(self.at)
+
+
+class Unmarked(PathQuantity):
+    """A quantity of a state that the path itself marks."""
+
+    @property
+    def mark(self) -> float | None:
+        """None."""
+        return None
+
+
+class LimitPoint(Unmarked):
     """A turning point of the path, counted from rest.
 
     Attributes
@@ -151,11 +293,14 @@ class LimitPoint(Quantity):
     turning: Literal["load", "displacement"] = "load"
     number: int = Field(1, ge=1)
     gives: Literal["load", "displacement"] = "load"
-    scale: Finite = 1.0
-    unit: str = "N"
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the load, N, or the displacement, m."""
+        factor, displacement = curve(solution).turning(self.turning, self.number)
+        return self.scale * factor if self.gives == "load" else displacement
 
 
-class CriticalPoint(Quantity):
+class CriticalPoint(Unmarked):
     """The first state of a path at which the shell can buckle: its stiffness ceases to be positive definite.
 
     Attributes
@@ -166,24 +311,68 @@ class CriticalPoint(Quantity):
 
     kind: Literal["critical_point"]
     gives: Name = "load"
-    scale: Finite = 1.0
-    unit: str = "N"
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if it gives a quantity that is not there."""
+        others = [q.name for q in shell.quantities if q.mark is not None]
+        if self.gives not in ("load", *others):
+            raise ValueError(f"quantity '{self.name}' gives '{self.gives}'; known are {others}")
+
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError if the path is not controlled by its load, or there is none."""
+        if shell.linear or shell.path.control != "load":
+            raise ValueError(f"quantity '{self.name}' needs the non-linear theory and a path with control = 'load'")
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the load factor of the first critical state, or the value there of the quantity that is named."""
+        step = next((step for step in solution.history if step.phase == "critical"), None)
+        if step is None:
+            raise ValueError("the path has no critical state")
+        if self.gives == "load":
+            return float(self.scale * step.at)
+        other = solution.case.quantity(self.gives)
+        return float(other.model_copy(update={"at": step.at}).measure(solution))
 
 
-Unmarked = LimitPoint | CriticalPoint
-"""Quantities of a state that the path itself marks."""
+def _kinds(base: type[ShellQuantity]) -> list[type[ShellQuantity]]:
+    """Return the quantities that case files can ask for: the classes that have a `kind`."""
+    own = [base] if "kind" in base.model_fields else []
+    return [*own, *(kind for derived in base.__subclasses__() for kind in _kinds(derived))]
 
-QuantityModel = Annotated[
-    DisplacementQuantity
-    | PositionQuantity
-    | CentreOfMass
-    | LargestDisplacement
-    | EnergyQuantity
-    | MotionEnergy
-    | ReactionQuantity
-    | TorqueQuantity
-    | LoadQuantity
-    | LimitPoint
-    | CriticalPoint,
-    Field(discriminator="kind"),
-]
+
+if TYPE_CHECKING:
+    QuantityModel = ShellQuantity
+else:
+    QuantityModel = Annotated[Union[tuple(_kinds(ShellQuantity))], Field(discriminator="kind")]  # noqa: UP007
+
+
+def largest_displacement(solution: DisplacementField, at: float | None = None) -> float:
+    """Return the largest magnitude of the displacement, metres.
+
+    A search on a regular grid and at the case's own points, then ever closer looks around the best point.
+    """
+    domain = solution.case.surface.domain
+    lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)
+    named = [place.xi for place in solution.case.places.values() if isinstance(place, Point)]
+    candidates = np.concatenate([domain.grid(GRID, GRID).reshape(-1, 2), np.array(named).reshape(-1, 2)])
+    reach = (upper - lower) / (GRID - 1)
+    offsets = np.linspace(-1.0, 1.0, ZOOM)
+    window = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
+    largest = 0.0
+    for _ in range(LEVELS + 1):
+        magnitudes = np.linalg.norm(solution.displacement(candidates, at=at), axis=-1)
+        best = int(np.argmax(magnitudes))
+        largest = max(largest, float(magnitudes[best]))
+        candidates = candidates[best] + reach * window
+        inside = np.asarray(domain.periodic) | ((candidates >= lower) & (candidates <= upper))
+        candidates = np.where(inside, candidates, np.clip(candidates, lower, upper))
+        reach = reach * 2 / (ZOOM - 1)
+    return largest
+
+
+def curve(solution: DisplacementField) -> Curve:
+    """Return the load-displacement curve of a solution, by its case's own path; ValueError if it has none."""
+    quantity = solution.case.path.quantity
+    if quantity is None:
+        raise ValueError("the case's path has no displacement quantity")
+    return Curve.of(solution.history, quantity)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shellbench.problems.shell.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.places import Edge, Point
+from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Surface
 
-if TYPE_CHECKING:
-    from shellbench.problems.shell.case import Case
-
 Array = NDArray[np.float64]
-RigidMotion = Literal["translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z"]
-RIGID_MOTIONS: tuple[RigidMotion, ...] = (
-    "translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z",
-)  # fmt: skip
 
 SAMPLES_A_SIDE = 9  # of the grid that gives the middle and the size of a surface
 EDGE_SAMPLES = 17  # points on an edge at which its supports are applied to the rigid motions
@@ -57,7 +50,7 @@ def rigid_modes(surface: Surface, points: ArrayLike, order: int = 0) -> dict[tup
     return modes
 
 
-def free_motions(case: Case) -> Array:
+def free_motions(case: Shell) -> Array:
     """Return an orthonormal basis (6, n) of the rigid motions that no support resists."""
     rows = [np.zeros((1, 6))]
     for support, place in case.supported_places():
@@ -87,7 +80,7 @@ def free_motions(case: Case) -> Array:
     return basis[held:].T
 
 
-def check_held(case: Case) -> None:
+def check_held(case: Shell) -> None:
     """Check that supports and removed rigid motions together hold the shell.
 
     Raises

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,10 @@ from numpy.typing import NDArray
 
 from shellbench.account import ResolutionStep, StateEnergies
 from shellbench.errors import InputError
-from shellbench.problem import Solution
-from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.probes import probe_fields, state_at, states_at
+from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]
@@ -28,27 +27,25 @@ PROBES = ((0.5, 0.5), (0.25, 0.25), (0.37, 0.81), (0.7, 0.2), (0.93, 0.61))
 """Where the same material point is asked for in every grid, in fractions of the sides; off all the grids but one."""
 
 
-def write_fields(solution: Solution, case: Case, path: Path) -> bool:
-    """Write points, positions and displacements on a regular grid as npz; see `Record.fields_file`.
+def kept_fields(solution: DisplacementField, case: Shell) -> dict[str, NDArray[Any]] | None:
+    """Return points, positions and displacements on a regular grid; see `shellbench.bench.record.Record.fields_file`.
 
-    Returns whether there was a finite field to write: a path that failed at once has no state. What else a solution
-    can't tell, such as energy densities, is left out.
+    None if there is no finite field to keep: a path that failed at once has no state. What else a solution can't tell,
+    such as energy densities, is left out.
     """
     xi = case.surface.domain.grid(PICTURE, PICTURE)
     displacement = state_at(solution, xi, None)
     if displacement is None:
-        return False
+        return None
     fields: dict[str, NDArray[Any]] = {"xi": xi, "position": case.surface.position(xi), "displacement": displacement}
     if not case.linear:
         states = states_at(solution, case, xi)
         stacked = np.array(list(states.values()), dtype=PICTURE_TYPE).reshape(-1, *displacement.shape)
         fields |= {"marks": np.array(list(states)), "displacements": stacked}
-    fields |= _told(lambda: energy_densities(solution, xi)) | _told(lambda: probe_fields(solution, case))
-    np.savez_compressed(path, **fields)  # type: ignore[arg-type] # its stub takes them for its own options
-    return True
+    return fields | _told(lambda: energy_densities(solution, xi)) | _told(lambda: probe_fields(solution, case))
 
 
-def energy_densities(solution: Solution, xi: Array) -> dict[str, NDArray[Any]]:
+def energy_densities(solution: DisplacementField, xi: Array) -> dict[str, NDArray[Any]]:
     """Return the finite energy densities (n, n) of the last state by name, in single precision, J/m^2."""
     if not hasattr(solution, "evaluate"):  # as in plug-ins that know displacements alone
         return {}
@@ -69,7 +66,7 @@ def _told(ask: Callable[[], dict[str, NDArray[Any]]]) -> dict[str, NDArray[Any]]
         return {}
 
 
-def energies_of_states(solution: Solution, case: Case) -> tuple[StateEnergies, ...]:
+def energies_of_states(solution: DisplacementField, case: Shell) -> tuple[StateEnergies, ...]:
     """Return the energies of each kept state of a non-linear case; states that were not reached are left out."""
     found: list[StateEnergies] = []
     for mark in () if case.linear else case.states:
@@ -82,7 +79,7 @@ def energies_of_states(solution: Solution, case: Case) -> tuple[StateEnergies, .
     return tuple(found)
 
 
-def resolution_study(solution: Solution, case: Case) -> tuple[ResolutionStep, ...]:
+def resolution_study(solution: DisplacementField, case: Shell) -> tuple[ResolutionStep, ...]:
     """Look at one solution through grids from coarse to fine.
 
     Raises

@@ -13,24 +13,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import ValidationError
 
 from shellbench.account import Series, finite
-from shellbench.bench.task import case_data
 from shellbench.errors import InputError
-from shellbench.problem import Solution
-from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.course import is_constant
+from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.quantities import (
-    EnergyQuantity,
-    LargestDisplacement,
-    LoadQuantity,
-    MotionEnergy,
-    QuantityModel,
-    ReactionQuantity,
-    TorqueQuantity,
-    Unmarked,
-)
+from shellbench.problems.shell.quantities import EnergyQuantity, MotionEnergy, QuantityModel
+from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.snapshot import snapshot_of
 
 SAMPLES = 101  # times, rest among them: hundredths of the whole time, for curves of some ten swings
@@ -63,13 +53,11 @@ class Asked:
     quantities: tuple[str, ...]
 
 
-def asked_series(case: Case) -> tuple[Asked, ...]:
+def asked_series(case: Shell) -> tuple[Asked, ...]:
     """Return the series of a case, in its order: all that it measures in motion; of a path forces and torques."""
     moving = case.dynamics is not None
-    kinds = LargestDisplacement | LoadQuantity | Unmarked
-    wanted = [q for q in case.quantities if not isinstance(q, kinds)]
-    if not moving:
-        wanted = [q for q in wanted if isinstance(q, ReactionQuantity | TorqueQuantity)] if _by_load(case) else []
+    followed = {"motion", "path"} if moving else {"path"} if _by_load(case) else set()
+    wanted = [q for q in case.quantities if q.series in followed]
     alike: dict[str, list[QuantityModel]] = {}
     for quantity in wanted:
         alike.setdefault(_meaning(quantity), []).append(quantity)
@@ -85,7 +73,7 @@ def asked_series(case: Case) -> tuple[Asked, ...]:
     return tuple(found.values())
 
 
-def _by_load(case: Case) -> bool:
+def _by_load(case: Shell) -> bool:
     return not case.linear and case.path.quantity is None
 
 
@@ -94,26 +82,23 @@ def _meaning(quantity: QuantityModel) -> str:
     return quantity.model_dump_json(exclude=APART)
 
 
-def _keeps_energy(case: Case) -> bool:
-    """Tell whether a case might ask for its total energy."""
-    data = case_data(case)
-    name = "total_energy_of_the_whole_motion"
-    data["quantities"] = [*data["quantities"], {"name": name, "kind": "total_energy", "at": case.states[-1]}]
+def _keeps_energy(case: Shell) -> bool:
+    """Whether a case might ask for its total energy."""
     try:
-        Case.model_validate(data)
-    except ValidationError:
+        TOTAL.check_motion(case, is_constant(case))
+    except ValueError:
         return False
     return True
 
 
-def reached(solution: Solution, case: Case) -> float:
+def reached(solution: DisplacementField, case: Shell) -> float:
     """Return the time, s, or load factor up to which a solution goes."""
     until = case.path.until if case.dynamics is None else case.dynamics.until
     steps = [step.at for step in solution.history if step.phase in {"time", "path"} and math.isfinite(step.energy)]
     return min(until, steps[-1]) if steps else until
 
 
-def frames(solution: Solution, case: Case) -> tuple[float, ...]:
+def frames(solution: DisplacementField, case: Shell) -> tuple[float, ...]:
     """Return the marks at which the field is kept: those asked for, and in motion times all along the way.
 
     A motion that ended early is kept at its last time too.
@@ -131,7 +116,7 @@ def _distinct(marks: list[float]) -> tuple[float, ...]:
     return tuple(sorted(kept.values()))
 
 
-def series_of(solution: Solution, case: Case) -> tuple[Series, ...]:
+def series_of(solution: DisplacementField, case: Shell) -> tuple[Series, ...]:
     """Measure a solution all along the way, as far as it goes; what it refuses or is not finite is left out."""
     asked = asked_series(case)
     points: dict[str, dict[float, float]] = {one.name: {} for one in asked}
@@ -159,7 +144,7 @@ def series_of(solution: Solution, case: Case) -> tuple[Series, ...]:
     )
 
 
-def _marks(solution: Solution, case: Case) -> Iterator[float]:
+def _marks(solution: DisplacementField, case: Shell) -> Iterator[float]:
     if case.dynamics is not None:
         end = reached(solution, case)
         uniform = [t for t in np.linspace(0.0, case.dynamics.until, SAMPLES).tolist() if t < end]
@@ -169,7 +154,7 @@ def _marks(solution: Solution, case: Case) -> Iterator[float]:
     yield from _distinct([*steps, *case.states])
 
 
-def _known(solution: Solution, mark: float) -> Mapping[str, float]:
+def _known(solution: DisplacementField, mark: float) -> Mapping[str, float]:
     """Return the quantities that the history has at the state of a path at a mark."""
     found: dict[str, float] = {}
     for step in solution.history:

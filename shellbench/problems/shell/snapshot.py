@@ -8,20 +8,20 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.problem import Solution
+from shellbench.problems.shell.field import DisplacementField
 
 Array = NDArray[np.float64]
 
 
-def snapshot_of(solution: Solution, mark: float) -> Solution:
+def snapshot_of(solution: DisplacementField, mark: float) -> DisplacementField:
     """Return the solution as it is at a mark: it answers there whatever mark it is asked for, and computes it once."""
-    return cast(Solution, _Snapshot(solution, mark))
+    return cast(DisplacementField, _Snapshot(solution, mark))
 
 
 class _Snapshot:
     """What measuring asks of a solution is remembered; all else is the solution's own."""
 
-    def __init__(self, solution: Solution, mark: float) -> None:
+    def __init__(self, solution: DisplacementField, mark: float) -> None:
         self._solution = solution
         self._mark = mark
         self._answers: dict[object, Any] = {}

@@ -11,9 +11,9 @@ from scipy.linalg import qr
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import Support
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, rigid_modes
+from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions
+from shellbench.problems.shell.conditions import RIGID_MOTIONS
+from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem import linear_solve
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,

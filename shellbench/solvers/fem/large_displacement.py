@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from shellbench.errors import SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import Value
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, Value
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions
+from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
 from shellbench.solvers.fem.buckling import following_steps
 from shellbench.solvers.fem.continuation import (

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import RigidMotion
 from shellbench.problems.shell.places import SIDES, Point, Side
-from shellbench.problems.shell.rigid import RigidMotion
 from shellbench.solvers.kratos.mirror import ROUNDING, Mirror, mirror_of, point_forces
 
 __all__ = ["Folded", "Mirror", "Part", "part_of", "point_forces", "whole_of"]

@@ -11,9 +11,8 @@ from scipy.linalg import qr
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import Support
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.places import Edge, Place, Point
-from shellbench.problems.shell.rigid import RIGID_MOTIONS
 from shellbench.solvers.kratos.symmetry import Part
 from shellbench.solvers.kratos.thin_mesh import QuadMesh
 

@@ -17,9 +17,9 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad, Value
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions
+from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.certificate import rigid_part

@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad, PointLoad, PressureLoad
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, AreaLoad, EdgeLoad, GravityLoad, PointLoad, PressureLoad
 from shellbench.problems.shell.places import Edge, Point
-from shellbench.problems.shell.rigid import RIGID_MOTIONS, free_motions, rigid_modes
+from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, edge_rule
 

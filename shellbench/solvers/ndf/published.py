@@ -31,7 +31,7 @@ import torch
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, focal_points
 from shellbench.solvers.ndf.certificate import certify, rigid_part
@@ -218,7 +218,7 @@ class _Training:
             return {}
         field = self.field(siren, self.sampler.placement.dtype)
         solution = NdfSolution(self.case, PublishedSolver.name, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
-        return {primary.name: mean_displacement(solution, primary)}
+        return {primary.name: measure(solution, primary)}
 
     def released(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no field of this recipe."""

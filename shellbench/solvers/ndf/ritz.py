@@ -19,7 +19,7 @@ import torch
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf import large_displacement, motion
 from shellbench.solvers.ndf.build import (
@@ -226,4 +226,4 @@ def _resolution(usual: Resolution, settings: RitzSettings) -> Resolution:
 
 def _displacements(case: Case, solution: NdfSolution) -> dict[str, float]:
     quantities = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-    return {q.name: mean_displacement(solution, q) for q in quantities}
+    return {q.name: measure(solution, q) for q in quantities}

@@ -18,7 +18,7 @@ import torch
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf import large_displacement, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
@@ -178,7 +178,7 @@ class _Run:
             unknowns=solution.parameters,
             at=self.spec.t,
             gap=state.gap,
-            quantities={q.name: mean_displacement(solution, q) for q in quantities},
+            quantities={q.name: measure(solution, q) for q in quantities},
         )
         self.history.append(step)
         self.last = replace(solution, history=tuple(self.history))

@@ -7,14 +7,8 @@ from shellbench.bench import catalog
 from shellbench.model import read_toml
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import (
-    area_rule,
-    curve,
-    largest_displacement,
-    mean_displacement,
-    measure,
-    measure_all,
-)
+from shellbench.problems.shell.measure import area_rule, measure, measure_all
+from shellbench.problems.shell.quantities import curve, largest_displacement
 from tests.bench.falling import FallSolution
 
 
@@ -55,7 +49,7 @@ def test_a_peak_across_the_seam_of_a_periodic_surface():
 def test_directions_are_normalised_and_points_averaged():
     case = catalog.named_case("pinched_cylinder_free")
     pinch = ClosedFormField(case, lambda p: np.stack([0 * p[..., 0], 0 * p[..., 0], -np.sin(p[..., 0]) * 2.0], axis=-1))
-    assert mean_displacement(pinch, case.primary) == pytest.approx(2.0)
+    assert measure(pinch, case.primary) == pytest.approx(2.0)
 
 
 class SnappingPath:

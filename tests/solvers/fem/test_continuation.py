@@ -8,7 +8,7 @@ from scipy.integrate import solve_bvp
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import mean_displacement
+from shellbench.problems.shell.measure import measure
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import (
     PathEndsError,
@@ -265,4 +265,4 @@ def test_the_functional_is_the_displacement_quantity():
     mesh = problem.mesh
     coefficients = (state.q.reshape(-1, 3, 4) / mesh.node_scales[:, None, :])[..., None]
     solution = FemSolution(case, mesh, coefficients, (1.0,), np.zeros(0, dtype=int), np.zeros((1, 0, 3, 4, 1)), 7, 0)
-    assert float(np.sum(row * state.q)) == pytest.approx(mean_displacement(solution, case.primary), rel=1e-12)
+    assert float(np.sum(row * state.q)) == pytest.approx(measure(solution, case.primary), rel=1e-12)

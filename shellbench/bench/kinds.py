@@ -1,0 +1,76 @@
+"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any
+
+from shellbench.errors import InputError
+from shellbench.model import read_toml
+from shellbench.problem import Kind, Problem
+
+GROUP = "shellbench.problems"
+DEFAULT = "shell"
+
+
+def kind_targets() -> dict[str, str]:
+    """Return where the kinds are, ``module:attribute``, by name."""
+    return {point.name: point.value for point in sorted(entry_points(group=GROUP))}
+
+
+@cache
+def find_kind(name: str) -> Kind:
+    """Return a kind of problem; InputError, naming the known ones, if there is none, or it can't be imported."""
+    targets = kind_targets()
+    if name not in targets:
+        raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, targets))}")
+    module, _, attribute = targets[name].partition(":")
+    try:
+        kind = getattr(import_module(module), attribute)
+    except Exception as error:  # a plug-in's import can raise anything
+        raise InputError(f"problems of kind '{name}' can't be used: {' '.join(str(error).split())}") from error
+    if not isinstance(kind, Kind):
+        raise InputError(f"problems of kind '{name}' can't be used: {targets[name]} is no Kind")
+    return kind
+
+
+def kind_name(data: Mapping[str, Any]) -> str:
+    """Return the name of the kind of a problem's data."""
+    return str(data.get("kind", DEFAULT))
+
+
+def kind_of(data: Mapping[str, Any]) -> Kind:
+    """Return the kind of a problem's data."""
+    return find_kind(kind_name(data))
+
+
+def module_of(kind: str) -> str:
+    """Return the module of a kind: what it imports decides what a record keeps of a solution."""
+    return kind_targets().get(kind, "").partition(":")[0]
+
+
+def read_problem(path: Path) -> Problem:
+    """Read and check a case file of whatever kind; InputError in one sentence."""
+    data = read_toml(path)
+    try:
+        kind = kind_of(data)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    return kind.problem.build(data, name=path.stem, where=str(path))
+
+
+def problem_of(data: Mapping[str, Any]) -> Problem:
+    """Make a problem again of `Problem.data`.
+
+    Raises
+    ------
+    ValidationError
+        If it is malformed.
+    InputError
+        If its kind is not installed.
+    """
+    return kind_of(data).problem.model_validate(data)

@@ -1,0 +1,54 @@
+"""What a solution of a shell is: a continuous displacement field that can be asked anywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.problem import NumberFormat, Solution
+
+Array = NDArray[np.float64]
+
+
+class DisplacementField(Solution, Protocol):
+    """A continuous displacement field and how it came about."""
+
+    def displacement(
+        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the displacement (..., 3) in metres at any points (..., 2), angles in radians.
+
+        `at` is the time, s, or the load factor (the last one if None); a motion answers at any time that it has
+        reached. `parameters` are a material, for fields that are conditioned on one.
+        """
+        ...
+
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) in m/s at points (..., 2) and a time; zero in a static case."""
+        ...
+
+    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
+        """Return one of `FIELDS` at points (..., 2); KeyError for an unknown name."""
+        ...
+
+    def energies(self, at: float | None = None) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy of the whole shell, J."""
+        ...
+
+    def reaction(
+        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
+        ...
+
+    def rounded(self, format: NumberFormat) -> tuple[DisplacementField, int]:
+        """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
+
+        What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
+        two as its scale (see `shellbench.problems.rounding`). Plug-ins may lack this method; no precision is studied
+        then.
+        """
+        ...

@@ -1,0 +1,94 @@
+"""Shells as a kind of problem: what records keep of their solutions, and what can be exported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, Series, StateEnergies
+from shellbench.problem import FIELDS, Kind
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.field import DisplacementField
+from shellbench.problems.shell.frame_rates import frame_rate_study
+from shellbench.problems.shell.precision import precision_study
+from shellbench.problems.shell.sampling import energies_of_states, kept_fields, resolution_study
+from shellbench.problems.shell.series import series_of
+from shellbench.sample import Sample
+
+Values = Mapping[str, float]
+
+STRAIN_COMPONENTS = ("11", "22", "12")
+COMPONENTS = {
+    "xi": ("xi1", "xi2"),
+    "displacement": ("x", "y", "z"),
+    "membrane_strain": STRAIN_COMPONENTS,
+    "bending_strain": STRAIN_COMPONENTS,
+}
+ENERGY_DENSITY = "strain_energy_density"
+ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
+
+
+def energies(solution: DisplacementField, case: Case, values: Values) -> Sequence[StateEnergies]:
+    """Return what is known of each kept state of a path."""
+    return energies_of_states(solution, case)
+
+
+def series(solution: DisplacementField, case: Case, values: Values) -> Sequence[Series]:
+    """Return what the quantities were along the way."""
+    return series_of(solution, case)
+
+
+def resolution(solution: DisplacementField, case: Case, values: Values) -> Sequence[ResolutionStep]:
+    """Return what grids show of the field."""
+    return resolution_study(solution, case)
+
+
+def frame_rates(solution: DisplacementField, case: Case, values: Values) -> Sequence[FrameRateStep]:
+    """Return what frames of a motion show of it."""
+    return frame_rate_study(solution, case)
+
+
+def precision(solution: DisplacementField, case: Case, values: Values) -> Sequence[PrecisionStep]:
+    """Return what rounding does to the solution."""
+    return precision_study(solution, case, values)
+
+
+def sample(solution: DisplacementField, points: int, at: float | None, title: str) -> Sample:
+    """Sample a solution on a regular grid of so many points a side.
+
+    Parameters
+    ----------
+    at
+        Time, s, or mark of a kept state of a path; the last state if None.
+
+    Raises
+    ------
+    InputError
+        If the solution has no state there.
+    """
+    surface = solution.case.surface
+    xi = surface.domain.grid(points, points)
+    fields: dict[str, NDArray[np.float64]] = {name: np.asarray(solution.evaluate(name, xi, at=at)) for name in FIELDS}
+    fields[ENERGY_DENSITY] = np.sum([fields[name] for name in ENERGY_PARTS], axis=0)
+    return Sample(
+        xi=xi,
+        position=surface.position(xi),
+        displacement=solution.displacement(xi, at=at),
+        fields=fields,
+        title=title,
+        periodic=surface.domain.periodic,
+        at=at,
+        components=COMPONENTS,
+        scalar=ENERGY_DENSITY,
+    )
+
+
+SHELL = Kind(
+    problem=Case,
+    keep=kept_fields,
+    accounts={"energies": energies, "series": series, "resolution": resolution},
+    studies={"frame_rates": frame_rates, "precision": precision},
+    sample=sample,
+)

@@ -1,0 +1,267 @@
+"""Shells: what a case of a shell says, and what follows from it at points and times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
+
+from shellbench.errors import InputError
+from shellbench.model import Finite, Model, Name
+from shellbench.problem import Problem, Quantity
+from shellbench.problems.expression import Expression
+from shellbench.problems.shell.conditions import (
+    Formula,
+    Load,
+    RigidMotion,
+    Rotation,
+    Spring,
+    Support,
+    Translation,
+    Value,
+    VectorFormula,
+)
+from shellbench.problems.shell.dynamics import Dynamics
+from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.path import Path as LoadPath
+from shellbench.problems.shell.places import Edge, Place, Point, Whole, places_of
+from shellbench.problems.shell.quantities import (
+    QuantityModel,
+)
+from shellbench.problems.shell.surface import SurfaceModel
+
+Array = NDArray[np.float64]
+Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
+
+
+class Picture(Model):
+    """How the report draws the deformed shell.
+
+    Without a `scale` the report chooses one by which the largest displacement can be seen.
+    """
+
+    scale: Finite | None = Field(None, description="factor of the displacement")
+    direction: tuple[Finite, Finite, Finite] | None = Field(None, description="colour by this component")
+    view: tuple[Finite, Finite] = Field((25.0, -60.0), description="elevation and azimuth of the camera, degrees")
+    up: Literal["x", "y", "z"] = "z"
+
+
+class Shell(Problem):
+    """A thin shell with its supports, its loads and what is asked of it.
+
+    Attributes
+    ----------
+    theory
+        Which theory the answer is asked for: known values of another theory do not judge it.
+    points
+        Named points (xi1, xi2); degrees for angles.
+    focus
+        Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
+        may be graded toward them.
+    path
+        How a non-linear static case is loaded.
+    dynamics
+        That, and until when, the shell moves by Newton's law; None in a static case.
+    remove_rigid_motions
+        Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
+    """
+
+    not_physics: ClassVar[frozenset[str]] = Problem.not_physics | {"picture"}
+
+    kind: Literal["shell"] = "shell"
+    theory: Theory
+    surface: SurfaceModel
+    material: Material
+    points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
+    supports: tuple[Support, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    remove_rigid_motions: tuple[RigidMotion, ...] = ()
+    loads: tuple[Load, ...] = ()
+    focus: tuple[Name, ...] = ()
+    path: LoadPath = Field(default_factory=lambda: LoadPath())
+    dynamics: Dynamics | None = None
+    quantities: tuple[QuantityModel, ...] = Field(min_length=1)
+    picture: Picture = Field(default_factory=lambda: Picture())
+
+    @property
+    def linear(self) -> bool:
+        """Whether strains are linearised."""
+        return self.theory == "kirchhoff-love-linear"
+
+    @cached_property
+    def places(self) -> dict[str, Place]:
+        """Edges, corners and points by name."""
+        return places_of(self.surface.domain, self.points)
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether the whole surface is moved as prescribed, so that nothing is left to solve for."""
+        return any(isinstance(place, Whole) and support.motion for support, place in self.supported_places())
+
+    @property
+    def held_everywhere(self) -> tuple[int, ...]:
+        """Components (0, 1, 2) that are held at zero on the whole surface, as in plane motion."""
+        held = {c for s, place in self.supported_places() if isinstance(place, Whole) and not s.motion for c in s.held}
+        return tuple("xyz".index(c) for c in sorted(held))
+
+    def spring_stiffness(self, points: ArrayLike) -> Array:
+        """Return the stiffness (..., 3) of all springs at points (..., 2), by component, N/m^3."""
+        xi = np.asarray(points, dtype=float)
+        total = np.zeros((*xi.shape[:-1], 3))
+        for spring in self.springs:
+            total[..., ["xyz".index(c) for c in spring.components]] += self.stiffness_of(spring, xi)[..., None]
+        return total
+
+    def stiffness_of(self, spring: Spring, sample: Array) -> Array:
+        """Return the stiffness of one spring at points (..., 2), N/m^3."""
+        try:
+            formula = Expression(spring.stiffness, MOTION_VARIABLES[:2], self.surface.named_constants)
+            return formula.derivatives(sample, 0)[0, 0]
+        except InputError as error:
+            raise ValueError(f"spring '{spring.name}': {error}") from None
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing.
+
+        In the non-linear theory the last one is the end of the path, or of the motion.
+        """
+        asked = {q.at for q in self.quantities if q.mark is not None}
+        if self.dynamics is not None:
+            return tuple(sorted(asked | {*self.dynamics.states, self.dynamics.until}))
+        end = set() if self.linear else {self.path.until}
+        return tuple(sorted(asked | set(self.path.states) | end))
+
+    def mark_words(self, mark: float) -> str:
+        """Return what a mark means, such as "t = 0.25 s" or "deflection = 12 mm"."""
+        if self.dynamics is not None:
+            return f"t = {mark:.4g} s"
+        if self.path.quantity is None:
+            return f"t = {mark:.4g}"
+        unit = self.quantity(self.path.quantity).unit
+        return f"{self.path.quantity.replace('_', ' ')} = {mark:.4g} {unit}".rstrip()
+
+    def telling_mark(self, quantity: Quantity) -> str:
+        """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        if quantity.mark is None or (self.path.quantity is None and self.dynamics is None):
+            return super().telling_mark(quantity)
+        return self.mark_words(quantity.mark)
+
+    def check_state(self, at: float) -> None:
+        """Raise InputError if a solution can't be asked at a mark."""
+        if self.dynamics is not None and not 0 <= at <= self.dynamics.until:
+            raise InputError(f"--at: found {at:g}, but {self.name} moves from 0 to {self.dynamics.until:g} s")
+        if self.linear:
+            raise InputError(f"--at: {self.name} is linear and has one state only")
+
+    def supported_places(self) -> Iterator[tuple[Support, Place]]:
+        """Yield each support with each of its places."""
+        for support in self.supports:
+            for name in support.on:
+                yield support, self.places[name]
+
+    def evaluate(
+        self, vector: VectorFormula, points: ArrayLike, t: float = 1.0, order: int = 0
+    ) -> dict[tuple[int, int], Array]:
+        """Evaluate a vector of numbers or formulas.
+
+        Parameters
+        ----------
+        vector
+            Three numbers or formulas in xi1, xi2 and t.
+        points
+            (..., 2) curvilinear coordinates, angles in radians.
+        t
+            Time, s, or load factor.
+        order
+            Highest order of the derivatives with respect to (xi1, xi2).
+
+        Returns
+        -------
+        dict
+            (i, j) -> (..., 3), in the units of the formulas.
+        """
+        components = [self.formula(text).derivatives(points, order, t) for text in vector]
+        return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
+
+    def formula(self, text: Formula) -> Expression:
+        """Read a number or formula of a support or load; the surface's constants are known to it."""
+        return Expression(text, MOTION_VARIABLES, self.surface.named_constants)
+
+    @property
+    def steady(self) -> bool:
+        """Whether no load depends on t."""
+        return not any(self.formula(f).depends_on("t") for load in self.loads for f in load.formulas)
+
+    def scalar(self, text: Formula, t: float) -> float:
+        """Evaluate a number or a formula in t alone."""
+        return float(self.formula(text).derivatives(np.zeros(2), 0, t)[0, 0])
+
+    def motion(
+        self, support: Support, place: Place, points: ArrayLike, t: float = 1.0, order: int = 0
+    ) -> dict[tuple[int, int], Array]:
+        """Evaluate the motion that a support prescribes at one of its places, extended to all points.
+
+        A rotation or translation moves every point of the shell as it moves the support. A prescribed value
+        belongs to the edge: it is constant along the other coordinate, so that it tilts no normal.
+
+        Parameters
+        ----------
+        support, place
+            One of the case's supports and one of its places.
+        points
+            (..., 2) curvilinear coordinates, angles in radians.
+        t
+            Time, s, or load factor.
+        order
+            Highest order of the derivatives with respect to (xi1, xi2).
+
+        Returns
+        -------
+        dict
+            (i, j) -> (..., 3) displacement in metres, and its derivatives.
+        """
+        xi = np.asarray(points, dtype=float)
+        keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
+        result = {key: np.zeros((*xi.shape[:-1], 3)) for key in keys}
+        match support.motion:
+            case Translation(vector=vector):
+                result[0, 0][...] = [self.scalar(text, t) for text in vector]
+            case Value() as value if isinstance(place, Edge):
+                on_edge = self.evaluate(value.vector, place.project(self.surface.domain, xi), t, order)
+                result |= {key: d for key, d in on_edge.items() if key[place.axis] == 0}
+            case Value() as value if isinstance(place, Whole):
+                result = self.evaluate(value.vector, xi, t, order)
+            case Value() as value if isinstance(place, Point):
+                result[0, 0][...] = self.evaluate(value.vector, np.asarray(place.xi), t)[0, 0]
+            case Rotation() as rotation:
+                turn = rotation_matrix(rotation, self.scalar(rotation.angle, t), self.linear) - np.eye(3)
+                for key, x in self.surface.derivatives(xi, order).items():
+                    result[key] = (x - np.asarray(rotation.centre) if key == (0, 0) else x) @ turn.T
+        return result
+
+    def turn(self, support: Support, t: float = 1.0) -> Array:
+        """Return the matrix (3, 3) by which a support turns the normals that it carries.
+
+        In linear theory a turned normal differs by what is of second order, and it is the identity.
+        """
+        if self.linear or not isinstance(support.motion, Rotation):
+            return np.eye(3)
+        return rotation_matrix(support.motion, self.scalar(support.motion.angle, t), linear=False)
+
+
+def rotation_matrix(rotation: Rotation, degrees: float, linear: bool) -> Array:
+    """Return the matrix (3, 3) of a rotation by an angle in degrees; linearised if asked for."""
+    axis = np.asarray(rotation.axis) / np.linalg.norm(rotation.axis)
+    angle = math.radians(degrees)
+    cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    if linear:
+        return np.eye(3) + angle * cross
+    turn: Array = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turn
