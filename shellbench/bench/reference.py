@@ -10,15 +10,7 @@ from pydantic import Field, ValidationError, model_validator
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name, one_sentence, read_toml
 
-KnownTheory = Literal[
-    "kirchhoff-love-linear",
-    "kirchhoff-love-nonlinear",
-    "reissner-mindlin",
-    "inextensional",
-    "membrane",
-    "mixed",
-    "unstated",
-]
+KnownTheory = Annotated[str, Field(pattern=r"^[a-z]+(-[a-z]+)*$")]
 Role = Literal["judge", "origin", "literature", "published"]
 """judge: decides; origin: an independent second derivation of it; literature: the figure usually quoted;
 published: what a paper reports of its own solver."""

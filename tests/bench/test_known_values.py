@@ -10,6 +10,7 @@ import pytest
 import derivations as origins
 from derivations import elastica, plane_strip, roll_up
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
+from derivations.discrete_catenary import hanging_chain
 from derivations.levy_roof import scordelis_lo
 from derivations.navier_plate import square_plate
 from derivations.pinched_diaphragm import pinched_cylinder_diaphragm
@@ -27,6 +28,7 @@ def torsion():
 
 
 ORIGINS = {
+    "hanging_chain": hanging_chain,
     "square_plate": square_plate,
     "scordelis_lo": scordelis_lo,
     "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,

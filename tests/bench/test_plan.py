@@ -10,6 +10,7 @@ import pytest
 
 from shellbench.bench import catalog, environment
 from shellbench.bench.identity import parse_setting
+from shellbench.bench.kinds import problem_of
 from shellbench.bench.plan import Plan, Request, is_own, make_plan
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.store import Contents, Store
@@ -171,7 +172,8 @@ def test_a_case_survives_the_way_to_another_process(name: str) -> None:
     from shellbench.bench.task import case_data
 
     case = catalog.named_case(name)
-    assert Case.model_validate(case_data(case)).digest() == case.digest()
+    again = problem_of(case_data(case))
+    assert (type(again), again.digest()) == (type(case), case.digest())
 
 
 def test_symmetry_survives_the_way_to_another_process() -> None:

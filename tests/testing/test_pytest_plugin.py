@@ -297,7 +297,7 @@ def test_without_the_option_the_plug_in_imports_nothing(tmp_path: Path) -> None:
         text=True,
         check=True,
     )
-    assert done.stdout.splitlines()[-1] == "shellbench shellbench.testing.pytest_plugin"
+    assert done.stdout.splitlines()[-1] == "shellbench shellbench.testing shellbench.testing.pytest_plugin"
 
 
 def test_the_page_describes_every_option() -> None:
@@ -322,7 +322,7 @@ def test_processes_of_xdist_solve_a_case_once(
     pytest.importorskip("xdist", reason="needs pytest-xdist")
     pytester.makeconftest(
         "import pathlib, sys\n"
-        "from shellbench import catalog\n"
+        "from shellbench.bench import catalog\n"
         f"sys.path.insert(0, {str(plugin)!r})\n"
         f"catalog.data_folder = lambda name: pathlib.Path({str(course)!r}) / name\n"
     )

@@ -1,0 +1,1 @@
+"""The solver `chain`: chains of point masses, solved directly."""
