@@ -24,8 +24,18 @@ class Quantity(Model):
 
     Attributes
     ----------
+    name
+        Unique in the case; known values refer to it.
+    description
+        What a table says, without the unit.
+    unit
+        Unit of the value, for tables.
+    primary
+        Whether it is the headline of the case: exactly one is.
     tolerance
         By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
+    absolute
+        Whether tolerances are in the quantity's unit: for known values that are zero or nearly so.
     open_finding
         By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
     at
@@ -44,7 +54,15 @@ class Quantity(Model):
 
 
 class DisplacementQuantity(Quantity):
-    """The displacement along a direction at a point, or its mean over points."""
+    """The displacement along a direction at a point, or its mean over points.
+
+    Attributes
+    ----------
+    points
+        Corners and named points.
+    direction
+        One direction for all points, or one for each, of any length.
+    """
 
     kind: Literal["displacement"]
     points: Places
@@ -69,7 +87,15 @@ class DisplacementQuantity(Quantity):
 
 
 class PositionQuantity(Quantity):
-    """The position x + u along a direction at a point, or its mean over points."""
+    """The position x + u along a direction at a point, or its mean over points.
+
+    Attributes
+    ----------
+    points
+        Corners and named points.
+    direction
+        Direction along which it is taken, of any length.
+    """
 
     kind: Literal["position"]
     points: Places
@@ -77,7 +103,13 @@ class PositionQuantity(Quantity):
 
 
 class CentreOfMass(Quantity):
-    """The position of the shell's centre of mass along a direction."""
+    """The position of the shell's centre of mass along a direction.
+
+    Attributes
+    ----------
+    direction
+        Direction along which it is taken, of any length.
+    """
 
     kind: Literal["centre_of_mass"]
     direction: Direction
@@ -108,7 +140,15 @@ class MotionEnergy(Quantity):
 
 
 class ReactionQuantity(Quantity):
-    """The force that a support exerts on the shell, along a direction, N."""
+    """The force that a support exerts on the shell, along a direction, N.
+
+    Attributes
+    ----------
+    support
+        Name of the support.
+    direction
+        Direction along which the force is taken, of any length.
+    """
 
     kind: Literal["reaction"]
     support: Name
@@ -117,7 +157,17 @@ class ReactionQuantity(Quantity):
 
 
 class TorqueQuantity(Quantity):
-    """The moment that a support exerts on the shell, about an axis through a centre, N m."""
+    """The moment that a support exerts on the shell, about an axis through a centre, N m.
+
+    Attributes
+    ----------
+    support
+        Name of the support.
+    axis
+        Direction of the axis, of any length.
+    centre
+        Point through which the axis goes, m.
+    """
 
     kind: Literal["torque"]
     support: Name
@@ -127,7 +177,13 @@ class TorqueQuantity(Quantity):
 
 
 class LoadQuantity(Quantity):
-    """The load at which the path's displacement first is `at`: the load factor times `scale`, N."""
+    """The load at which the path's displacement first is `at`: the load factor times `scale`, N.
+
+    Attributes
+    ----------
+    scale
+        Load at the load factor 1, N.
+    """
 
     kind: Literal["load"]
     scale: Finite = 1.0
@@ -145,6 +201,8 @@ class LimitPoint(Quantity):
         Which one, from 1.
     gives
         Its load, the load factor times `scale` (N), or the path's displacement there (m).
+    scale
+        Load at the load factor 1, N.
     """
 
     kind: Literal["limit_point"]
@@ -162,6 +220,8 @@ class CriticalPoint(Quantity):
     ----------
     gives
         "load", the load factor times `scale`; or the name of another quantity, whose value there is given.
+    scale
+        Load at the load factor 1, N.
     """
 
     kind: Literal["critical_point"]
