@@ -241,6 +241,15 @@ def repeatability(session: nox.Session) -> None:
 
 
 @nox.session
+def docs(session: nox.Session) -> None:
+    """Build the site in site/ without a network; a link or an anchor that leads nowhere is an error."""
+    extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
+    session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
+    session.run("mkdocs", "build", "--strict", "--quiet", env={"NO_MKDOCS_2_WARNING": "1"})
+    session.log("site/index.html")
+
+
+@nox.session
 def lint(session: nox.Session) -> None:
     """Check style and types."""
     install(session, "lint")
