@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from docs import evidence, known_values
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import build_case
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -58,6 +60,28 @@ def test_files_that_are_named_are_there(path):
     named = NAMED_FILE.findall(path.read_text(encoding="utf-8"))
     folders = ROOT, ROOT / "examples/solver_template"  # pages about the template name its files
     assert [name for name in named if not any((folder / name).exists() for folder in folders)] == []
+
+
+def own_case_page():
+    """Page "your own case", and the file that its fragments make."""
+    page = (DOCS / "own_case.md").read_text(encoding="utf-8")
+    return page, "\n".join(re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL))
+
+
+def test_your_own_case_writes_the_example():
+    whole = tomllib.loads((ROOT / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8"))
+    del whole["picture"]
+    assert tomllib.loads(own_case_page()[1]) == whole
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"), [("thickness = 0.01 ", "thickness = -0.01 "), ("clamped = true", 'components = ["z"]')]
+)
+def test_your_own_case_shows_what_is_said_of_a_wrong_one(right, wrong):
+    page, text = own_case_page()
+    with pytest.raises(InputError) as refused:
+        build_case(tomllib.loads(text.replace(right, wrong)), "paraboloid", "paraboloid.toml")
+    assert f"shellbench: {refused.value}\n" in page
 
 
 def test_every_page_is_in_the_contents():
