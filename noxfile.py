@@ -36,6 +36,7 @@ CONDITIONS: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
 }
 REPORT = "reports/latest"
 PAPER = "reports/paper"
+PAGES = "reports/pages"
 
 
 def install(session: nox.Session, *extras: str) -> None:
@@ -146,7 +147,10 @@ def engines(session: nox.Session) -> None:
 
 @nox.session
 def example(session: nox.Session) -> None:
-    """Make the committed examples of the report anew; the published training, which takes long, by its kept records."""
+    """Build the large example pages under reports/pages, and take from them what README and docs show.
+
+    The published training, which takes long, is there by its kept records.
+    """
     install(session)
     suites = (
         "obstacle_course",
@@ -166,11 +170,13 @@ def example(session: nox.Session) -> None:
         "python", "-m", "tests.solvers.ndf.kept_trainings"
     )  # 50 iterations of each: are they still today's training?
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
-    session.run("shellbench", "report", *shown, "--no-print", "--out", "reports/example")
+    session.run("shellbench", "report", *shown, "--no-print", "--out", f"{PAGES}/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines
         cross_checked = ("--suite", "engines", "--suite", "motion_engines")
-        out = ("--no-print", "--out", "reports/example_engines")
+        out = ("--no-print", "--out", f"{PAGES}/example_engines")
         session.run("shellbench", "report", "--store", ENGINES_STORE, *cross_checked, *out)
+    session.run("python", "docs/evidence.py")
+    session.log("tests/test_readme.py says which figures of README and docs have moved")
 
 
 @nox.session
@@ -232,6 +238,15 @@ def repeatability(session: nox.Session) -> None:
         session.run("shellbench", "run", "--suite", suite, "--store", store, "--seed", "0", *options, env=emulated)
         like += ["--like", store]
     session.run("shellbench", "baseline", "--suite", suite, *like, *write)
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """Build the site in site/ without a network; a link or an anchor that leads nowhere is an error."""
+    extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
+    session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
+    session.run("mkdocs", "build", "--strict", "--quiet", env={"NO_MKDOCS_2_WARNING": "1"})
+    session.log("site/index.html")
 
 
 @nox.session

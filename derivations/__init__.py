@@ -1,36 +1,10 @@
-"""Origins of the known values of Kirchhoff-Love shells, by series, closed forms and Ritz's method.
+"""Where known values come from: series, closed forms and Ritz's method, independent of every solver that they judge.
 
-These are independent of every solver that they judge: they import NumPy and SciPy only. The linear ones expand in
-harmonics instead of elements or neurons and are written for one geometry each; the theory is
-W = 1/2 (D H eps eps + B H kappa kappa) with D = E h / (1 - nu^2), B = E h^3 / (12 (1 - nu^2)) and the
-exact linearisation of the metric and curvature changes as strains. Those of large displacements take these changes
-themselves, from positions. `python -m derivations` prints every value with its uncertainty, which takes some ten
-minutes for the large displacements.
-
-| module | case | method | second form, in the tests |
-|---|---|---|---|
-| navier_plate | square plate | Navier's double series | Levy's single series |
-| levy_roof | Scordelis-Lo roof | Fourier x Legendre-Ritz | exact exponentials |
-| pinched_diaphragm | pinched cylinder, diaphragms | double Fourier, closed-form tail | `pinched_free` |
-| pinched_free | pinched cylinder, free ends | Fourier x Legendre-Ritz, fitted tail | exact exponentials |
-| torsion | twisted sleeve | closed form | stationarity of the Ritz energy |
-| elastica | cantilever, end shear | equations of equilibrium | `plane_strip`, elliptic integrals |
-| roll_up | cantilever, end moment | closed form | `plane_strip` |
-| rolled_plate | prescribed bending, rigid rotation | closed form | sampled positions |
-| large_displacements | plate, roof, pull-out, slit annulus | Ritz on splines | limits: linear values, `elastica` |
-| hinged_roof | hinged roofs | Ritz on splines, arc length | work of the load |
-| sleeve_path, sleeve_buckling | sleeve twisted, compressed | Fourier x Legendre-Ritz, second variation | classical limits |
-| free_fall | free fall | closed form | splines in time |
-| motion | napkins on a soft pin | splines, explicit in time | Legendre polynomials |
-| swinging_strip | pendulum strip | splines, explicit in time | Legendre polynomials |
-| paper_napkins | the paper's napkins | splines, explicit in time | - |
-
-`cylinder` has the linear strains, `strip` the Legendre-Ritz method for one harmonic, `exponentials` its exact
-counterpart. `surface_strains` has those of large displacements, `spline_shell` their Ritz method, `spline_path` its
-equilibria along a path, `patch` knots and surfaces. `sleeve` and `sleeve_functions` have the Ritz method of the sleeve
-that turns with its rims, `spline_motion` and `polynomial_napkin` cloth in motion, `explicit_motion` its steps in time. `estimate` is the number with its uncertainty.
+Only NumPy and SciPy are imported. README.md says which module belongs to which case, and `python -m derivations` prints
+the values.
 """
 
+from .annular_plate import annular_plate
 from .elastica import cantilever_shear
 from .estimate import Estimate
 from .free_fall import free_fall
@@ -51,6 +25,7 @@ from .torsion import sleeve_torque
 
 __all__ = [
     "Estimate",
+    "annular_plate",
     "cantilever_moment",
     "cantilever_shear",
     "cylinder_pull_out",

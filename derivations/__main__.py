@@ -1,6 +1,11 @@
-"""Print the known values with their uncertainties: `python -m derivations`."""
+"""Print known values with their uncertainties: `python -m derivations [CASE ...]`, without a name all of them."""
+
+import argparse
+import math
+from functools import partial
 
 from . import (
+    annular_plate,
     cantilever_moment,
     cantilever_shear,
     cylinder_pull_out,
@@ -29,46 +34,55 @@ from . import (
     square_plate_nonlinear,
 )
 
+ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
+TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
+CASES = {
+    "square_plate": square_plate,
+    "scordelis_lo": scordelis_lo,
+    **{f"roof_thinness_{name}": partial(scordelis_lo, thickness=h) for name, h in ROOFS.items()},
+    "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
+    "pinched_cylinder_free": pinched_cylinder_free,
+    "annular_plate": annular_plate,
+    "sleeve_torque": partial(sleeve_torque, twist=TWIST),
+    "rolled_plate": rolled_plate,
+    "rigid_rotation": rigid_rotation,
+    "cantilever_shear": cantilever_shear,
+    "cantilever_moment": cantilever_moment,
+    "square_plate_nonlinear": square_plate_nonlinear,
+    "scordelis_lo_nonlinear": scordelis_lo_nonlinear,
+    "slit_annular_plate": slit_annular_plate,
+    "cylinder_pull_out": cylinder_pull_out,
+    "free_fall": free_fall,
+    "napkin_plane": napkin_plane,
+    "napkin_soft_pin": napkin_soft_pin,
+    "napkin_corner": napkin_corner,
+    "napkin_fixed_edges": napkin_fixed_edges,
+    "napkin_moving_corners": napkin_moving_corners,
+    "sleeve_compression": sleeve_compression,
+    "sleeve_compression_thin": sleeve_compression_thin,
+    "sleeve_twist_thin": sleeve_twist_thin,
+    "sleeve_twist": sleeve_twist,
+    "pendulum_strip": pendulum_strip,
+    "hinged_roof_thick": hinged_roof_thick,
+    "hinged_roof_thin": hinged_roof_thin,
+}
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
+ROW = "{:<31} {:<21} {:>19} {:>11} {}"
 
 
-def main() -> None:
-    """Compute every case and print one line a quantity."""
-    cases = {
-        "square_plate": square_plate,
-        "scordelis_lo": scordelis_lo,
-        **{f"scordelis_lo, h = {h} m": lambda h=h: scordelis_lo(thickness=h) for h in (0.025, 0.125, 0.5)},
-        "pinched_cylinder_diaphragm": pinched_cylinder_diaphragm,
-        "pinched_cylinder_free": pinched_cylinder_free,
-        "sleeve_torque, lambda = 1 rad": sleeve_torque,
-        "rolled_plate": rolled_plate,
-        "rigid_rotation": rigid_rotation,
-        "cantilever_shear": cantilever_shear,
-        "cantilever_moment": cantilever_moment,
-        "square_plate_nonlinear": square_plate_nonlinear,
-        "scordelis_lo_nonlinear": scordelis_lo_nonlinear,
-        "slit_annular_plate": slit_annular_plate,
-        "cylinder_pull_out": cylinder_pull_out,
-        "free_fall": free_fall,
-        "napkin_plane": napkin_plane,
-        "napkin_soft_pin": napkin_soft_pin,
-        "napkin_corner": napkin_corner,
-        "napkin_fixed_edges": napkin_fixed_edges,
-        "napkin_moving_corners": napkin_moving_corners,
-        "sleeve_compression": sleeve_compression,
-        "sleeve_compression_thin": sleeve_compression_thin,
-        "sleeve_twist_thin": sleeve_twist_thin,
-        "sleeve_twist": sleeve_twist,
-        "pendulum_strip": pendulum_strip,
-        "hinged_roof_thick": hinged_roof_thick,
-        "hinged_roof_thin": hinged_roof_thin,
-    }
-    row = "{:<31} {:<21} {:>19} {:>11} {}"
-    print(row.format(*TITLE))
-    for case, compute in cases.items():
-        for quantity, estimate in compute().items():
+def main(arguments: list[str] | None = None) -> None:
+    """Compute the named cases, or all, and print one line a quantity."""
+    parser = argparse.ArgumentParser(prog="python -m derivations", description=__doc__)
+    parser.add_argument("case", nargs="*", help=f"one of {', '.join(CASES)}")
+    chosen = parser.parse_args(arguments).case
+    for name in chosen:
+        if name not in CASES:
+            parser.error(f"nothing is derived for '{name}'; cases are {', '.join(CASES)}")
+    print(ROW.format(*TITLE))
+    for case in chosen or CASES:
+        for quantity, estimate in CASES[case]().items():
             value, uncertainty = f"{estimate.value:.12g}", f"{estimate.uncertainty:.1e}"
-            print(row.format(case, quantity, value, uncertainty, estimate.unit), flush=True)
+            print(ROW.format(case, quantity, value, uncertainty, estimate.unit), flush=True)
 
 
 if __name__ == "__main__":

@@ -44,8 +44,18 @@ class Quantity(Model):
 
     Attributes
     ----------
+    name
+        Unique in the case; known values refer to it.
+    description
+        What a table says, without the unit.
+    unit
+        Unit of the value, for tables.
+    primary
+        Whether it is the headline of the case: exactly one is.
     tolerance
         By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
+    absolute
+        Whether tolerances are in the quantity's unit: for known values that are zero or nearly so.
     open_finding
         By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
     at
@@ -92,9 +102,15 @@ class Problem(Model):
     Attributes
     ----------
     name
-        Stem of the file; records and known values refer to it.
+        Stem of the file; records and known values refer to it. A file does not give it.
     kind
-        Which kind of problem it is: the name of its entry point.
+        Kind of problem: the name of its entry point.
+    title
+        One line, for tables and figures.
+    description
+        What is asked and where it comes from, in prose.
+    suites
+        Suites that the case belongs to; a case of your own needs none.
     units
         Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
     theory

@@ -59,7 +59,15 @@ class LinkTension(Quantity):
 
 
 class RopeCase(Problem):
-    """A chain that hangs between two ends, and what is asked of it."""
+    """A chain that hangs between two ends, and what is asked of it.
+
+    Attributes
+    ----------
+    chain
+        The chain, and where it hangs.
+    quantities
+        What is asked of every answer; exactly one is primary.
+    """
 
     kind: Literal["rope"]
     theory: Literal["rigid-links"]

@@ -20,7 +20,13 @@ Places = Annotated[tuple[str, ...], Field(min_length=1)]
 
 
 class Value(Model):
-    """Prescribed displacement, metres: numbers or formulas in xi1, xi2 and t, taken on the edge itself."""
+    """Prescribed displacement, metres: numbers or formulas in xi1, xi2 and t, taken on the edge itself.
+
+    Attributes
+    ----------
+    x, y, z
+        Component of the displacement, m.
+    """
 
     kind: Literal["value"]
     x: Formula = 0.0
@@ -34,7 +40,13 @@ class Value(Model):
 
 
 class Translation(Model):
-    """A translation of the support, metres; each component a number or a formula in t."""
+    """A translation of the support, metres; each component a number or a formula in t.
+
+    Attributes
+    ----------
+    vector
+        Displacement of the support, m.
+    """
 
     kind: Literal["translation"]
     vector: VectorFormula
@@ -44,6 +56,13 @@ class Rotation(Model):
     """A rotation of the support about an axis: u = R(angle) (x - centre) - (x - centre).
 
     In linear theory the rotation is linearised, u = angle axis x (x - centre), as every displacement is.
+
+    Attributes
+    ----------
+    axis
+        Direction of the axis, of any length; the sign follows the right hand.
+    centre
+        A point of the axis, m.
     """
 
     kind: Literal["rotation"]
@@ -67,6 +86,21 @@ class Support(Model):
     `components` are held at zero, or moved as `motion` says; the others are free. `clamped` holds the slope
     too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
+
+    Attributes
+    ----------
+    name
+        What quantities call it.
+    on
+        Places that it holds: edges, corners, named points, or the whole "surface".
+    components
+        Components of the displacement that it prescribes.
+    clamped
+        Whether it holds the slope too; on edges only.
+    symmetry
+        Normal of the plane of symmetry in which the edge lies. It implies components and clamp, and takes neither.
+    motion
+        How the held components move; at rest without it.
     """
 
     name: Name
@@ -102,9 +136,13 @@ class Spring(Model):
 
     Attributes
     ----------
+    name
+        What error messages call it.
     stiffness
         k, N/m^3: a number or formula in xi1 and xi2. The energy per reference area is k |u|^2 / 2, of the components
         that it holds.
+    components
+        Components of the displacement that it draws back.
     """
 
     name: Name
@@ -119,7 +157,13 @@ class Spring(Model):
 
 
 class AreaLoad(Model):
-    """A dead load per reference area, N/m^2: numbers or formulas in xi1, xi2 and t."""
+    """A dead load per reference area, N/m^2: numbers or formulas in xi1, xi2 and t.
+
+    Attributes
+    ----------
+    vector
+        Load by component, N/m^2.
+    """
 
     spread: ClassVar[bool] = True  # over the area
 
@@ -133,7 +177,13 @@ class AreaLoad(Model):
 
 
 class PressureLoad(Model):
-    """A dead load along the reference normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3."""
+    """A dead load along the reference normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3.
+
+    Attributes
+    ----------
+    value
+        Pressure, N/m^2: a number or a formula in xi1, xi2 and t.
+    """
 
     spread: ClassVar[bool] = True
 
@@ -147,7 +197,13 @@ class PressureLoad(Model):
 
 
 class GravityLoad(Model):
-    """Gravity: areal density times acceleration, m/s^2."""
+    """Gravity: areal density times acceleration.
+
+    Attributes
+    ----------
+    acceleration
+        By component, m/s^2: numbers or formulas in xi1, xi2 and t. The material needs an areal density.
+    """
 
     spread: ClassVar[bool] = True
 
@@ -161,7 +217,15 @@ class GravityLoad(Model):
 
 
 class EdgeLoad(Model):
-    """A dead load per reference length of edges, N/m: numbers or formulas in xi1, xi2 and t."""
+    """A dead load per reference length of edges, N/m: numbers or formulas in xi1, xi2 and t.
+
+    Attributes
+    ----------
+    on
+        Edges that it acts on.
+    vector
+        Load by component, N/m.
+    """
 
     spread: ClassVar[bool] = False
 
@@ -176,7 +240,15 @@ class EdgeLoad(Model):
 
 
 class PointLoad(Model):
-    """A dead force at points, N (at each of them)."""
+    """A dead force at points, N (at each of them).
+
+    Attributes
+    ----------
+    on
+        Corners and named points that it acts on.
+    force
+        Force by component, N: numbers or formulas in t.
+    """
 
     spread: ClassVar[bool] = False
 
@@ -196,6 +268,15 @@ class MomentLoad(Model):
     It is conservative: its work is the moment times the angle by which the shell's normal turns about the axis
     (of the normal's part across the axis, where the normal is not at right angles to it). The axis should be
     tangential to the edge; the sign follows the right hand.
+
+    Attributes
+    ----------
+    on
+        Edges that it acts on.
+    axis
+        Direction of the axis, of any length.
+    value
+        Moment per length, N m/m.
     """
 
     spread: ClassVar[bool] = False

@@ -68,7 +68,13 @@ class ShellQuantity(Quantity):
 
 
 class PointQuantity(ShellQuantity):
-    """What is measured at points, as the mean over them."""
+    """What is measured at points, as the mean over them.
+
+    Attributes
+    ----------
+    points
+        Corners and named points.
+    """
 
     of_field: ClassVar[bool] = True
     points: Places
@@ -91,7 +97,13 @@ class PointQuantity(ShellQuantity):
 
 
 class DisplacementQuantity(PointQuantity):
-    """The displacement along a direction at a point, or its mean over points."""
+    """The displacement along a direction at a point, or its mean over points.
+
+    Attributes
+    ----------
+    direction
+        One direction for all points, or one for each, of any length.
+    """
 
     kind: Literal["displacement"]
     direction: Vector | Annotated[tuple[Vector, ...], Field(min_length=1)]
@@ -121,7 +133,13 @@ class DisplacementQuantity(PointQuantity):
 
 
 class PositionQuantity(PointQuantity):
-    """The position x + u along a direction at a point, or its mean over points."""
+    """The position x + u along a direction at a point, or its mean over points.
+
+    Attributes
+    ----------
+    direction
+        Direction along which it is taken, of any length.
+    """
 
     kind: Literal["position"]
     direction: Direction
@@ -134,7 +152,13 @@ class PositionQuantity(PointQuantity):
 
 
 class CentreOfMass(ShellQuantity):
-    """The position of the shell's centre of mass along a direction."""
+    """The position of the shell's centre of mass along a direction.
+
+    Attributes
+    ----------
+    direction
+        Direction along which it is taken, of any length.
+    """
 
     of_field: ClassVar[bool] = True
     kind: Literal["centre_of_mass"]
@@ -201,7 +225,13 @@ class MotionEnergy(ShellQuantity):
 
 
 class SupportQuantity(ShellQuantity):
-    """What a support exerts on the shell."""
+    """What a support exerts on the shell.
+
+    Attributes
+    ----------
+    support
+        Name of the support.
+    """
 
     series: ClassVar[Literal["motion", "path", ""]] = "path"
     support: Name
@@ -214,7 +244,13 @@ class SupportQuantity(ShellQuantity):
 
 
 class ReactionQuantity(SupportQuantity):
-    """The force that a support exerts on the shell, along a direction, N."""
+    """The force that a support exerts on the shell, along a direction, N.
+
+    Attributes
+    ----------
+    direction
+        Direction along which the force is taken, of any length.
+    """
 
     kind: Literal["reaction"]
     direction: Vector
@@ -227,7 +263,15 @@ class ReactionQuantity(SupportQuantity):
 
 
 class TorqueQuantity(SupportQuantity):
-    """The moment that a support exerts on the shell, about an axis through a centre, N m."""
+    """The moment that a support exerts on the shell, about an axis through a centre, N m.
+
+    Attributes
+    ----------
+    axis
+        Direction of the axis, of any length.
+    centre
+        Point through which the axis goes, m.
+    """
 
     kind: Literal["torque"]
     axis: Vector
@@ -241,7 +285,13 @@ class TorqueQuantity(SupportQuantity):
 
 
 class PathQuantity(ShellQuantity):
-    """What belongs to a path and not to one of its kept states."""
+    """What belongs to a path and not to one of its kept states.
+
+    Attributes
+    ----------
+    scale
+        Load at the load factor 1, N.
+    """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
     scale: Finite = 1.0

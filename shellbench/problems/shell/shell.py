@@ -44,6 +44,11 @@ class Picture(Model):
     """How the report draws the deformed shell.
 
     Without a `scale` the report chooses one by which the largest displacement can be seen.
+
+    Attributes
+    ----------
+    up
+        Axis that points upward in pictures.
     """
 
     scale: Finite | None = Field(None, description="factor of the displacement")
@@ -59,17 +64,31 @@ class Shell(Problem):
     ----------
     theory
         Which theory the answer is asked for: known values of another theory do not judge it.
+    surface
+        The midsurface.
+    material
+        Stiffness, thickness and mass.
     points
         Named points (xi1, xi2); degrees for angles.
+    supports
+        What holds the shell.
+    springs
+        Elastic supports; in motion only.
     focus
         Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
         may be graded toward them.
+    loads
+        What acts on the shell.
     path
         How a non-linear static case is loaded.
     dynamics
         That, and until when, the shell moves by Newton's law; None in a static case.
     remove_rigid_motions
         Rigid motions that nothing holds; the answer is made orthogonal to them in the mean over the area.
+    quantities
+        What is asked of every answer; exactly one is primary.
+    picture
+        How the report draws the shell.
     """
 
     not_physics: ClassVar[frozenset[str]] = Problem.not_physics | {"picture"}

@@ -207,6 +207,13 @@ class Cylinder(AnalyticSurface):
 
     About y (Kairanda et al., eq. (24)): x = (R cos xi1, xi2, R sin xi1); about z (eq. (63)):
     x = (R cos xi1, R sin xi1, xi2); about x: x = (xi2, R cos xi1, R sin xi1).
+
+    Attributes
+    ----------
+    axis
+        Axis of the cylinder.
+    closed
+        Whether the surface closes on itself in xi1, which then spans 360 degrees.
     """
 
     kind: Literal["cylinder"]
@@ -252,7 +259,19 @@ class Cylinder(AnalyticSurface):
 
 
 class ExpressionSurface(AnalyticSurface):
-    """Any analytic surface: three formulas in xi1 and xi2 with named constants."""
+    """Any analytic surface: three formulas in xi1 and xi2 with named constants.
+
+    Attributes
+    ----------
+    x, y, z
+        Component of the position, m: a formula in xi1 and xi2.
+    constants
+        Numbers that the formulas may name, those of supports and loads too.
+    periodic
+        Coordinates in which the surface closes on itself, smoothly.
+    angles
+        Coordinates that are angles: their bounds, and points, are given in degrees; formulas get radians.
+    """
 
     kind: Literal["expression"]
     x: str

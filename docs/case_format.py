@@ -1,0 +1,333 @@
+"""Write the reference of the case format from the models that read case files: `python docs/case_format.py`.
+
+Types, bounds and defaults come from the models' JSON schema. What a field means comes from the section "Attributes" of
+its class or of a class that it inherits from, or from `Field(description=...)`; a field without either is an error.
+Each fragment of `EXAMPLES` belongs to a whole case, one of `WHOLE`, which `tests/test_case_format.py` reads.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shellbench.model import Model
+from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
+from shellbench.problems.rope import case as rope
+from shellbench.problems.shell import quantities, surface
+from shellbench.problems.shell.case import Case
+
+PAGE = Path(__file__).with_name("case_format.md")
+Schema = Mapping[str, Any]
+
+WHOLE = {
+    "linear": """
+title = "A strip, held on one side"
+theory = "kirchhoff-love-linear"
+surface = { kind = "plane", xi1 = [0, 1], xi2 = [0, 1] }
+material = { youngs_modulus = 1e7, poissons_ratio = 0.3, thickness = 0.01, areal_density = 0.1 }
+points = { tip = [1, 0.5] }
+supports = [{ name = "wall", on = ["xi1_min"], clamped = true }]
+loads = []
+quantities = [{ name = "headline", kind = "largest_displacement", primary = true }]
+""",
+}
+WHOLE["path"] = WHOLE["linear"].replace("love-linear", "love-nonlinear").replace(
+    "loads = []", 'loads = [{ kind = "edge", on = ["xi1_max"], vector = [0, 0, "4*t"] }]'
+)  # fmt: skip
+WHOLE["arc length"] = (
+    WHOLE["path"]
+    .replace('"largest_displacement"', '"displacement", points = ["tip"], direction = [0, 0, 1], at = 0.5')
+    .replace("loads =", 'path = { control = "arc_length", quantity = "headline", until = 0.5 }\nloads =')
+)
+WHOLE["motion"] = WHOLE["linear"].replace("love-linear", "love-nonlinear") + "dynamics = { until = 1.0 }\n"
+
+
+@dataclass(frozen=True)
+class Example:
+    """A fragment of a case file, and the whole case that it makes sense in."""
+
+    text: str
+    whole: str = "linear"
+
+    def case(self) -> dict[str, Any]:
+        """Return the whole case with the fragment in it: tables are replaced, arrays of tables are continued."""
+        data = tomllib.loads(WHOLE[self.whole])
+        for key, value in tomllib.loads(self.text).items():
+            longer = isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
+            data[key] = data.get(key, []) + value if longer else value
+        return data
+
+
+EXAMPLES = {
+    "Plane": Example('[surface]\nkind = "plane"\nxi1 = [0, 2]\nxi2 = [0, 1]'),
+    "Cylinder": Example('[surface]\nkind = "cylinder"\naxis = "y"\nradius = 25\nxi1 = [0, 90]  # degrees\nxi2 = [0, 50]'),
+    "ExpressionSurface": Example(
+        '[surface]\nkind = "expression"\nx = "(r + xi2)*cos(xi1)"\ny = "(r + xi2)*sin(xi1)"\nz = "H*xi2**2"\n'
+        'xi1 = [0, 90]           # degrees\nxi2 = [0, 1]\nangles = ["xi1"]\nconstants = { r = 2.0, H = 0.5 }'
+    ),
+    "Material": Example(
+        "[material]\nyoungs_modulus = 2e11  # Pa\npoissons_ratio = 0.3\nthickness = 0.01      # m\nareal_density = 8.0   # kg/m^2"
+    ),
+    "Support": Example(
+        '[[supports]]\nname = "mirror"\non = ["xi2_min"]\nsymmetry = "y"\n\n'
+        '[[supports]]\nname = "rail"\non = ["xi1_max"]\ncomponents = ["z"]'
+    ),
+    "Value": Example('[[supports]]\nname = "lifted"\non = ["xi1_max"]\ncomponents = ["z"]\nmotion = { kind = "value", z = "0.1*xi2" }'),
+    "Translation": Example(
+        '[[supports]]\nname = "pulled"\non = ["xi1_max"]\nmotion = { kind = "translation", vector = ["0.1*t", 0, 0] }', "path"
+    ),
+    "Rotation": Example(
+        '[[supports]]\nname = "turned"\non = ["xi1_max"]\nclamped = true\n'
+        'motion = { kind = "rotation", axis = [1, 0, 0], centre = [0, 0.5, 0], angle = "90*t" }',
+        "path",
+    ),
+    "Spring": Example('[[springs]]\nname = "pin"\nstiffness = "1e4*exp(-(xi1**2 + xi2**2)/0.01)"', "motion"),
+    "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - xi1"]'),
+    "PressureLoad": Example('[[loads]]\nkind = "pressure"\nvalue = 100'),
+    "GravityLoad": Example('[[loads]]\nkind = "gravity"\nacceleration = [0, 0, -9.81]', "motion"),
+    "EdgeLoad": Example('[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]'),
+    "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
+    "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
+    "Path": Example(
+        '[[quantities]]\nname = "tip_lift"\nkind = "displacement"\npoints = ["tip"]\ndirection = [0, 0, 1]\nat = 0.4  # m of this quantity\n\n'
+        '[path]\ncontrol = "displacement"\nquantity = "tip_lift"\nuntil = 1.0  # m\nstates = [0.1, 0.2]',
+        "path",
+    ),
+    "Dynamics": Example("[dynamics]\nuntil = 2.0\nstates = [0.5, 1.5]", "motion"),
+    "DisplacementQuantity": Example(
+        '[[quantities]]\nname = "tip_deflection"\ndescription = "downward displacement of the tip"\nkind = "displacement"\n'
+        'points = ["tip"]\ndirection = [0, 0, -1]'
+    ),
+    "PositionQuantity": Example(
+        '[[quantities]]\nname = "tip_z_500ms"\nkind = "position"\npoints = ["tip"]\ndirection = [0, 0, 1]\nat = 0.5  # s', "motion"
+    ),
+    "CentreOfMass": Example('[[quantities]]\nname = "centre_z"\nkind = "centre_of_mass"\ndirection = [0, 0, 1]\nat = 0.5', "motion"),
+    "LargestDisplacement": Example('[[quantities]]\nname = "largest_displacement"\nkind = "largest_displacement"'),
+    "EnergyQuantity": Example('[[quantities]]\nname = "stored"\nkind = "strain_energy"  # or membrane_energy, bending_energy'),
+    "MotionEnergy": Example('[[quantities]]\nname = "kinetic"\nkind = "kinetic_energy"  # or total_energy\nat = 0.5', "motion"),
+    "ReactionQuantity": Example('[[quantities]]\nname = "wall_force"\nkind = "reaction"\nsupport = "wall"\ndirection = [0, 0, 1]'),
+    "TorqueQuantity": Example(
+        '[[quantities]]\nname = "wall_moment"\nkind = "torque"\nsupport = "wall"\naxis = [0, 1, 0]\ncentre = [0, 0.5, 0]'
+    ),
+    "LoadQuantity": Example('[[quantities]]\nname = "load_300mm"\nkind = "load"\nat = 0.3     # m of the path\'s displacement\nscale = 4.0', "arc length"),
+    "LimitPoint": Example('[[quantities]]\nname = "limit_load"\nkind = "limit_point"\nturning = "load"\nnumber = 1\nscale = 4.0', "arc length"),
+    "CriticalPoint": Example('[[quantities]]\nname = "critical_load"\nkind = "critical_point"\nscale = 4.0', "path"),
+    "Picture": Example('[picture]\nscale = 50\ndirection = [0, 0, -1]\nview = [25, -60]\nup = "z"'),
+}  # fmt: skip
+
+SECTIONS = (  # heading, one of them, words, common base, classes
+    ("Surface", "Surface", "`[surface]` is one of three kinds. All have the fields of the first table.", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface")),
+    ("Material", "", "`[material]`: linear, isotropic.", None, ("Material",)),
+    ("Supports", "", "`[[supports]]`: any number.", None, ("Support",)),
+    ("Motions of supports", "Motion", "`motion` of a support is one of three kinds.", None, ("Value", "Translation", "Rotation")),
+    ("Springs", "", "`[[springs]]`: any number, in cases of motion.", None, ("Spring",)),
+    ("Loads", "Load", "`[[loads]]`: any number, each of one of six kinds. All are dead: they keep their direction.", None,
+     ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
+    ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),
+    ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
+    ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
+     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "EnergyQuantity", "MotionEnergy",
+      "ReactionQuantity", "TorqueQuantity", "LoadQuantity", "LimitPoint", "CriticalPoint")),
+    ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
+)  # fmt: skip
+
+PREFACE = f"""# Case format
+
+<!-- Written by docs/case_format.py from the models. Change those, and run it. -->
+
+A case is one TOML file, named after the case. This page is generated from the models that read it, so that no field is missing.
+[Your own case](own_case.md) writes a file step by step.
+
+What is wrong with a file is said in one sentence that names the field. Unknown fields are refused.
+
+## Conventions
+
+**Units.** SI, or any other consistent units: nothing is converted. The units below are those of SI. Angles are in degrees.
+
+**Coordinates.** (xi1, xi2) run over a rectangle, the bounds of `xi1` and `xi2`. `[x, y, z]` are Cartesian.
+
+**Places.** Edges are `xi1_min`, `xi1_max`, `xi2_min`, `xi2_max`; a coordinate in which the surface closes has none. Corners are named by
+their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`. `"surface"` is the whole of it.
+
+**Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH} characters: numbers, names, `+ - * / **`,
+parentheses, {", ".join(f"`{name}`" for name in FUNCTIONS)} of one argument, and {", ".join(f"`{name}`" for name in CONSTANTS)}. It may name `xi1`, `xi2` (radians if an angle), `t`, and the
+surface's `constants`. It is never evaluated as Python.
+
+**`t`** is the time in a case of motion. In the non-linear theory without motion it is the load factor: rest is at 0, and loads and
+motions of supports must begin there. In the linear theory it is 1.
+
+**Names** begin with a letter and hold letters, digits and underscores, 60 at most.
+"""
+
+
+class UndescribedError(Exception):
+    """A field that neither its class nor its definition explains."""
+
+
+def model_class(name: str) -> type[Model]:
+    """Return the model of this name."""
+    (found,) = {cls for cls in subclasses(Model) if cls.__name__ == name and "problems" in cls.__module__}
+    return found
+
+
+def subclasses(cls: type) -> Iterator[type]:
+    """Yield all classes below a class."""
+    for below in cls.__subclasses__():
+        yield below
+        yield from subclasses(below)
+
+
+def attributes(cls: type) -> dict[str, str]:
+    """Return what the section "Attributes" of a class and of those above it says, by field; the class's own words win."""
+    found: dict[str, str] = {}
+    for one in reversed(cls.__mro__):
+        text = inspect.cleandoc(one.__dict__.get("__doc__") or "")
+        section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+        for names, words in re.findall(r"^(\S.*)\n((?:(?: +.*)?\n?)+)", section[1] if section else "", re.MULTILINE):
+            found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
+    return found
+
+
+def summary(cls: type) -> str:
+    """Return the docstring of a class without its section "Attributes"."""
+    text = inspect.cleandoc(cls.__doc__ or "")
+    return re.split(r"\n+Attributes\n-+\n", text)[0]
+
+
+def description(cls: type[Model], name: str) -> str:
+    """Return what a field means.
+
+    Raises
+    ------
+    UndescribedError
+        If nothing says it.
+    """
+    words = attributes(cls).get(name) or cls.model_fields[name].description
+    if not words:
+        raise UndescribedError(
+            f"{cls.__name__}.{name} has no description: add it to the section Attributes of its class"
+        )
+    return words if words.endswith((".", "?")) else words + "."
+
+
+def allowed(schema: Schema) -> str:
+    """Return in words what a field may be."""
+    if "const" in schema:
+        return f'`"{schema["const"]}"`'
+    if "enum" in schema:
+        return " or ".join(f'`"{value}"`' for value in schema["enum"])
+    if "$ref" in schema or "oneOf" in schema:
+        return "a table, see below"
+    if "anyOf" in schema:
+        kinds = [allowed(option) for option in schema["anyOf"] if option.get("type") != "null"]
+        return "number or formula" if kinds == ["number", "text"] else " or ".join(kinds)
+    match schema.get("type"):
+        case "array" if "prefixItems" in schema:
+            inner = {allowed(item) for item in schema["prefixItems"]}
+            return f"list of {len(schema['prefixItems'])}: {inner.pop()}"
+        case "array" if "$ref" in schema["items"] or "oneOf" in schema["items"]:
+            return "tables, see below"
+        case "array":
+            return f"list of: {allowed(schema['items'])}" + ("; not empty" if schema.get("minItems") else "")
+        case "object":
+            values = schema.get("additionalProperties") or one(schema["patternProperties"].values())
+            return f"table of names, each with: {allowed(values)}"
+        case "number" | "integer" as kind:
+            bounds = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
+            said = [f"{sign} {schema[key]:g}" for key, sign in bounds.items() if key in schema]
+            return " ".join(["whole number" if kind == "integer" else kind, ", ".join(said)]).strip()
+        case "boolean":
+            return "`true` or `false`"
+        case "string":
+            length = f" of at most {schema['maxLength']} characters" if "maxLength" in schema else ""
+            return "name" if "pattern" in schema else f"text{length}"
+    raise ValueError(f"no words for {schema}")
+
+
+def one(values: Any) -> Any:
+    """Return the only one."""
+    (only,) = values
+    return only
+
+
+def default(schema: Schema, required: bool) -> str:
+    """Return the default of a field as it would stand in a file."""
+    if required:
+        return "required"
+    if (value := schema.get("default")) is None or value in ([], {}, ""):
+        return "none"
+    return f"`{json.dumps(value)}`"
+
+
+def table(cls: type[Model], names: list[str]) -> str:
+    """Return the Markdown table of some fields of a model."""
+    schema = cls.model_json_schema()
+    lines = ["| field | allowed | default | meaning |", "|---|---|---|---|"]
+    for name in names:
+        field = schema["properties"][name]
+        cells = f"`{name}`", allowed(field), default(field, name in schema.get("required", ())), description(cls, name)
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines)
+
+
+def kinds(cls: type[Model]) -> list[str]:
+    """Return the values of `kind` that choose a model; none for models without one."""
+    field = cls.model_json_schema()["properties"].get("kind", {})
+    return field.get("enum") or [value for value in [field.get("const")] if value]
+
+
+def section(heading: str, singular: str, words: str, base: type[Model] | None, classes: tuple[str, ...]) -> str:
+    """Return the section of one part of a case file."""
+    parts = [f"## {heading}\n\n{words}"]
+    common = list(base.model_fields) if base else []
+    if base:
+        parts.append(table(base, common))
+    for name in classes:
+        cls = model_class(name)
+        if chosen := kinds(cls):
+            parts.append(f"### {singular} " + ", ".join(f"`{kind}`" for kind in chosen))
+        parts.append(summary(cls))
+        own = [field for field in cls.model_fields if field != "kind" and field not in common]
+        if own:
+            parts.append(table(cls, own))
+        if "unit" in common and cls.model_fields["unit"].default != base.model_fields["unit"].default:
+            parts.append(f'`unit` is `"{cls.model_fields["unit"].default}"` unless it says otherwise.')
+        parts.append(f"```toml\n{EXAMPLES[name].text}\n```")
+    return "\n\n".join(parts)
+
+
+def page() -> str:
+    """Return the whole reference."""
+    whole = [name for name in Case.model_fields if name != "name"]
+    top = "## The file\n\nThe tables of a case file, and the fields that stand before them:\n\n" + table(Case, whole)
+    complete = (Path(__file__).parents[1] / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8")
+    last = f"## A whole file\n\n`examples/hyperbolic_paraboloid.toml`:\n\n```toml\n{complete.strip()}\n```"
+    return "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains()]) + "\n"
+
+
+def chains() -> str:
+    """Return the reference of the second kind of problem, chains."""
+    file = (Path(__file__).parents[1] / "cases/hanging_chain.toml").read_text(encoding="utf-8")
+    own = {"theory", "chain", "quantities"}
+    parts = [
+        '## Chains\n\nA file with `kind = "rope"` is about a chain of point masses on rigid links. It has the title, the'
+        " description, the units and the suites of every case, and:",
+        table(rope.RopeCase, [name for name in rope.RopeCase.model_fields if name in own]),
+        f"`[chain]`: {summary(rope.Chain)}",
+        table(rope.Chain, list(rope.Chain.model_fields)),
+        "`[[quantities]]` have the fields that those of shells have in common, and are of one of two kinds.",
+    ]
+    for cls, kind in ((rope.NodePosition, "position"), (rope.LinkTension, "tension")):
+        common = quantities.ShellQuantity.model_fields
+        parts += [f"`{kind}`: {summary(cls)}", table(cls, [n for n in cls.model_fields if n not in {"kind", *common}])]
+    return "\n\n".join([*parts, f"`cases/hanging_chain.toml`:\n\n```toml\n{file.strip()}\n```"])
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

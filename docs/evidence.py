@@ -1,0 +1,81 @@
+"""Take from built pages what README and docs show, small enough to be committed: `python docs/evidence.py`.
+
+`nox -s example` builds two pages of some 60 MB under reports/pages. Kept of them are
+
+- the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
+- the CSV files whose figures are quoted;
+- the pictures that are shown.
+
+`tests/test_readme.py` holds README and docs against these files.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[1]
+PAGES = ROOT / "reports/pages"
+FIGURES = ROOT / "docs/figures"
+
+WHOLE_SUITES = {"obstacle_course", "verification", "nonlinear", "cloth", "ablations", "strain_ablation"}
+HEADLINE_SUITES = {"engines", "motion_engines"}
+CONTRACT = {
+    "case", "suite", "kind", "variant", "solver", "settings", "seed", "quantity", "primary", "at", "value",
+    "uncertainty", "reference", "reference_uncertainty", "reference_theory", "reference_source", "literature",
+    "relative_error", "absolute_error", "tolerance", "passed", "status", "seconds", "peak_memory_bytes", "parameters",
+    "storage_bytes", "run_id",
+}  # fmt: skip
+QUOTED_CSV = {
+    "example": (
+        "consistency", "cost_seconds", "memory", "memory_rounding", "newton", "sampling", "strains",
+        "thinness_pinched_cylinder_rigid_diaphragms",
+    ),
+    "example_engines": ("cross_check",),
+}  # fmt: skip
+SHOWN = {
+    "example": (
+        "cost_scordelis_lo", "course_obstacle_course", "frames_napkin_soft_pin", "newton", "states_cantilever_moment",
+        "strain_rolled_plate",
+    ),
+    "example_engines": ("cross_check",),
+}  # fmt: skip
+
+
+def is_kept(row: Mapping[str, Any]) -> bool:
+    """Tell whether a row of a built table is committed."""
+    suites = set(row["suites"])
+    return bool(suites & WHOLE_SUITES) or (row["primary"] and bool(suites & HEADLINE_SUITES))
+
+
+def shortened(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the row without empty fields that the contract of `table --format json` does not name."""
+    return {key: value for key, value in row.items() if key in CONTRACT or value not in (None, "", [], {})}
+
+
+def reduce_table(source: Path, target: Path) -> None:
+    """Write the rows that are kept, one a line."""
+    rows = [json.dumps(shortened(row)) for row in json.loads(source.read_bytes()) if is_kept(row)]
+    target.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Replace the committed evidence by that of the built pages."""
+    for name, csv_names in QUOTED_CSV.items():
+        built, kept = PAGES / name, ROOT / "reports" / name
+        if not built.is_dir():  # such as the engines, which only Linux has
+            continue
+        shutil.rmtree(kept, ignore_errors=True)
+        kept.mkdir(parents=True)
+        reduce_table(built / "table.json", kept / "table.json")
+        for csv_name in csv_names:
+            shutil.copy(built / f"{csv_name}.csv", kept)
+        for figure in SHOWN[name]:
+            shutil.copy(built / "figures" / f"{figure}.png", FIGURES)
+
+
+if __name__ == "__main__":
+    main()
