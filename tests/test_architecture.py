@@ -1,12 +1,16 @@
 """The design's import rules: arrows run down only, and the solvers never meet."""
 
 import ast
+import subprocess
+import sys
 from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 import shellbench
+from shellbench.bench.registry import solver_entries
+from tests.patience import GUARD
 
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -71,6 +75,26 @@ def test_only_solvers_need_a_solver_library(path):
         root = name.split(".")[0]
         interpolates = layer(path) == "report" or path.stem == "load_curve"
         assert root not in HEAVY - ({"scipy"} if interpolates else set()), f"{path.name} imports {name}"
+
+
+DECLARE = """
+import sys
+from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.errors import InputError
+for entry in solver_entries().values():
+    try:
+        load_solver(entry)
+    except InputError as error:  # an engine that is not installed
+        assert "not installed" in str(error), error
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def test_solvers_are_listed_without_what_solves():
+    """A solver declares itself in a light module; what solves is imported when it is called."""
+    assert solver_entries()
+    done = subprocess.run([sys.executable, "-c", DECLARE], capture_output=True, text=True, timeout=GUARD, check=True)
+    assert not HEAVY & set(done.stdout.split())
 
 
 def test_the_bench_knows_no_solver_by_name():
