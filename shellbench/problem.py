@@ -160,12 +160,13 @@ class Solution(Protocol):
         ...
 
     def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
+        self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None
     ) -> Array:
         """Return the displacement (..., 3) in metres at any points (..., 2), angles in radians.
 
         `at` is the time, s, or the load factor (the last one if None); a motion answers at any time that it has
-        reached. `parameters` are a material, for fields that are conditioned on one.
+        reached. `material` chooses one, for fields that are conditioned on materials; others refuse it by
+        InputError, in one sentence.
         """
         ...
 
@@ -231,14 +232,15 @@ class Solver(Protocol):
     ) -> Solution:
         """Solve the case.
 
-        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from.
+        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from; a solver that can't
+        refuses it by InputError, in one sentence.
 
         Raises
         ------
         SolveFailure
             If no trustworthy answer was reached; what had converged comes with it.
         InputError
-            If the settings do not fit the case.
+            If the settings or `start` do not fit the case.
         """
         ...
 

@@ -11,12 +11,15 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from shellbench.errors import SolveFailure
+from shellbench.problem import Solution
+from shellbench.problems.shell.history import failing_with
 from shellbench.solvers.kratos.settings import APPLICATIONS, DISTRIBUTION
 
 BELOW_WARNINGS = -1  # of Kratos' severities, of which a warning is the gravest and has number 0
@@ -53,6 +56,17 @@ def _imported() -> tuple[ModuleType, ...]:
 _modules: tuple[Any, ...] = _imported()
 kratos, structural, iga, linear_solvers = _modules
 """The modules of Kratos, which have no types: its core, and its applications in the order of `APPLICATIONS`."""
+
+
+@contextmanager
+def failing_with_kratos(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
+    """Give a failure what was reached before it, one of Kratos among them (see `history.failing_with`)."""
+    with failing_with(partial, too_large):
+        try:
+            yield
+        except RuntimeError as error:  # of Kratos: a sentence, and where in its source
+            sentence = (str(error).strip() or "an error without words").splitlines()[0]
+            raise SolveFailure(f"Kratos stopped: {sentence}") from None
 
 
 @dataclass(frozen=True)

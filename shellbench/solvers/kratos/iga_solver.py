@@ -11,6 +11,7 @@ from pydantic import Field
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.kratos.settings import KratosSettings
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ class KratosIgaSettings(KratosSettings):
     load_steps: int = Field(20, ge=1, le=10000, strict=True, description="fewest steps of a non-linear path")
 
 
-class KratosIgaSolver:
+class KratosIgaSolver(ShellSolver):
     """Kratos' rotation-free NURBS shell on one patch, cut down by planes of symmetry."""
 
     name: ClassVar[str] = "kratos-iga"
@@ -59,29 +60,27 @@ class KratosIgaSolver:
 
         return iga_declines.reason(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
+        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        from shellbench.solvers.kratos import iga_declines
+        from shellbench.solvers.kratos.symmetry import part_of, whole_of
+
+        return iga_declines.reason(case, part_of(case) if settings.symmetry else whole_of(case))
+
+    def answer(
+        self, case: Case, settings: KratosIgaSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> IgaSolution:
-        """Solve a case on one patch; an earlier solution `start` is not used.
+        """Solve a case on one patch.
 
         Raises
         ------
         SolveFailure
             If Kratos gives up, Newton's method fails, or forces are not in balance; the states that were found come
             with it.
-        InputError
-            If the case is one that the solver declines.
         """
-        chosen = (
-            settings if isinstance(settings, KratosIgaSettings) else KratosIgaSettings.model_validate(settings or {})
-        )
         from shellbench.solvers.kratos import iga_solving
 
-        return iga_solving.solve(case, chosen, progress or (lambda _: None))
+        return iga_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> IgaSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""

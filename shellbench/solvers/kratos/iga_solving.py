@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
-from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.history import displacements, with_answer_first
 from shellbench.problems.shell.places import Point
-from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.kratos import iga_declines, iga_path
+from shellbench.solvers.kratos import iga_path
+from shellbench.solvers.kratos.engine import failing_with_kratos
 from shellbench.solvers.kratos.iga_model import IgaModel
 from shellbench.solvers.kratos.iga_solution import IgaSolution, Lines
-from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
+from shellbench.solvers.kratos.iga_solver import KratosIgaSettings
 from shellbench.solvers.kratos.iga_supports import conditions_of, corner_end
 from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
 from shellbench.solvers.kratos.symmetry import Part, part_of, whole_of
@@ -47,8 +46,8 @@ class _Course:
             tuple(state.mark for state in states),
             tuple(state.factor for state in states),
             self.unknowns,
-            tuple(self.history),
-            dict(self.figures),
+            history=tuple(self.history),
+            diagnostics=dict(self.figures),
         )
 
     def add(self, state: iga_path.State) -> None:
@@ -62,10 +61,8 @@ class _Course:
         seconds = time.perf_counter() - self.began
         step = Step(len(self.history), seconds, state.energy, self.unknowns, state.factor, iterations=state.iterations)
         if not case.linear:
-            alone = self.solution([state])
-            asked = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-            values = {q.name: measure(alone, q.model_copy(update={"at": state.mark})) for q in asked}
-            step = replace(step, phase="path", quantities=values)
+            quantities = displacements(self.solution([state]), state.mark)
+            step = replace(step, phase="path", quantities=quantities)
             self.progress(Progress(len(self.history), None, f"load factor {state.factor:.4g}"))
         self.history.append(step)
 
@@ -78,22 +75,12 @@ def solve(case: Case, settings: KratosIgaSettings, progress: ProgressCallback) -
     """Solve a case; see `shellbench.solvers.kratos.iga_solver.KratosIgaSolver`."""
     began = time.perf_counter()
     part = part_of(case) if settings.symmetry else whole_of(case)
-    refusal = iga_declines.reason(case, part)
-    if refusal:
-        raise InputError(f"{KratosIgaSolver.name} can't take {case.name}: {refusal}")
     lines, angles = knot_lines(part, settings), case.surface.domain.angle
     midsurface = midsurface_of(case.surface, lines, settings.degree, angles)
     course = _Course(part, settings, progress, midsurface, began=began)
-    try:
-        with np.errstate(all="ignore"):  # what overflows does not balance, and is refused for that
-            return _solve(course)
-    except SolveFailure as failure:
-        raise SolveFailure(str(failure), partial=course.partial()) from None
-    except RuntimeError as error:
-        said = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-        raise SolveFailure(f"Kratos stopped: {said}", partial=course.partial()) from None
-    except MemoryError:
-        raise SolveFailure("the patch does not fit into memory", partial=course.partial()) from None
+    # what overflows does not balance, and is refused for that
+    with failing_with_kratos(course.partial, "the patch"), np.errstate(all="ignore"):
+        return _solve(course)
 
 
 def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
@@ -140,19 +127,4 @@ def _solve(course: _Course) -> IgaSolution:
     model = IgaModel.of(surface, conditions, case.material, case.linear)
     for state in iga_path.states(model, part, course.settings.load_steps, course.settings.rounding):
         course.add(state)
-    solution = course.solution(course.kept)
-    last = solution.history[-1]
-    try:
-        quantities = measure_all(solution)
-    except ValueError as error:  # a point of the path that was not passed, or was jumped over
-        raise SolveFailure(str(error)) from None
-    whole = replace(
-        last,
-        iteration=0,
-        seconds=time.perf_counter() - course.began,
-        quantities=quantities,
-        phase="solve",
-        iterations=None,
-    )
-    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
-    return replace(solution, history=(whole, *path))
+    return with_answer_first(course.solution(course.kept), course.began)

@@ -21,6 +21,7 @@ from pydantic import Field
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.kratos.settings import KratosSettings
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class KratosThinSettings(KratosSettings):
     tolerance: Finite = Field(TOLERANCE, gt=0, le=1e-2, description="Newton's last step, relative to the shell's size")
 
 
-class KratosThinSolver:
+class KratosThinSolver(ShellSolver):
     """`ShellThinElementCorotational3D4N`: ANDES membrane and discrete Kirchhoff bending in a corotating frame.
 
     In the linear theory Kratos' stiffness of the shell at rest is all that is used of it.
@@ -62,19 +63,20 @@ class KratosThinSolver:
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
+        return self.declines_with(case, KratosThinSettings())
+
+    def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
+        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
         from shellbench.solvers.kratos import thin_declines
         from shellbench.solvers.kratos.symmetry import part_of
+        from shellbench.solvers.kratos.thin_solution import whole
 
-        return thin_declines.reason(case, part_of(case))
+        return thin_declines.reason(case, part_of(case) if settings.symmetry else whole(case))
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: KratosThinSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> ThinSolution:
-        """Solve a case on one mesh; an earlier solution `start` is not used.
+        """Solve a case on one mesh.
 
         Raises
         ------
@@ -84,12 +86,9 @@ class KratosThinSolver:
         InputError
             If the mesh does not fit the case.
         """
-        chosen = (
-            settings if isinstance(settings, KratosThinSettings) else KratosThinSettings.model_validate(settings or {})
-        )
         from shellbench.solvers.kratos import thin_solving
 
-        return thin_solving.solve(case, chosen, progress or (lambda _: None))
+        return thin_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> ThinSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""

@@ -9,18 +9,17 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from shellbench.errors import InputError, SolveFailure
+from shellbench.errors import InputError
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure, measure_all
-from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.kratos import thin_declines as declines
+from shellbench.problems.shell.history import displacements, with_answer_first
+from shellbench.solvers.kratos.engine import failing_with_kratos
 from shellbench.solvers.kratos.symmetry import Part, part_of
 from shellbench.solvers.kratos.thin_deformation import Gauge
 from shellbench.solvers.kratos.thin_elements import ELEMENT
 from shellbench.solvers.kratos.thin_mesh import FEWEST_AROUND
 from shellbench.solvers.kratos.thin_solution import ThinSolution, mesh_on, whole
-from shellbench.solvers.kratos.thin_solver import KratosThinSettings, KratosThinSolver
+from shellbench.solvers.kratos.thin_solver import KratosThinSettings
 from shellbench.solvers.kratos.thin_static import Problem, State, follow_path, solve_linear
 
 CELLS, CELLS_AROUND = 128, 256  # of the whole shell, unless settings say otherwise: 64 x 64 of an eighth of a cylinder
@@ -81,7 +80,7 @@ class _Course:
             figures["stability_checked"] = False  # Newton's method may jump over a limit point to another state
         marks = np.array([state.at for state in self.states])
         frames = np.stack([state.values for state in self.states], axis=-1)
-        return ThinSolution(problem, marks, frames, len(problem.free), tuple(self.history), figures)
+        return ThinSolution(problem, marks, frames, len(problem.free), history=tuple(self.history), diagnostics=figures)
 
     def partial(self) -> ThinSolution | None:
         """Return what was reached, or None before the first state."""
@@ -102,9 +101,7 @@ class _Course:
             iterations=state.iterations,
         )
         if not case.linear:
-            asked = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-            values = {q.name: measure(solution, q.model_copy(update={"at": state.at})) for q in asked}
-            step = replace(step, phase="path", quantities=values)
+            step = replace(step, phase="path", quantities=displacements(solution, state.at))
         self.history.append(step)
         self.progress(Progress(len(self.history), len(case.states), f"load factor {state.at:.4g}"))
 
@@ -112,20 +109,10 @@ class _Course:
 def solve(case: Case, settings: KratosThinSettings, progress: ProgressCallback) -> ThinSolution:
     """Solve a case; see `shellbench.solvers.kratos.thin_solver.KratosThinSolver`."""
     part = part_of(case) if settings.symmetry else whole(case)
-    refusal = declines.reason(case, part)
-    if refusal:
-        raise InputError(f"{KratosThinSolver.name} can't take {case.name}: {refusal}")
     course = _Course(problem_of(part, settings), progress)
-    with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
-        try:
-            return _solve(course, settings)
-        except SolveFailure as failure:
-            raise SolveFailure(str(failure), partial=course.partial()) from None
-        except RuntimeError as error:  # of Kratos: a sentence, and where in its source
-            sentence = (str(error).strip() or "an error without words").splitlines()[0]
-            raise SolveFailure(f"Kratos stopped: {sentence}", partial=course.partial()) from None
-        except MemoryError:
-            raise SolveFailure("the mesh does not fit into memory", partial=course.partial()) from None
+    limited = ThreadpoolController().select(internal_api="openblas").limit(limits=1)  # the matrices are small
+    with limited, failing_with_kratos(course.partial, "the mesh"):
+        return _solve(course, settings)
 
 
 def problem_of(part: Part, settings: KratosThinSettings) -> Problem:
@@ -149,15 +136,4 @@ def _solve(course: _Course, settings: KratosThinSettings) -> ThinSolution:
             course.add(state)
     else:
         follow_path(course.problem, case.states, settings.steps, settings.tolerance, course.add)
-    solution = course.solution()
-    last = solution.history[-1]
-    answer = replace(
-        last,
-        iteration=0,
-        seconds=time.perf_counter() - course.began,
-        quantities=measure_all(solution),
-        phase="solve",
-        iterations=None,
-    )
-    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
-    return replace(solution, history=(answer, *path))
+    return with_answer_first(course.solution(), course.began)

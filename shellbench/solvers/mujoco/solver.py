@@ -14,6 +14,7 @@ from shellbench.errors import InputError
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.mujoco.choices import Integrator
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class FlexSettings(Settings):
         return engine
 
 
-class MujocoFlexSolver:
+class MujocoFlexSolver(ShellSolver):
     """A two-dimensional flex of MuJoCo, a vertex a body, on one grid."""
 
     name: ClassVar[str] = "mujoco-flex"
@@ -88,14 +89,10 @@ class MujocoFlexSolver:
 
         return declines.reason(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: FlexSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> FlexSolution:
-        """Follow a motion on one grid; an earlier solution `start` is not used.
+        """Follow a motion on one grid.
 
         Raises
         ------
@@ -104,13 +101,9 @@ class MujocoFlexSolver:
         InputError
             If the settings do not fit the case.
         """
-        chosen = settings if isinstance(settings, FlexSettings) else FlexSettings.model_validate(settings or {})
-        refusal = self.declines(case)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
         from shellbench.solvers.mujoco import solving
 
-        return solving.solve(case, chosen, progress or (lambda _: None))
+        return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> FlexSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""

@@ -77,8 +77,8 @@ class _Course:
             np.stack([frame.displacement for frame in self.frames]),
             np.stack([frame.velocity for frame in self.frames]),
             self.unknowns,
-            tuple(self.history),
-            figures,
+            history=tuple(self.history),
+            diagnostics=figures,
         )
 
     @property
