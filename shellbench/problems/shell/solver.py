@@ -45,7 +45,7 @@ class ShellSolver:
         settings: Any = None,
         start: Solution | Path | None = None,
         progress: ProgressCallback | None = None,
-    ) -> Any:
+    ) -> Solution:
         """Solve a case with settings, or what makes some.
 
         Raises

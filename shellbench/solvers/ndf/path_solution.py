@@ -17,7 +17,7 @@ from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_solution import MotionSolution, read_motion
 from shellbench.solvers.ndf.rounding import short_enough
-from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, read_solution
+from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, read_states
 from shellbench.solvers.ndf.weights import StateHeader, read, write
 
 
@@ -94,14 +94,8 @@ class PathSolution(FieldSolution):
             )
             for mark, s in zip(self.marks, self.states, strict=True)
         )
-        last = replace(
-            self.states[-1],
-            history=self.history,
-            diagnostics=self.diagnostics,
-            uncertainty=self.uncertainty,
-            extrapolated=self.extrapolated,
-        )
-        return write(path, last.header.model_copy(update={"states": headers}), self.tensors())
+        header = self.states[-1].header.model_copy(update={**self.facts(), "states": headers})
+        return write(path, header, self.tensors())
 
 
 def load_solution(
@@ -117,15 +111,7 @@ def load_solution(
     header, tensors = read(path, solver)
     if header.moving:
         return read_motion(path, header, tensors)
-    header, states = read_solution(path, solver, ansatz_of)
+    states = read_states(path, header, tensors, ansatz_of)
     if not header.states:
-        return states[0]
-    last = states[-1]
-    return PathSolution(
-        marks=tuple(s.mark for s in header.states),
-        states=tuple(replace(s, history=(), diagnostics={}, uncertainty={}, extrapolated={}) for s in states),
-        history=last.history,
-        diagnostics=last.diagnostics,
-        uncertainty=last.uncertainty,
-        extrapolated=last.extrapolated,
-    )
+        return replace(states[0], **header.course())
+    return PathSolution(marks=tuple(s.mark for s in header.states), states=states, **header.course())

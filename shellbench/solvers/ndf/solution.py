@@ -24,7 +24,7 @@ from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, sh
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.tensor_file import telling_damage
 from shellbench.solvers.ndf.undeformed import Undeformed, stresses
-from shellbench.solvers.ndf.weights import Header, StateHeader, network_of, network_tensors, read, write
+from shellbench.solvers.ndf.weights import Header, StateHeader, network_of, network_tensors, write
 
 QUERY = 2048  # points at which values are computed at once: of more, they no longer fit the cache of a processor
 JETS = 512  # points at which jets are, which are six times as large
@@ -141,7 +141,7 @@ class NdfSolution(FieldSolution):
                 push = magnitude * np.eye(3)[at_point.component]
                 point = np.asarray(at_point.point.xi)
                 arm = self.case.surface.position(point) - centre
-                if self.spec.strain != "linear":
+                if self.spec.strain != "linear" or self.case.dynamics:
                     arm = arm + self.displacement(point)
                 force, moment = force + push, moment + np.cross(arm, push)
         return force, moment
@@ -203,17 +203,21 @@ def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Fe
     return build_features(case, header.spec, network, placement, inputs)
 
 
-def read_solution(
-    path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
-) -> tuple[Header, list[NdfSolution]]:
-    """Read a file: one field, or those of all states of a path; `ansatz_of` builds the supports in as the recipe does.
+def read_states(
+    path: Path,
+    header: Header,
+    tensors: Mapping[str, Tensor],
+    ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz,
+) -> tuple[NdfSolution, ...]:
+    """Return the field that a file holds, or those of all states of a path, without how they came about.
+
+    `ansatz_of` builds the supports in as the recipe does.
 
     Raises
     ------
     InputError
-        In one sentence, if the file is not a whole and consistent solution of this solver.
+        In one sentence, if the file is not a whole and consistent solution.
     """
-    header, tensors = read(path, solver)
     with telling_damage(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
@@ -245,7 +249,6 @@ def read_solution(
                 bending=state.bending,
                 parameters=header.parameters,
                 point_forces=state.point_forces,
-                **header.course(),
             )
         )
-    return header, solutions
+    return tuple(solutions)
