@@ -378,14 +378,15 @@ class Solver(Protocol):
     ) -> Solution:
         """Solve the problem.
 
-        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from.
+        `start` is an earlier solution, or a checkpoint file of an interrupted solve, to go on from; a solver that can't
+        refuses it by InputError, in one sentence.
 
         Raises
         ------
         SolveFailure
             If no trustworthy answer was reached; what had converged comes with it.
         InputError
-            If the settings do not fit the case.
+            If the settings or `start` do not fit the case.
         """
         ...
 

@@ -1,12 +1,16 @@
 """The design's import rules: arrows run down only, and the solvers never meet."""
 
 import ast
+import subprocess
+import sys
 from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 import shellbench
+from shellbench.bench.registry import solver_entries
+from tests.patience import GUARD
 
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
@@ -86,6 +90,26 @@ def test_no_modules_import_each_other_in_a_circle():
         graph = circles
     for name, other in ((name, other) for name, wanted in graph.items() for other in wanted):
         assert other.rpartition(".")[0] == name.rpartition(".")[0], f"in circles: {sorted(graph)}"
+
+
+DECLARE = """
+import sys
+from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.errors import InputError
+for entry in solver_entries().values():
+    try:
+        load_solver(entry)
+    except InputError as error:  # an engine that is not installed
+        assert "not installed" in str(error), error
+print(*sorted({name.partition(".")[0] for name in sys.modules}))
+"""
+
+
+def test_solvers_are_listed_without_what_solves():
+    """A solver declares itself in a light module; what solves is imported when it is called."""
+    assert solver_entries()
+    done = subprocess.run([sys.executable, "-c", DECLARE], capture_output=True, text=True, timeout=GUARD, check=True)
+    assert not HEAVY & set(done.stdout.split())
 
 
 def test_the_bench_knows_no_solver_by_name():

@@ -51,7 +51,7 @@ class FallSolution:
         self.asked.append((what, t))
         return t
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         t = self._time("displacement", at)
         fallen = self.until * t - t**2 / 2 if self.reversed_inertia else t**2 / 2
         return np.zeros((*np.shape(points)[:-1], 3)) + fallen * GRAVITY

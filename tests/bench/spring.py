@@ -104,7 +104,7 @@ class SpringSolution:
             raise InputError(f"{self.case.name}: solved at {self.upto:g}, not at {mark:g}")
         return math.nan if mark == self.spoilt else rise(self.case, mark)
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         xi = np.asarray(points, dtype=float)
         zero = np.zeros(xi.shape[:-1])
         return np.stack([zero, zero, zero + self._rise(at)], axis=-1)

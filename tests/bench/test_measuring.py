@@ -334,8 +334,8 @@ def nested(depth: int) -> list[Any]:
 
 FOLDS = "the field folds where its bending energy does not look"
 HOSTILE: dict[str, dict[str, Any]] = {
-    "not finite at a probe": {"displacement": lambda points, at=None, parameters=None: lost_at_a_probe(points)},
-    "huge": {"displacement": lambda points, at=None, parameters=None: np.full((*np.shape(points)[:-1], 3), 1e200)},
+    "not finite at a probe": {"displacement": lambda points, at=None, material=None: lost_at_a_probe(points)},
+    "huge": {"displacement": lambda points, at=None, material=None: np.full((*np.shape(points)[:-1], 3), 1e200)},
     "diagnostics are nested": {"diagnostics": {"deep": nested(250)}},
     "diagnostics have many digits": {"diagnostics": {"count": 10**5000, "ratio": 1e300}},
     "diagnostics have half a character": {"diagnostics": {"word": "\ud800"}},
@@ -412,7 +412,7 @@ def test_no_record_is_written_that_can_not_be_read(
 def test_a_field_that_is_not_finite_at_a_probe_is_no_good_answer(tmp_path: Path) -> None:
     case = spring.loaded_case()
     solution: Any = SpringSolution(case)
-    solution.displacement = lambda points, at=None, parameters=None: lost_at_a_probe(points)
+    solution.displacement = lambda points, at=None, material=None: lost_at_a_probe(points)
     found, why = measured(solution, case, tmp_path)
     assert why == "the solution can't be measured: its displacement is not finite at the point (0.37, 0.81)"
     assert (found["fields_file"], found["solution_file"]) == (FIELDS, "solution.txt")

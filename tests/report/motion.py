@@ -104,7 +104,7 @@ class Formula:
             raise InputError(f"{self.case.name}: solved up to {self.upto:g} s, not to {t:g} s")
         return t
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         return self.field(np.asarray(points, dtype=float), self._time(at))
 
     def velocity(self, points, at=None):

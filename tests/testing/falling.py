@@ -25,7 +25,7 @@ class Fall:
     def _until(self):
         return self.case.dynamics.until
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         t = self._until if at is None else at
         if self.fault == "frames":
             t = round(t / self._until * FRAMES) / FRAMES * self._until

@@ -111,7 +111,7 @@ class NavierSolution:
             factors.append(k ** derivative[axis] * np.sin((xi[..., axis, None] - domain.lower[axis]) * k + phase))
         return np.sum((factors[0] @ self.coefficients) * factors[1], axis=-1)
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         xi = np.asarray(points, dtype=float)
         if self.fault == "no_empty" and xi.size == 0:
             raise ValueError("no points")

@@ -39,7 +39,7 @@ class NodePosition(Quantity):
 
     kind: Literal["position"]
     node: int = Field(ge=0, strict=True, description="from 0, the first end")
-    axis: Literal["x", "z"]
+    axis: Literal["x", "z"] = Field(description="which coordinate; z points upward")
 
     def measure(self, solution: Any) -> float:
         """Return the coordinate, m."""

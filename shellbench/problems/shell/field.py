@@ -17,12 +17,13 @@ class DisplacementField(Solution, Protocol):
     """A continuous displacement field and how it came about."""
 
     def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
+        self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None
     ) -> Array:
         """Return the displacement (..., 3) in metres at any points (..., 2), angles in radians.
 
         `at` is the time, s, or the load factor (the last one if None); a motion answers at any time that it has
-        reached. `parameters` are a material, for fields that are conditioned on one.
+        reached. `material` chooses one, for fields that are conditioned on materials; others refuse it by
+        InputError, in one sentence.
         """
         ...
 

@@ -29,7 +29,7 @@ class _Snapshot:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._solution, name)
 
-    def displacement(self, points: ArrayLike, at: float | None = None, parameters: object = None) -> Any:
+    def displacement(self, points: ArrayLike, at: float | None = None, material: object = None) -> Any:
         return self._field(self._solution.displacement, points)
 
     def velocity(self, points: ArrayLike, at: float | None = None) -> Any:

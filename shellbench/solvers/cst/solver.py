@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field
 
-from shellbench.errors import InputError
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.cst import declines
 from shellbench.solvers.cst.choices import Diagonal
 
@@ -31,7 +31,7 @@ class CstSettings(Settings):
     tolerance: Finite = Field(TOLERANCE, gt=0, le=1e-2, description="Newton's last step, relative to the shell's size")
 
 
-class CstSolver:
+class CstSolver(ShellSolver):
     """Constant-strain triangles with hinges, on one mesh; motions by backward Euler."""
 
     name: ClassVar[str] = "cst-hinge"
@@ -45,14 +45,10 @@ class CstSolver:
         """Return why the solver can't take this case, as one clause, or None if it can."""
         return declines.reason(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: CstSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> CstSolution:
-        """Solve a case on one mesh; an earlier solution `start` is not used.
+        """Solve a case on one mesh.
 
         Raises
         ------
@@ -62,13 +58,9 @@ class CstSolver:
         InputError
             If the mesh does not fit the case.
         """
-        chosen = settings if isinstance(settings, CstSettings) else CstSettings.model_validate(settings or {})
-        refusal = self.declines(case)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
         from shellbench.solvers.cst import solving
 
-        return solving.solve(case, chosen, progress or (lambda _: None))
+        return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> CstSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from shellbench.errors import InputError, SolveFailure
+from shellbench.errors import InputError
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.history import displacements, failing_with, with_answer_first
 from shellbench.problems.shell.places import Point
-from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.cst import motion, static
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
 from shellbench.solvers.cst.problem import Problem
@@ -66,7 +65,13 @@ class _Course:
         frames = np.stack(self.frames, axis=-1)
         unknowns = len(self.problem.pattern.free)
         return CstSolution(
-            self.problem.case, mesh, np.array(self.marks), frames, unknowns, tuple(self.history), figures
+            self.problem.case,
+            mesh,
+            np.array(self.marks),
+            frames,
+            unknowns,
+            history=tuple(self.history),
+            diagnostics=figures,
         )
 
     def partial(self) -> CstSolution | None:
@@ -82,10 +87,8 @@ class _Course:
         if self.problem.case.linear:
             self.history.append(step)
             return
-        solution = self.solution()
-        asked = [q for q in self.problem.case.quantities if isinstance(q, DisplacementQuantity)]
-        values = {q.name: measure(solution, q.model_copy(update={"at": state.at})) for q in asked}
-        self.history.append(replace(step, phase="path", quantities=values))
+        quantities = displacements(self.solution(), state.at)
+        self.history.append(replace(step, phase="path", quantities=quantities))
         self.progress(Progress(len(self.history), len(self.problem.case.states), f"load factor {state.at:.4g}"))
 
     def add_frame(self, frame: motion.Frame, steps: int) -> None:
@@ -105,14 +108,9 @@ def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSol
     """Solve a case; see `shellbench.solvers.cst.solver.CstSolver`."""
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
         course: _Course | None = None
-        try:
+        with failing_with(lambda: course.partial() if course else None, "the mesh"):
             course = _Course(Problem.of(case, mesh_of(case, chosen)), chosen, progress)
             return _solve(course)
-        except SolveFailure as failure:
-            raise SolveFailure(str(failure), partial=course.partial() if course else None) from None
-        except MemoryError:
-            partial = course.partial() if course else None
-            raise SolveFailure("the mesh does not fit into memory", partial=partial) from None
 
 
 def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
@@ -145,15 +143,4 @@ def _solve(course: _Course) -> CstSolution:
             course.add_state(state)
     else:
         static.follow_path(problem, case.states, settings.tolerance, course.add_state)
-    solution = course.solution()
-    last = solution.history[-1]
-    whole = replace(
-        last,
-        iteration=0,
-        seconds=time.perf_counter() - course.began,
-        quantities=measure_all(solution),
-        phase="solve",
-        iterations=None,
-    )
-    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
-    return replace(solution, history=(whole, *path))
+    return with_answer_first(course.solution(), course.began)

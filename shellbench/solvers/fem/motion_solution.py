@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
-from shellbench.problem import NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.rounding import expanded, shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.solution import FORMAT, FemSolution
+from shellbench.solvers.fem.solution import FORMATS, FemSolution
 
 Array = NDArray[np.float64]
 
-SLACK = 1e-9  # of the whole time, by which a time may lie outside
 STENCIL = 4  # reactions that are interpolated through, at times between those of the displacements
 RECENT = 8  # fields that are kept at hand
 
 
 @dataclass(frozen=True)
-class MotionSolution:
+class MotionSolution(ShellSolution):
     """A displacement field on a tensor mesh from rest to the last time that was reached.
 
     Attributes
@@ -47,6 +44,8 @@ class MotionSolution:
         balances forces within a step.
     """
 
+    formats: ClassVar[tuple[str | int, ...]] = FORMATS
+
     case: Case
     mesh: TensorMesh
     times: Array
@@ -57,10 +56,6 @@ class MotionSolution:
     support_forces: Array
     quadrature_order: int
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    extrapolated: Mapping[str, float] = field(default_factory=dict)
     exponents: tuple[int, int] = (0, 0)
 
     @property
@@ -70,14 +65,8 @@ class MotionSolution:
         return sum(array.nbytes for array in arrays)
 
     def frame(self, at: float | None) -> FemSolution:
-        """Return the field at one time.
-
-        Raises
-        ------
-        InputError
-            If the motion did not reach it.
-        """
-        return self._frames(float(self.times[-1]) if at is None else float(at))
+        """Return the field at one time; InputError if the motion did not reach it."""
+        return self._frames(time_reached(self.case, float(self.times[-1]), at))
 
     @cached_property
     def _frames(self) -> Callable[[float], FemSolution]:
@@ -97,9 +86,6 @@ class MotionSolution:
 
     def _span(self, at: float) -> tuple[int, float, float]:
         """Return the number of the span of times that holds a time, its length, and the place in it."""
-        last = float(self.times[-1])
-        if not -SLACK * last <= at <= (1 + SLACK) * last:
-            raise InputError(f"{self.case.name}: solved from 0 to {last:g} s, not at {at:g} s")
         number = int(np.clip(np.searchsorted(self.times, at, side="right") - 1, 0, len(self.times) - 2))
         length = float(self.times[number + 1] - self.times[number])
         return number, length, (at - float(self.times[number])) / length
@@ -127,40 +113,27 @@ class MotionSolution:
         weights = [np.prod([(at - other) / (time - other) for other in times if other != time]) for time in times]
         return np.asarray(self.support_forces[..., first : first + count] @ np.asarray(weights))
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at points (..., 2) and any time that was reached."""
-        return self.frame(at).displacement(points)
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2) and any time that was reached."""
+        return self.frame(at).displacement(xi)
 
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) in m/s at points (..., 2) and any time that was reached."""
+    def velocity_at(self, xi: Array, at: float | None) -> Array:
+        """Return the velocity (N, 3) at points (N, 2) and any time that was reached."""
         still = self.frame(at)
-        moving = FemSolution(
-            self.case,
-            self.mesh,
-            self._hermite(still.states[0], rate=True)[..., None],
-            still.states,
-            still.support_nodes,
-            still.support_forces,
-            self.quadrature_order,
-            self.parameters,
-        )
-        return moving.displacement(points)
+        rates = self._hermite(still.states[0], rate=True)[..., None]
+        return replace(still, coefficients=rates).displacement(xi)
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2)."""
-        return self.frame(at).evaluate(name, points)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        return self.frame(at).evaluate(name, xi)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""
         return self.frame(at).energies()
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
-        return self.frame(at).reaction(support, centre)
+        return self.frame(at).reaction_at(number, centre, None)
 
     def rounded(self, format: NumberFormat) -> tuple[MotionSolution, int]:
         """Return the motion with its coefficients and their rates rounded to a format, and the bytes it takes.
@@ -175,21 +148,9 @@ class MotionSolution:
         exponents = values.exponent, rates.exponent
         return replace(self, coefficients=values.numbers, rates=rates.numbers, exponents=exponents), bytes_taken
 
-    def save(self, path: Path) -> Path:
-        """Write an npz file without pickles; return its path, which ends in .npz."""
-        target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        words = {
-            "format": FORMAT,
-            "case_name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
-            "history": [asdict(step) for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-            "uncertainty": dict(self.uncertainty),
-            "extrapolated": dict(self.extrapolated),
-            "quadrature_order": self.quadrature_order,
-            "parameters": self.parameters,
-        }
-        arrays = {
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what a file holds beside the case and the history."""
+        return {"quadrature_order": self.quadrature_order}, {
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
             "times": self.times,
@@ -199,11 +160,9 @@ class MotionSolution:
             "reaction_times": self.reaction_times,
             "support_forces": self.support_forces,
         }
-        np.savez(target, allow_pickle=False, words=np.asarray(json.dumps(words)), **arrays)
-        return target
 
     @classmethod
-    def assembled(cls, case: Case, arrays: Mapping[str, Array], words: Mapping[str, Any]) -> MotionSolution:
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> MotionSolution:
         """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
         mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]))
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
@@ -226,8 +185,4 @@ class MotionSolution:
             support_forces=arrays["support_forces"],
             quadrature_order=int(words["quadrature_order"]),
             parameters=int(words["parameters"]),
-            history=tuple(Step(**step) for step in words["history"]),
-            diagnostics=words["diagnostics"],
-            uncertainty=words["uncertainty"],
-            extrapolated=words["extrapolated"],
         )

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-import zlib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.errors import InputError
-from shellbench.problem import FIELDS, NumberFormat, Step
-from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
 from shellbench.solvers.fem.deformation import Deformation
 from shellbench.solvers.fem.hermite import FUNCTIONS, Derivative, kind_scales, tabulate
@@ -27,11 +21,11 @@ from shellbench.solvers.fem.mesh import TensorMesh
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-FORMAT = 1  # of the files that `FemSolution.save` writes
+FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
 
 
 @dataclass(frozen=True)
-class FemSolution:
+class FemSolution(ShellSolution):
     """A displacement field on a tensor mesh, at one or several times or load factors.
 
     Attributes
@@ -54,9 +48,10 @@ class FemSolution:
     images
         Along each coordinate, of how many mirror images of its first cells the field consists (see `symmetry`); 1 where
         the part that was solved does not begin at the first mesh line.
-    history, diagnostics, uncertainty, extrapolated
-        See `shellbench.problem.Solution`.
     """
+
+    formats: ClassVar[tuple[str | int, ...]] = FORMATS
+    numbers: ClassVar[tuple[str, ...]] = ("coefficients",)
 
     case: Case
     mesh: TensorMesh
@@ -67,41 +62,19 @@ class FemSolution:
     quadrature_order: int
     parameters: int
     images: tuple[int, int] = (1, 1)
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    extrapolated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def storage_bytes(self) -> int:
         """Bytes of the coefficients and the mesh lines."""
-        return self.coefficients.nbytes + sum(line.nbytes for line in self.mesh.lines)
+        return super().storage_bytes + sum(line.nbytes for line in self.mesh.lines)
 
     def state(self, at: float | None) -> int:
-        """Return the number of a time or load factor.
+        """Return the number of a time or load factor; InputError if the case was not solved at it."""
+        return state_number(self.case, self.states, at)
 
-        Raises
-        ------
-        InputError
-            If the case was not solved at it.
-        """
-        if at is None:
-            return len(self.states) - 1
-        nearest = int(np.argmin(np.abs(np.asarray(self.states) - at)))
-        if abs(self.states[nearest] - at) > 1e-9 * max(1.0, abs(at)):
-            known = ", ".join(f"{s:g}" for s in self.states)
-            raise InputError(f"{self.case.name}: solved at {known}, not at {at:g}")
-        return nearest
-
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at points (..., 2)."""
-        return self.derivative(points, (0, 0), at)
-
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
-        return np.zeros((*np.asarray(points).shape[:-1], 3))
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self.derivative(xi, (0, 0), at)
 
     def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
@@ -113,18 +86,12 @@ class FemSolution:
         local = nodal[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
         return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2)."""
-        if name not in FIELDS:
-            raise KeyError(name)
-        xi = np.asarray(points, dtype=float)
-        points = xi.reshape(-1, 2)
-        gradients = np.stack([self.derivative(points, d, at) for d in DERIVATIVES], axis=-1)
-        strains, densities, _ = self._strains(points, gradients)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        gradients = np.stack([self.derivative(xi, d, at) for d in DERIVATIVES], axis=-1)
+        strains, densities, _ = self._strains(xi, gradients)
         part = 0 if name.startswith("membrane") else 1
-        if name.endswith("strain"):
-            return strains[:, part].reshape(*xi.shape[:-1], 3)
-        return densities[:, part].reshape(xi.shape[:-1])
+        return strains[:, part] if name.endswith("strain") else densities[:, part]
 
     def _strains(self, points: Array, gradients: Array) -> tuple[Array, Array, Array]:
         """Return strains (n, 2, 3), energy densities (n, 2) and areas (n,), membrane before bending.
@@ -182,54 +149,24 @@ class FemSolution:
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
         Both are the work of the nodal forces on the interpolant of a rigid motion of the support: of the undeformed
         one in linear theory, of the deformed one in the non-linear theory.
         """
-        names = [s.name for s in self.case.supports]
-        if support not in names:
-            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
-        forces = self.support_forces[names.index(support), ..., self.state(at)]
+        forces = self.support_forces[number, ..., self.state(at)]
         points = self.mesh.domain.wrap(self.mesh.node_points[self.support_nodes])
         x = self.case.surface.derivatives(points, order=2)
-        arms = np.stack([x[0, 0] - np.asarray(centre, dtype=float), x[1, 0], x[0, 1], x[1, 1]], axis=1)
+        arms = np.stack([x[0, 0] - centre, x[1, 0], x[0, 1], x[1, 1]], axis=1)
         if not self.case.linear:
             arms = arms + np.swapaxes(self.coefficients[self.support_nodes, ..., self.state(at)], 1, 2)
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))
         return forces[:, :, 0].sum(axis=0), moment
 
-    def rounded(self, format: NumberFormat) -> tuple[FemSolution, int]:
-        """Return the field with its coefficients rounded to a format, and the bytes it takes.
-
-        They are scaled by their largest magnitude before (see `rounding`). The mesh lines, of which there
-        are few, stay as they are. Forces of supports are no part of the field and are not rounded.
-        """
-        short = shortened(self.coefficients, format)
-        if short.numbers is self.coefficients:
-            return self, self.storage_bytes
-        bytes_taken = self.storage_bytes - self.coefficients.nbytes + short.nbytes
-        return replace(self, coefficients=short.expanded()), bytes_taken
-
-    def save(self, path: Path) -> Path:
-        """Write an npz file without pickles; return its path, which ends in .npz."""
-        target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        words = {
-            "format": FORMAT,
-            "case_name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
-            "history": [asdict(step) for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-            "uncertainty": dict(self.uncertainty),
-            "extrapolated": dict(self.extrapolated),
-            "quadrature_order": self.quadrature_order,
-            "parameters": self.parameters,
-            "images": self.images,
-        }
-        arrays = {
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what a file holds beside the case and the history."""
+        return {"quadrature_order": self.quadrature_order, "images": self.images}, {
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
             "coefficients": self.coefficients,
@@ -237,72 +174,18 @@ class FemSolution:
             "support_nodes": self.support_nodes,
             "support_forces": self.support_forces,
         }
-        np.savez(target, allow_pickle=False, words=np.asarray(json.dumps(words)), **arrays)
-        return target
 
     @classmethod
-    def load(cls, path: Path) -> FemSolution:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or not a solution of this solver.
-        """
-        solution: FemSolution = read_solution(path, {False: cls.assembled})
-        return solution
-
-    @classmethod
-    def assembled(cls, case: Case, arrays: Mapping[str, Array], words: Mapping[str, Any]) -> FemSolution:
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> FemSolution:
         """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
         mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]))
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
         coefficients, forces = arrays["coefficients"], arrays["support_forces"]
-        images = words.get("images", (1, 1))
+        first, second = words.get("images", (1, 1))
         if coefficients.shape != (mesh.node_count, 3, 4, len(states)):
             raise ValueError("coefficients do not fit the mesh")
         if forces.shape != (len(case.supports), len(nodes), 3, 4, len(states)):
             raise ValueError("forces do not fit the supports")
-        return cls(
-            case,
-            mesh,
-            coefficients,
-            states,
-            nodes,
-            forces,
-            int(words["quadrature_order"]),
-            int(words["parameters"]),
-            (int(images[0]), int(images[1])),
-            tuple(Step(**step) for step in words["history"]),
-            words["diagnostics"],
-            words["uncertainty"],
-            words["extrapolated"],
-        )
-
-
-Assemble = Callable[[Case, Mapping[str, Array], Mapping[str, Any]], Any]
-
-
-def read_solution(path: Path, assemble: Mapping[bool, Assemble]) -> Any:
-    """Read a file of this solver, and make of it what `assemble` says for one in motion (True) or a static one (False).
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, or not a solution of this solver.
-    """
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-        words = json.loads(str(arrays.pop("words")))
-        if words["format"] != FORMAT:
-            raise InputError(f"{path}: is of format {words['format']}; this program reads format {FORMAT}")
-        case = Case.model_validate({**words["case"], "name": words["case_name"]})
-        return assemble[case.dynamics is not None](case, arrays, words)
-    except OSError as error:
-        raise InputError(f"{path}: can't be read as a solution of fem ({error.strerror or 'damaged'})") from None
-    except InputError:
-        raise
-    except (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error):
-        raise InputError(f"{path}: is damaged, or not a solution of fem") from None
+        order, unknowns = int(words["quadrature_order"]), int(words["parameters"])
+        return cls(case, mesh, coefficients, states, nodes, forces, order, unknowns, (int(first), int(second)))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field, PositiveInt
 
-from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.fem.choices import Method
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class FemSettings(Settings):
     spectral_radius: float = Field(0.5, ge=0, lt=1)
 
 
-class FemSolver:
+class FemSolver(ShellSolver):
     """Bogner-Fox-Schmit finite elements on a tensor mesh with the exact geometry."""
 
     name: ClassVar[str] = "fem"
@@ -69,8 +69,8 @@ class FemSolver:
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, or None."""
-        if case.theory not in self.capabilities.theories:
-            return f"it does not solve the theory {case.theory}"
+        if refusal := super().declines(case):
+            return refusal
         if case.dynamics is not None:
             from shellbench.solvers.fem import motion
 
@@ -81,34 +81,29 @@ class FemSolver:
 
         return large_displacement.declined(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: FemSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> FemSolution | MotionSolution:
         """Solve a case on ever finer meshes until all its quantities are converged.
-
-        A linear solve gains nothing from an earlier solution, so `start` is not used.
 
         Raises
         ------
         SolveFailure
             If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
         InputError
-            If the case's theory is another one, supports contradict each other, or a direct solver is not installed.
+            If supports contradict each other, or a direct solver is not installed.
         """
-        chosen = settings if isinstance(settings, FemSettings) else FemSettings.model_validate(settings or {})
-        refusal = self.declines(case)
-        if refusal:
-            raise InputError(f"fem can't take {case.name}: {refusal}")
         from shellbench.solvers.fem import solving
 
-        return solving.solve(case, chosen, progress or (lambda _: None))
+        return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
-        from shellbench.solvers.fem import solving
+        from shellbench.problems.shell.solution import read_solution
+        from shellbench.solvers.fem.motion_solution import MotionSolution
+        from shellbench.solvers.fem.solution import FORMATS, FemSolution
 
-        return solving.load(path)
+        def kind(case: Case) -> type[FemSolution | MotionSolution]:
+            return FemSolution if case.dynamics is None else MotionSolution
+
+        return read_solution(path, FORMATS, kind)

@@ -6,7 +6,6 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from shellbench.solvers.fem.assembly import NODE_DOFS
 from shellbench.solvers.fem.grading import graded_mesh, singular_points
 from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
-from shellbench.solvers.fem.solution import FemSolution, read_solution
+from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings
 from shellbench.solvers.fem.symmetry import Part
 from shellbench.solvers.fem.time_step import Scheme
@@ -88,14 +87,6 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
         raise SolveFailure("the surface's metric is singular at a quadrature point", partial=solution) from None
     assert solution is not None  # there is always a first mesh
     return solution
-
-
-def load(path: Path) -> FemSolution | MotionSolution:
-    """Read a solution that `save` wrote; InputError in one sentence if it is none."""
-    found: FemSolution | MotionSolution = read_solution(
-        path, {False: FemSolution.assembled, True: MotionSolution.assembled}
-    )
-    return found
 
 
 def usual_tolerance(case: Case) -> float:

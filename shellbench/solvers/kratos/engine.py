@@ -11,20 +11,17 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from pydantic import Field, field_validator
+from shellbench.errors import SolveFailure
+from shellbench.problem import Solution
+from shellbench.problems.shell.history import failing_with
+from shellbench.solvers.kratos.settings import APPLICATIONS, DISTRIBUTION
 
-from shellbench.engine import engine_version, need
-from shellbench.problem import Settings
-
-EXTRA = "kratos"
-DISTRIBUTION = "KratosMultiphysics"
-APPLICATIONS = ("StructuralMechanicsApplication", "IgaApplication", "LinearSolversApplication")
 BELOW_WARNINGS = -1  # of Kratos' severities, of which a warning is the gravest and has number 0
 STDOUT = 1  # its descriptor, whatever sys.stdout is
 
@@ -49,8 +46,7 @@ def _silent_descriptor() -> Iterator[None]:
 
 
 def _imported() -> tuple[ModuleType, ...]:
-    """Import Kratos and its applications without a word; InputError names the extra if one is missing."""
-    need(EXTRA, (DISTRIBUTION, *(f"Kratos{name}" for name in APPLICATIONS)))
+    """Import Kratos and its applications without a word."""
     with _silent_descriptor():
         core = importlib.import_module(DISTRIBUTION)
         core.Logger.GetDefaultOutput().SetSeverity(core.Logger.Severity(BELOW_WARNINGS))
@@ -62,24 +58,15 @@ kratos, structural, iga, linear_solvers = _modules
 """The modules of Kratos, which have no types: its core, and its applications in the order of `APPLICATIONS`."""
 
 
-def installed() -> str:
-    """Return name and version of the engine, such as "KratosMultiphysics 10.4.4"."""
-    found = engine_version(DISTRIBUTION)
-    assert found is not None  # it was imported
-    return found
-
-
-class KratosSettings(Settings):
-    """What the settings of all solvers on Kratos have in common."""
-
-    engine: str = Field(default_factory=installed, description="the engine and its version; the installed one")
-
-    @field_validator("engine")
-    @classmethod
-    def _is_the_installed_one(cls, value: str) -> str:
-        if value != installed():
-            raise ValueError(f"the engine that is installed is '{installed()}', not '{value}'")
-        return value
+@contextmanager
+def failing_with_kratos(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
+    """Give a failure what was reached before it, one of Kratos among them (see `history.failing_with`)."""
+    with failing_with(partial, too_large):
+        try:
+            yield
+        except RuntimeError as error:  # of Kratos: a sentence, and where in its source
+            sentence = (str(error).strip() or "an error without words").splitlines()[0]
+            raise SolveFailure(f"Kratos stopped: {sentence}") from None
 
 
 @dataclass(frozen=True)

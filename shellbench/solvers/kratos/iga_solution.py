@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-import zlib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
-from shellbench.problem import FIELDS, NumberFormat, Step
-from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.kratos.iga_loads import control_forces
 from shellbench.solvers.kratos.iga_mechanics import Integrals, densities, integrals, strains
 from shellbench.solvers.kratos.iga_supports import held_by
@@ -27,13 +20,9 @@ from shellbench.solvers.kratos.symmetry import Part, part_of, whole_of
 Array = NDArray[np.float64]
 Lines = tuple[tuple[float, ...], tuple[float, ...]]
 
-MARK = "kratos-iga, format 1"
-DAMAGE = (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error)
-SLACK = 1e-9  # relative distance of a load factor from one that was solved for
-
 
 @dataclass(frozen=True)
-class IgaSolution:
+class IgaSolution(ShellSolution):
     """A displacement field on a NURBS patch, at one or several load factors.
 
     Attributes
@@ -46,9 +35,10 @@ class IgaSolution:
         Marks of the path (see `path.Path`), and load factors there: the same where the load is prescribed.
     parameters
         Components of control points that were solved for.
-    history, diagnostics, uncertainty, extrapolated
-        See `shellbench.problem.Solution`.
     """
+
+    formats: ClassVar[tuple[str | int, ...]] = ("kratos-iga, format 1",)
+    numbers: ClassVar[tuple[str, ...]] = ("coefficients",)
 
     part: Part
     midsurface: Midsurface
@@ -56,10 +46,6 @@ class IgaSolution:
     states: tuple[float, ...]
     factors: tuple[float, ...]
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    extrapolated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -80,54 +66,31 @@ class IgaSolution:
     @property
     def storage_bytes(self) -> int:
         """Bytes of the coefficients and the knot lines; weights and control points follow from the case."""
-        return self.coefficients.nbytes + sum(8 * len(lines) for lines in self.lines)
+        return super().storage_bytes + sum(8 * len(lines) for lines in self.lines)
 
     def state(self, at: float | None) -> int:
-        """Return the number of a mark of the path.
+        """Return the number of a mark of the path; InputError if the case was not solved at it."""
+        return state_number(self.case, self.states, at)
 
-        Raises
-        ------
-        InputError
-            If the case was not solved at it.
-        """
-        if at is None:
-            return len(self.states) - 1
-        nearest = int(np.argmin(np.abs(np.asarray(self.states) - at)))
-        if abs(self.states[nearest] - at) > SLACK * max(1.0, abs(at)):
-            known = ", ".join(f"{s:g}" for s in self.states)
-            raise InputError(f"{self.case.name}: solved at {known}, not at {at:g}")
-        return nearest
-
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at points (..., 2)."""
-        xi = np.asarray(points, dtype=float)
-        folded = self.part.fold(xi.reshape(-1, 2))
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        folded = self.part.fold(xi)
         coefficients = self.coefficients[..., self.state(at)]
-        u = self.midsurface.patch.derivatives(coefficients, folded.points, order=0)[0, 0]
-        return np.asarray((u * folded.signs).reshape(*xi.shape[:-1], 3))
+        return self.midsurface.patch.derivatives(coefficients, folded.points, order=0)[0, 0] * folded.signs
 
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
-        return np.zeros((*np.asarray(points).shape[:-1], 3))
-
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2)."""
-        if name not in FIELDS:
-            raise KeyError(name)
-        xi = np.asarray(points, dtype=float)
-        folded = self.part.fold(xi.reshape(-1, 2))
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        folded = self.part.fold(xi)
         patch = self.midsurface.patch
         x = self.case.surface.derivatives(self.case.surface.domain.wrap(folded.points), order=2)
         u = patch.derivatives(self.coefficients[..., self.state(at)], folded.points)
         strain = strains(x, u, self.case.linear)
         number = 0 if name.startswith("membrane") else 1
         if name.endswith("density"):
-            return densities(x, strain, self.case.material)[:, number].reshape(xi.shape[:-1])
+            return densities(x, strain, self.case.material)[:, number]
         # where one coordinate runs the other way, components 12 have the other sign
         strain[..., 2] *= folded.turned.prod(axis=-1)[:, None]
-        return strain[:, number].reshape(*xi.shape[:-1], 3)
+        return strain[:, number]
 
     @cached_property
     def _integrals(self) -> list[Integrals]:
@@ -142,92 +105,41 @@ class IgaSolution:
         membrane, bending = self._integrals[self.state(at)].energies * self.part.copies
         return float(membrane), float(bending)
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
         They are what its control points lack for equilibrium: internal forces less loads. Since rigid motions of the
         field are those of its control points, the forces' moment about the centre is the support's.
         """
-        names = [s.name for s in self.case.supports]
-        if support not in names:
-            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
-        number, patch = self.state(at), self.midsurface.patch
-        lacking = self._integrals[number].forces - control_forces(self.part, patch, self.factors[number])
+        state, patch = self.state(at), self.midsurface.patch
+        lacking = self._integrals[state].forces - control_forces(self.part, patch, self.factors[state])
         places = self.midsurface.control_points
         if not self.case.linear:
-            places = places + self.coefficients[..., number]
+            places = places + self.coefficients[..., state]
         force, moment = np.zeros(3), np.zeros(3)
         for images in self.part.images():
-            acting = held_by(self.part, names.index(support), images, patch.shape)
+            acting = held_by(self.part, number, images, patch.shape)
             forces, arms = np.moveaxis(np.where(acting, lacking, 0.0), 0, -1), np.array(places)
             for mirror in images:
                 forces = forces * mirror.signs
                 arms[..., mirror.normal] = 2 * mirror.offset - arms[..., mirror.normal]
             force += forces.sum(axis=(0, 1))
-            moment += np.cross(arms - np.asarray(centre, dtype=float), forces).sum(axis=(0, 1))
+            moment += np.cross(arms - centre, forces).sum(axis=(0, 1))
         return force, moment
 
-    def rounded(self, format: NumberFormat) -> tuple[IgaSolution, int]:
-        """Return the field with its coefficients rounded to a format, and the bytes it takes; knot lines stay."""
-        kept = shortened(self.coefficients, format)
-        bytes_taken = self.storage_bytes + kept.nbytes - self.coefficients.nbytes
-        unchanged = kept.numbers is self.coefficients
-        return (self if unchanged else replace(self, coefficients=kept.expanded())), bytes_taken
-
-    def save(self, path: Path) -> Path:
-        """Write an npz file without pickles; return its path, which ends in .npz."""
-        target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        words = {
-            "mark": MARK,
-            "case_name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
-            "degree": self.degree,
-            "symmetry": bool(self.part.mirrors),
-            "parameters": self.parameters,
-            "history": [asdict(step) for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-            "uncertainty": dict(self.uncertainty),
-            "extrapolated": dict(self.extrapolated),
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what a file holds beside the case and the history."""
+        return {"degree": self.degree, "symmetry": bool(self.part.mirrors)}, {
+            "lines1": np.asarray(self.lines[0]),
+            "lines2": np.asarray(self.lines[1]),
+            "coefficients": self.coefficients,
+            "states": np.asarray(self.states),
+            "factors": np.asarray(self.factors),
         }
-        np.savez(
-            target,
-            allow_pickle=False,
-            words=np.asarray(json.dumps(words)),
-            lines1=np.asarray(self.lines[0]),
-            lines2=np.asarray(self.lines[1]),
-            coefficients=self.coefficients,
-            states=np.asarray(self.states),
-            factors=np.asarray(self.factors),
-        )
-        return target
 
     @classmethod
-    def load(cls, path: Path) -> IgaSolution:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or not a solution of this solver.
-        """
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                arrays = {name: data[name] for name in data.files}
-            words = json.loads(str(arrays.pop("words")))
-            if words["mark"] != MARK:
-                raise ValueError("of another format")
-            return cls._assembled(words, arrays)
-        except OSError as error:
-            reason = error.strerror or "damaged"
-            raise InputError(f"{path}: can't be read as a solution of kratos-iga ({reason})") from None
-        except DAMAGE:
-            raise InputError(f"{path}: is damaged, or not a solution of kratos-iga") from None
-
-    @classmethod
-    def _assembled(cls, words: Mapping[str, Any], arrays: Mapping[str, Array]) -> IgaSolution:
-        case = Case.model_validate({**words["case"], "name": words["case_name"]})
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> IgaSolution:
+        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
         degree, lines1, lines2 = int(words["degree"]), arrays["lines1"].tolist(), arrays["lines2"].tolist()
         coefficients, states = arrays["coefficients"], tuple(arrays["states"].tolist())
         factors = tuple(arrays["factors"].tolist())
@@ -246,8 +158,4 @@ class IgaSolution:
             states,
             factors,
             int(words["parameters"]),
-            tuple(Step(**step) for step in words["history"]),
-            words["diagnostics"],
-            words["uncertainty"],
-            words["extrapolated"],
         )

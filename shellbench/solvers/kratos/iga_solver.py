@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
 
-from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import PointLoad
-from shellbench.problems.shell.measure import measure, measure_all
-from shellbench.problems.shell.places import Point
-from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.kratos import iga_declines, iga_path
-from shellbench.solvers.kratos.engine import KratosSettings
-from shellbench.solvers.kratos.iga_model import IgaModel
-from shellbench.solvers.kratos.iga_solution import IgaSolution, Lines
-from shellbench.solvers.kratos.iga_supports import conditions_of, corner_end
-from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
-from shellbench.solvers.kratos.symmetry import Part, part_of, whole_of
+from shellbench.problems.shell.solver import ShellSolver
+from shellbench.solvers.kratos.settings import KratosSettings
+
+if TYPE_CHECKING:
+    from shellbench.solvers.kratos.iga_solution import IgaSolution
 
 MOST_CELLS = 256  # along a coordinate: 200 000 unknowns and a million quadrature points, more than is of use here
 Spans = Annotated[int, Field(ge=1, le=MOST_CELLS, strict=True)]
@@ -49,57 +39,7 @@ class KratosIgaSettings(KratosSettings):
     load_steps: int = Field(20, ge=1, le=10000, strict=True, description="fewest steps of a non-linear path")
 
 
-@dataclass
-class _Course:
-    """What is known of a solve so far."""
-
-    part: Part
-    settings: KratosIgaSettings
-    progress: ProgressCallback
-    midsurface: Midsurface
-    began: float
-    unknowns: int = 0
-    kept: list[iga_path.State] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
-    figures: dict[str, Any] = field(default_factory=dict)
-
-    def solution(self, states: list[iga_path.State]) -> IgaSolution:
-        """Return a solution with some of the states."""
-        return IgaSolution(
-            self.part,
-            self.midsurface,
-            np.stack([state.displacements for state in states], axis=-1),
-            tuple(state.mark for state in states),
-            tuple(state.factor for state in states),
-            self.unknowns,
-            tuple(self.history),
-            dict(self.figures),
-        )
-
-    def add(self, state: iga_path.State) -> None:
-        """Note a state, and keep it if the case asks for it."""
-        case = self.part.case
-        if state.kept:
-            self.kept.append(state)
-        self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
-        if state.rounding is not None:
-            self.figures["rounding"] = max(self.figures.get("rounding", 0.0), state.rounding)
-        seconds = time.perf_counter() - self.began
-        step = Step(len(self.history), seconds, state.energy, self.unknowns, state.factor, iterations=state.iterations)
-        if not case.linear:
-            alone = self.solution([state])
-            asked = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-            values = {q.name: measure(alone, q.model_copy(update={"at": state.mark})) for q in asked}
-            step = replace(step, phase="path", quantities=values)
-            self.progress(Progress(len(self.history), None, f"load factor {state.factor:.4g}"))
-        self.history.append(step)
-
-    def partial(self) -> IgaSolution | None:
-        """Return what was reached, or None before the first state that is kept."""
-        return self.solution(self.kept) if self.kept else None
-
-
-class KratosIgaSolver:
+class KratosIgaSolver(ShellSolver):
     """Kratos' rotation-free NURBS shell on one patch, cut down by planes of symmetry."""
 
     name: ClassVar[str] = "kratos-iga"
@@ -116,109 +56,34 @@ class KratosIgaSolver:
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
+        from shellbench.solvers.kratos import iga_declines
+
         return iga_declines.reason(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
+        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        from shellbench.solvers.kratos import iga_declines
+        from shellbench.solvers.kratos.symmetry import part_of, whole_of
+
+        return iga_declines.reason(case, part_of(case) if settings.symmetry else whole_of(case))
+
+    def answer(
+        self, case: Case, settings: KratosIgaSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> IgaSolution:
-        """Solve a case on one patch; an earlier solution `start` is not used.
+        """Solve a case on one patch.
 
         Raises
         ------
         SolveFailure
             If Kratos gives up, Newton's method fails, or forces are not in balance; the states that were found come
             with it.
-        InputError
-            If the case is one that the solver declines.
         """
-        chosen = (
-            settings if isinstance(settings, KratosIgaSettings) else KratosIgaSettings.model_validate(settings or {})
-        )
-        began = time.perf_counter()
-        part = part_of(case) if chosen.symmetry else whole_of(case)
-        refusal = iga_declines.reason(case, part)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
-        lines, angles = knot_lines(part, chosen), case.surface.domain.angle
-        midsurface = midsurface_of(case.surface, lines, chosen.degree, angles)
-        course = _Course(part, chosen, progress or (lambda _: None), midsurface, began=began)
-        try:
-            with np.errstate(all="ignore"):  # what overflows does not balance, and is refused for that
-                return _solve(course)
-        except SolveFailure as failure:
-            raise SolveFailure(str(failure), partial=course.partial()) from None
-        except RuntimeError as error:
-            said = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
-            raise SolveFailure(f"Kratos stopped: {said}", partial=course.partial()) from None
-        except MemoryError:
-            raise SolveFailure("the patch does not fit into memory", partial=course.partial()) from None
+        from shellbench.solvers.kratos import iga_solving
+
+        return iga_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> IgaSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        from shellbench.solvers.kratos.iga_solution import IgaSolution
+
         return IgaSolution.load(path)
-
-
-def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
-    """Return the knot lines of the part, closer together toward the end of a coordinate where a point load acts."""
-    loaded = []
-    for load in part.case.loads:
-        for name in load.on if isinstance(load, PointLoad) else ():
-            place = part.case.places[name]
-            found = part.place(place.xi) if isinstance(place, Point) else None
-            if found:
-                loaded.append(found[0])
-    for name in part.case.focus:
-        place = part.case.places[name]
-        found = part.place(place.xi) if isinstance(place, Point) else None
-        if found:
-            loaded.append(found[0])
-    lines = []
-    for axis in (0, 1):
-        unit = np.linspace(0.0, 1.0, settings.cells[axis] + 1)
-        ends = {corner_end(part, xi, axis) for xi in loaded}
-        if ends == {0}:
-            unit = unit**settings.grading
-        elif ends == {-1}:
-            unit = 1 - (1 - unit) ** settings.grading
-        low, high = part.lower[axis], part.upper[axis]
-        inner = (low + (high - low) * unit[1:-1]).tolist()
-        lines.append((float(low), *inner, float(high)))
-    return lines[0], lines[1]
-
-
-def _solve(course: _Course) -> IgaSolution:
-    part, case = course.part, course.part.case
-    surface = course.midsurface
-    conditions = conditions_of(part, surface.patch.shape)
-    course.unknowns = conditions.free
-    course.figures |= {
-        "engine": course.settings.engine,
-        "copies": part.copies,
-        "geometry_error": surface.error,
-        "spans": list(course.settings.cells),
-    }
-    if not case.linear:
-        course.figures["stability_checked"] = False  # and a symmetric part hides what buckles out of symmetry
-    model = IgaModel.of(surface, conditions, case.material, case.linear)
-    for state in iga_path.states(model, part, course.settings.load_steps, course.settings.rounding):
-        course.add(state)
-    solution = course.solution(course.kept)
-    last = solution.history[-1]
-    try:
-        quantities = measure_all(solution)
-    except ValueError as error:  # a point of the path that was not passed, or was jumped over
-        raise SolveFailure(str(error)) from None
-    whole = replace(
-        last,
-        iteration=0,
-        seconds=time.perf_counter() - course.began,
-        quantities=quantities,
-        phase="solve",
-        iterations=None,
-    )
-    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
-    return replace(solution, history=(whole, *path))

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
-from shellbench.problem import FIELDS, NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.kratos.symmetry import Part, part_of
 from shellbench.solvers.kratos.thin_deformation import Deformation, Gauge
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements
-from shellbench.solvers.kratos.thin_file import read, write
 from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
 from shellbench.solvers.kratos.thin_static import Problem
 
 Array = NDArray[np.float64]
 
-SLACK = 1e-9  # of the last mark, by which a mark may lie beside it
 RECENT = 4  # states whose strains are kept at hand
 
 
@@ -36,7 +33,7 @@ def mesh_on(part: Part, cells: tuple[int, int]) -> QuadMesh:
 
 
 @dataclass(frozen=True)
-class ThinSolution:
+class ThinSolution(ShellSolution):
     """Displacements and rotations of nodes at load factors.
 
     Between nodes the displacement is bilinear in (xi1, xi2), so that it is continuous and has kinks at the elements'
@@ -53,18 +50,14 @@ class ThinSolution:
         (v, 6, k) displacements of the nodes, m, and their rotation vectors, at the marks.
     parameters
         Degrees of freedom that were solved for.
-    history, diagnostics, uncertainty, extrapolated
-        See `shellbench.problem.Solution`.
     """
+
+    formats: ClassVar[tuple[str | int, ...]] = ("kratos-thin, format 1",)
 
     problem: Problem
     marks: Array
     frames: Array
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    extrapolated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -97,60 +90,37 @@ class ThinSolution:
 
     def _frame(self, at: float | None) -> int:
         """Return the number of a load factor's frame; InputError if it was not solved."""
-        last = float(self.marks[-1])
-        mark = last if at is None else float(at)
-        nearest = int(np.argmin(np.abs(self.marks - mark)))
-        if abs(self.marks[nearest] - mark) <= SLACK * max(abs(last), np.finfo(float).tiny):
-            return nearest
-        known = ", ".join(f"{m:g}" for m in self.marks)
-        raise InputError(f"{self.case.name}: solved at {known}, not at {mark:g}")
+        return state_number(self.case, self.marks, at)
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at points (..., 2)."""
-        xi = np.asarray(points, dtype=float)
-        folded = self.part.fold(xi.reshape(-1, 2))
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        folded = self.part.fold(xi)
         quad, places = self.mesh.locate(folded.points)
         nodal = self.frames[:, :3, self._frame(at)][self.mesh.quads[quad]]
-        values = np.einsum("na,nac->nc", bilinear(places), nodal) * folded.signs
-        return np.asarray(values.reshape(*xi.shape[:-1], 3))
-
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return zero (..., 3): static cases only."""
-        return np.zeros((*np.asarray(points).shape[:-1], 3))
+        return np.asarray(np.einsum("na,nac->nc", bilinear(places), nodal) * folded.signs)
 
     @cached_property
     def _deformation(self) -> Callable[[int], Deformation]:
         return lru_cache(maxsize=RECENT)(lambda k: self._gauge.measure(self.frames[..., k]))
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return a strain or an energy density at points (..., 2).
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2).
 
         Kratos' strains are tensors in an element's plane; they are turned into covariant components with the base
         vectors of the true midsurface.
-
-        Raises
-        ------
-        KeyError
-            If the name is unknown.
         """
-        if name not in FIELDS:
-            raise KeyError(name)
-        xi = np.asarray(points, dtype=float)
-        folded = self.part.fold(xi.reshape(-1, 2))
+        folded = self.part.fold(xi)
         membrane, bending, frames = self._deformation(self._frame(at)).at(folded.points)
         tensor = membrane if name.startswith("membrane") else bending
         if name.endswith("energy_density"):
-            return np.asarray(self._density(name, tensor).reshape(xi.shape[:-1]))
+            return self._density(name, tensor)
         x = self.case.surface.derivatives(folded.points, order=1)
         base = np.stack([x[1, 0], x[0, 1]], axis=1)
         in_plane = np.einsum("nac,nic->nai", base, frames[:, :2])
         covariant = np.einsum("nai,nij,nbj->nab", in_plane, tensor, in_plane)
         # a mirror turns one coordinate and one component, so that normals keep their side and only shear changes sign
         shear = covariant[:, 0, 1] * folded.turned.prod(axis=-1)
-        strain = np.stack([covariant[:, 0, 0], covariant[:, 1, 1], shear], axis=-1)
-        return np.asarray(strain.reshape(*xi.shape[:-1], 3))
+        return np.stack([covariant[:, 0, 0], covariant[:, 1, 1], shear], axis=-1)
 
     def _density(self, name: str, tensor: Array) -> Array:
         """Return the energy density (n,) of strains (n, 2, 2), J/m^2.
@@ -168,23 +138,12 @@ class ThinSolution:
         membrane, bending = self._gauge.energies(self.frames[..., self._frame(at)])
         return self.part.copies * membrane, self.part.copies * bending
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
         They are what its nodes need to stay: Kratos' internal forces and moments less the loads.
-
-        Raises
-        ------
-        InputError
-            If there is no such support.
         """
-        names = [s.name for s in self.case.supports]
-        if support not in names:
-            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
-        k = self._frame(at)
-        number, supports = names.index(support), self.problem.supports
+        k, supports = self._frame(at), self.problem.supports
         missing = self._unbalanced(k)
         forces = supports.share(number) * missing[:, :3]
         couples = np.where(supports.turned[number], missing[:, 3:], 0.0)
@@ -198,7 +157,7 @@ class ThinSolution:
                 there[:, mirror.normal] = 2 * mirror.offset - there[:, mirror.normal]
                 pushed, turned = pushed * mirror.signs, -turned * mirror.signs  # a moment is an axial vector
             total += pushed.sum(axis=0)
-            moment += (np.cross(there - np.asarray(centre, dtype=float), pushed) + turned).sum(axis=0)
+            moment += (np.cross(there - centre, pushed) + turned).sum(axis=0)
         return total, moment
 
     def _unbalanced(self, k: int) -> Array:
@@ -221,34 +180,20 @@ class ThinSolution:
         frames = np.concatenate([short.expanded(), self.frames[:, 3:]], axis=1)
         return replace(self, frames=frames), short.nbytes
 
-    def save(self, path: Path) -> Path:
-        """Write an npz file without pickles; return its path, which ends in .npz."""
-        words = {
-            "case_name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
-            "cells": list(self.mesh.cells),
-            "whole": not self.part.mirrors,
-            "parameters": self.parameters,
-            "history": [asdict(step) for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-        }
-        return write(path, words, {"marks": self.marks, "frames": self.frames})
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what a file holds beside the case and the history."""
+        words = {"cells": list(self.mesh.cells), "whole": not self.part.mirrors}
+        return words, {"marks": self.marks, "frames": self.frames}
 
     @classmethod
-    def load(cls, path: Path) -> ThinSolution:
-        """Read what `save` wrote; InputError if the file is missing, damaged, or none of this solver."""
-        return read(path, cls._assembled)
-
-    @classmethod
-    def _assembled(cls, words: Mapping[str, Any], arrays: Mapping[str, Array]) -> ThinSolution:
-        case = Case.model_validate({**words["case"], "name": words["case_name"]})
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> ThinSolution:
+        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
         part = whole(case) if words["whole"] else part_of(case)
         mesh = mesh_on(part, (int(words["cells"][0]), int(words["cells"][1])))
         marks, frames = arrays["marks"], arrays["frames"]
         if frames.shape != (mesh.node_count, DOFS, len(marks)) or not np.all(np.diff(marks) > 0):
             raise ValueError("frames do not fit the mesh and the marks")
-        history = tuple(Step(**step) for step in words["history"])
-        return cls(Problem(part, mesh), marks, frames, int(words["parameters"]), history, words["diagnostics"])
+        return cls(Problem(part, mesh), marks, frames, int(words["parameters"]))
 
 
 def whole(case: Case) -> Part:

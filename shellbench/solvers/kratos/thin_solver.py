@@ -12,37 +12,21 @@ may find a state far from the last one, which is in balance but not where the pa
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 from pydantic import Field
-from threadpoolctl import ThreadpoolController
 
-from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Solution, Step
+from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure, measure_all
-from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.kratos import thin_declines as declines
-from shellbench.solvers.kratos.engine import KratosSettings
-from shellbench.solvers.kratos.symmetry import Part, part_of
-from shellbench.solvers.kratos.thin_deformation import Gauge
-from shellbench.solvers.kratos.thin_elements import ELEMENT
-from shellbench.solvers.kratos.thin_mesh import FEWEST_AROUND
-from shellbench.solvers.kratos.thin_solution import ThinSolution, mesh_on, whole
-from shellbench.solvers.kratos.thin_static import Problem, State, follow_path, solve_linear
+from shellbench.problems.shell.solver import ShellSolver
+from shellbench.solvers.kratos.settings import KratosSettings
 
-CELLS, CELLS_AROUND = 128, 256  # of the whole shell, unless settings say otherwise: 64 x 64 of an eighth of a cylinder
-CELLS_ON_A_PATH = 32  # of the part: a path takes tens of solves
-LONGEST_CELL, FEWEST_CELLS = 2.0, 4  # sides' ratio of usual cells, as far as so many stay across
-SAMPLES = 33  # points a side at which the sides of a part are measured
-MOST_CELLS = 512  # along a coordinate: 1.6 million unknowns, more than a direct solver takes
+if TYPE_CHECKING:
+    from shellbench.solvers.kratos.thin_solution import ThinSolution
+
 STEPS = 4  # load steps of a path
 MOST_STEPS = 10_000
 TOLERANCE = 1e-8  # of Newton's last step, relative to the shell's size
@@ -59,86 +43,7 @@ class KratosThinSettings(KratosSettings):
     tolerance: Finite = Field(TOLERANCE, gt=0, le=1e-2, description="Newton's last step, relative to the shell's size")
 
 
-def usual_cells(part: Part) -> tuple[int, int]:
-    """Return cells for a part if none are asked for, fewer across and more along where it is long and narrow.
-
-    A linear case has as many on the whole shell whatever part of it is solved, so that the answer does not depend on
-    where the shell is in space, and its planes of symmetry are seen or not. On a path the part has 32 x 32.
-    """
-    domain = part.case.surface.domain
-    first, second = (np.linspace(low, high, SAMPLES) for low, high in zip(part.lower, part.upper, strict=True))
-    x = part.case.surface.position(np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1))
-    lengths = [np.linalg.norm(np.diff(x, axis=a), axis=-1).sum(axis=a).max() for a in (0, 1)]
-    cells = [CELLS_ON_A_PATH] * 2
-    if part.case.linear:
-        shares = np.subtract(part.upper, part.lower) / domain.size
-        cells = [
-            round((CELLS_AROUND if turns else CELLS) * s) for turns, s in zip(domain.periodic, shares, strict=True)
-        ]
-    long, short = (0, 1) if lengths[0] / cells[0] >= lengths[1] / cells[1] else (1, 0)
-    while lengths[long] / cells[long] > LONGEST_CELL * lengths[short] / cells[short] and cells[short] > FEWEST_CELLS:
-        cells[long], cells[short] = 2 * cells[long], cells[short] // 2
-    return cells[0], cells[1]
-
-
-@dataclass
-class _Course:
-    """What is known of a solve so far."""
-
-    problem: Problem
-    progress: ProgressCallback
-    began: float = field(default_factory=time.perf_counter)
-    states: list[State] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
-
-    @cached_property
-    def gauge(self) -> Gauge:
-        """What tells the strain energy of a path's states."""
-        return Gauge(self.problem)
-
-    def solution(self) -> ThinSolution:
-        """Return what was reached."""
-        problem = self.problem
-        figures = {
-            "element": ELEMENT,
-            "cells": list(problem.mesh.cells),
-            "copies": problem.part.copies,
-            "field": "bilinear between nodes",
-            "residual": max(state.residual for state in self.states),
-        }
-        if not problem.part.case.linear:
-            figures["stability_checked"] = False  # Newton's method may jump over a limit point to another state
-        marks = np.array([state.at for state in self.states])
-        frames = np.stack([state.values for state in self.states], axis=-1)
-        return ThinSolution(problem, marks, frames, len(problem.free), tuple(self.history), figures)
-
-    def partial(self) -> ThinSolution | None:
-        """Return what was reached, or None before the first state."""
-        return self.solution() if self.history else None
-
-    def add(self, state: State) -> None:
-        """Keep a state, with the displacements that are asked for."""
-        self.states.append(state)
-        solution, case = self.solution(), self.problem.part.case
-        copies = self.problem.part.copies
-        strain = state.inner_work / 2 if case.linear else copies * sum(self.gauge.energies(state.values))
-        step = Step(
-            iteration=len(self.history),
-            seconds=time.perf_counter() - self.began,
-            energy=strain - state.work,
-            unknowns=len(self.problem.free),
-            at=state.at,
-            iterations=state.iterations,
-        )
-        if not case.linear:
-            asked = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
-            values = {q.name: measure(solution, q.model_copy(update={"at": state.at})) for q in asked}
-            step = replace(step, phase="path", quantities=values)
-        self.history.append(step)
-        self.progress(Progress(len(self.history), len(case.states), f"load factor {state.at:.4g}"))
-
-
-class KratosThinSolver:
+class KratosThinSolver(ShellSolver):
     """`ShellThinElementCorotational3D4N`: ANDES membrane and discrete Kirchhoff bending in a corotating frame.
 
     In the linear theory Kratos' stiffness of the shell at rest is all that is used of it.
@@ -158,16 +63,20 @@ class KratosThinSolver:
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
-        return declines.reason(case, part_of(case))
+        return self.declines_with(case, KratosThinSettings())
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
+        """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        from shellbench.solvers.kratos import thin_declines
+        from shellbench.solvers.kratos.symmetry import part_of
+        from shellbench.solvers.kratos.thin_solution import whole
+
+        return thin_declines.reason(case, part_of(case) if settings.symmetry else whole(case))
+
+    def answer(
+        self, case: Case, settings: KratosThinSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> ThinSolution:
-        """Solve a case on one mesh; an earlier solution `start` is not used.
+        """Solve a case on one mesh.
 
         Raises
         ------
@@ -177,60 +86,12 @@ class KratosThinSolver:
         InputError
             If the mesh does not fit the case.
         """
-        chosen = (
-            settings if isinstance(settings, KratosThinSettings) else KratosThinSettings.model_validate(settings or {})
-        )
-        part = part_of(case) if chosen.symmetry else whole(case)
-        refusal = declines.reason(case, part)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
-        course = _Course(problem_of(part, chosen), progress or (lambda _: None))
-        with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
-            try:
-                return _solve(course, chosen)
-            except SolveFailure as failure:
-                raise SolveFailure(str(failure), partial=course.partial()) from None
-            except RuntimeError as error:  # of Kratos: a sentence, and where in its source
-                sentence = (str(error).strip() or "an error without words").splitlines()[0]
-                raise SolveFailure(f"Kratos stopped: {sentence}", partial=course.partial()) from None
-            except MemoryError:
-                raise SolveFailure("the mesh does not fit into memory", partial=course.partial()) from None
+        from shellbench.solvers.kratos import thin_solving
+
+        return thin_solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> ThinSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        from shellbench.solvers.kratos.thin_solution import ThinSolution
+
         return ThinSolution.load(path)
-
-
-def problem_of(part: Part, settings: KratosThinSettings) -> Problem:
-    """Return the mesh that settings ask for, with all that acts on it; InputError if it can't be."""
-    cells = settings.cells or usual_cells(part)
-    if min(cells) < 1 or max(cells) > MOST_CELLS:
-        raise InputError(f"field 'cells': found {list(cells)}, both must be from 1 to {MOST_CELLS}")
-    mesh = mesh_on(part, cells)
-    if any(turns and n < FEWEST_AROUND for turns, n in zip(mesh.closed, cells, strict=True)):
-        raise InputError(f"field 'cells': found {list(cells)}, but a closed shell needs {FEWEST_AROUND} around it")
-    problem = Problem(part, mesh)
-    if not len(problem.free):
-        raise InputError(f"field 'cells': found {list(cells)}, which leaves nothing free to move")
-    return problem
-
-
-def _solve(course: _Course, settings: KratosThinSettings) -> ThinSolution:
-    case = course.problem.part.case
-    if case.linear:
-        for state in solve_linear(course.problem, case.states):
-            course.add(state)
-    else:
-        follow_path(course.problem, case.states, settings.steps, settings.tolerance, course.add)
-    solution = course.solution()
-    last = solution.history[-1]
-    answer = replace(
-        last,
-        iteration=0,
-        seconds=time.perf_counter() - course.began,
-        quantities=measure_all(solution),
-        phase="solve",
-        iterations=None,
-    )
-    path = () if case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
-    return replace(solution, history=(answer, *path))

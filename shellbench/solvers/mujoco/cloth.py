@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
+from shellbench.solvers.mujoco.choices import Integrator
 from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.library import mujoco
 from shellbench.solvers.mujoco.loading import Loading
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Integrator = Literal["Euler", "discrete", "RK4"]
 
 TURNING = 1.0  # kg m^2: moments of inertia that every body must have, and that nothing turns
 BOTH = 3  # of a flex's `elastic2d`: stretching and bending

@@ -13,14 +13,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from shellbench.errors import InputError
-from shellbench.solvers.mujoco.cloth import Cloth, Integrator
+from shellbench.solvers.mujoco.choices import Integrator
+from shellbench.solvers.mujoco.cloth import Cloth
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.library import mujoco
 from shellbench.solvers.mujoco.loading import Loading
 
 Array = NDArray[np.float64]

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-import zlib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from shellbench.errors import InputError
-from shellbench.problem import FIELDS, NumberFormat, Step
-from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid
 from shellbench.solvers.mujoco.loading import Loading
 
 Array = NDArray[np.float64]
 
-SLACK = 1e-9  # of the last time, by which a time may lie beyond it
 LATEST = 8  # states that are kept at hand
-FORMAT = "mujoco-flex, format 1"
-BROKEN = (ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True)
-class FlexSolution:
+class FlexSolution(ShellSolution):
     """A motion of a cloth.
 
     Attributes
@@ -41,32 +31,24 @@ class FlexSolution:
     until
         Time of the last frame that was reached, s; frames are equally spaced from 0 on.
     frames, rates
-        (k, v, 3) displacements of the vertices, m, and their velocities, m/s.
+        (k, v, 3) displacements of the vertices, m, and their velocities, m/s; the grid follows from the settings.
     parameters
         Coordinates of vertices that are free to move.
-    history, diagnostics, uncertainty, extrapolated
-        See `shellbench.problem.Solution`.
     """
+
+    formats: ClassVar[tuple[str | int, ...]] = ("mujoco-flex, format 1",)
+    numbers: ClassVar[tuple[str, ...]] = ("frames", "rates")
 
     grid: Grid
     until: float
     frames: Array
     rates: Array
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = field(default_factory=dict)
-    uncertainty: Mapping[str, float] = field(default_factory=dict)
-    extrapolated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
         """The case it answers."""
         return self.grid.case
-
-    @property
-    def storage_bytes(self) -> int:
-        """Bytes of the frames' displacements and velocities; the grid follows from the settings."""
-        return self.frames.nbytes + self.rates.nbytes
 
     @cached_property
     def elasticity(self) -> Elasticity:
@@ -74,20 +56,12 @@ class FlexSolution:
         return Elasticity(self.grid)
 
     def _place(self, at: float | None) -> tuple[int, float, float]:
-        """Return the frame before a time, where between it and the next the time lies, 0 to 1, and their distance, s.
-
-        Raises
-        ------
-        InputError
-            If the motion did not reach that time.
-        """
-        time = self.until if at is None else float(at)
-        if not -SLACK * self.until <= time <= (1 + SLACK) * self.until:
-            raise InputError(f"{self.case.name}: the motion was followed from 0 to {self.until:g} s, not to {time:g} s")
+        """Return the frame before a time, the place between it and the next, 0 to 1, and their distance, s."""
+        time = time_reached(self.case, self.until, at)
         spaces = len(self.frames) - 1
         if spaces == 0:
             return 0, 0.0, 1.0
-        place = min(max(time / self.until, 0.0), 1.0) * spaces
+        place = time / self.until * spaces
         before = min(int(place), spaces - 1)
         return before, place - before, self.until / spaces
 
@@ -108,30 +82,22 @@ class FlexSolution:
         change = 6 * s * (1 - s) / h * (self.frames[k + 1] - self.frames[k])
         return np.asarray(change + (1 - s) * (1 - 3 * s) * self.rates[k] + s * (3 * s - 2) * self.rates[k + 1])
 
-    def _between_vertices(self, values: Array, points: ArrayLike) -> Array:
-        xi = np.asarray(points, dtype=float)
-        triangle, weights = self.grid.locate(xi.reshape(-1, 2))
-        found = np.einsum("na,nai->ni", weights, values[self.grid.triangles[triangle]])
-        return np.asarray(found.reshape(*xi.shape[:-1], 3))
+    def _between_vertices(self, values: Array, xi: Array) -> Array:
+        triangle, weights = self.grid.locate(xi)
+        return np.asarray(np.einsum("na,nai->ni", weights, values[self.grid.triangles[triangle]]))
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3) in metres at points (..., 2)."""
-        return self._between_vertices(self.vertices(at), points)
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self._between_vertices(self.vertices(at), xi)
 
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) in m/s at points (..., 2)."""
-        return self._between_vertices(self.vertex_velocities(at), points)
+    def velocity_at(self, xi: Array, at: float | None) -> Array:
+        """Return the velocity (N, 3) at points (N, 2)."""
+        return self._between_vertices(self.vertex_velocities(at), xi)
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2): constant on each triangle."""
-        if name not in FIELDS:
-            raise KeyError(name)
-        xi = np.asarray(points, dtype=float)
-        triangle, _ = self.grid.locate(xi.reshape(-1, 2))
-        values = self._fields(name, at)
-        return np.asarray(values[triangle].reshape((*xi.shape[:-1], *values.shape[1:])))
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2): constant on each triangle."""
+        triangle, _ = self.grid.locate(xi)
+        return np.asarray(self._fields(name, at)[triangle])
 
     @cached_property
     def _fields(self) -> Any:
@@ -154,69 +120,30 @@ class FlexSolution:
         """Return the energy of stretching and of bending, J (see `shellbench.solvers.mujoco.elasticity`)."""
         return self.elasticity.energies(self.grid.rest + self.vertices(at))
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
         It is what keeps its vertices at rest: their elastic forces less their loads. What damping adds, if a setting
         asks for any, is left out: the engine has no name for it.
         """
-        names = [s.name for s in self.case.supports]
-        if support not in names:
-            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
-        every = [self.grid.held_by(number) for number in range(len(names))]
-        share = every[names.index(support)] / np.maximum(np.sum(every, axis=0), 1)
+        every = [self.grid.held_by(other) for other in range(len(self.case.supports))]
+        share = every[number] / np.maximum(np.sum(every, axis=0), 1)
         positions = self.grid.rest + self.vertices(at)
         loads = Loading(self.grid).forces(self.until if at is None else at)
         forces = share * (self.elasticity.forces(positions) - loads)
-        return forces.sum(axis=0), np.cross(positions - np.asarray(centre, dtype=float), forces).sum(axis=0)
+        return forces.sum(axis=0), np.cross(positions - centre, forces).sum(axis=0)
 
-    def rounded(self, format: NumberFormat) -> tuple[FlexSolution, int]:
-        """Return the motion with displacements and velocities rounded to a format, and the bytes that they take."""
-        frames, rates = shortened(self.frames, format), shortened(self.rates, format)
-        return replace(self, frames=frames.expanded(), rates=rates.expanded()), frames.nbytes + rates.nbytes
-
-    def save(self, path: Path) -> Path:
-        """Write an npz file without pickles; return its path, which ends in .npz."""
-        target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
-        words = {
-            "format": FORMAT,
-            "name": self.case.name,
-            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
-            "cells": list(self.grid.cells),
-            "until": self.until,
-            "parameters": self.parameters,
-            "history": [asdict(step) for step in self.history],
-            "diagnostics": dict(self.diagnostics),
-        }
-        np.savez(target, allow_pickle=False, words=np.asarray(json.dumps(words)), frames=self.frames, rates=self.rates)
-        return target
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what a file holds beside the case and the history."""
+        words = {"cells": list(self.grid.cells), "until": self.until}
+        return words, {"frames": self.frames, "rates": self.rates}
 
     @classmethod
-    def load(cls, path: Path) -> FlexSolution:
-        """Read what `save` wrote.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, or none of this solver.
-        """
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                words, frames, rates = json.loads(str(data["words"])), data["frames"], data["rates"]
-            if words["format"] != FORMAT:
-                raise ValueError("of another format")
-            case = Case.model_validate({**words["case"], "name": words["name"]})
-            first, second = words["cells"]
-            grid = Grid(case, (int(first), int(second)))
-            if frames.shape != rates.shape or frames.shape[1:] != grid.rest.shape:
-                raise ValueError("frames do not fit the grid")
-            history = tuple(Step(**step) for step in words["history"])
-            until, parameters = float(words["until"]), int(words["parameters"])
-            return cls(grid, until, frames, rates, parameters, history, words["diagnostics"])
-        except OSError as error:
-            why = error.strerror or "damaged"
-            raise InputError(f"{path}: can't be read as a solution of mujoco-flex ({why})") from None
-        except BROKEN:
-            raise InputError(f"{path}: is damaged, or not a solution of mujoco-flex") from None
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> FlexSolution:
+        """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
+        first, second = words["cells"]
+        grid = Grid(case, (int(first), int(second)))
+        frames, rates = arrays["frames"], arrays["rates"]
+        if frames.shape != rates.shape or frames.shape[1:] != grid.rest.shape:
+            raise ValueError("frames do not fit the grid")
+        return cls(grid, float(words["until"]), frames, rates, int(words["parameters"]))

@@ -7,13 +7,10 @@ import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-import torch
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
-from shellbench.errors import InputError
 from shellbench.problem import Step
+from shellbench.solvers.ndf.tensor_file import are_finite, read_tensors, telling_damage, texts_of, write_tensors
 
 FORMAT = "shellbench-ndf-checkpoint-1"
 GROUPS = ("weight", "first_moment", "second_moment")
@@ -56,9 +53,7 @@ def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     groups = (checkpoint.weights, checkpoint.first_moments, checkpoint.second_moments)
     tensors = {
-        f"{name}.{k}": tensor.detach().cpu().contiguous()
-        for name, group in zip(GROUPS, groups, strict=True)
-        for k, tensor in enumerate(group)
+        f"{name}.{k}": tensor for name, group in zip(GROUPS, groups, strict=True) for k, tensor in enumerate(group)
     }
     facts = {
         "key": checkpoint.key,
@@ -68,11 +63,8 @@ def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     }
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        save_file(
-            {**tensors, "losses": checkpoint.losses.detach().cpu()},
-            beside,
-            metadata={"format": FORMAT, "checkpoint": json.dumps(facts)},
-        )
+        texts = {"format": FORMAT, "checkpoint": json.dumps(facts)}
+        write_tensors(beside, {**tensors, "losses": checkpoint.losses}, texts)
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
@@ -80,11 +72,7 @@ def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
 
 def is_checkpoint(path: Path) -> bool:
     """Tell whether a file is a checkpoint; a file that can't be read is none."""
-    try:
-        with safe_open(path, framework="pt") as file:
-            return (file.metadata() or {}).get("format") == FORMAT
-    except (OSError, SafetensorError):
-        return False
+    return texts_of(path).get("format") == FORMAT
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
@@ -95,10 +83,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
     InputError
         In one sentence, if it is no whole checkpoint.
     """
-    try:
-        with safe_open(path, framework="pt") as file:
-            facts = json.loads((file.metadata() or {})["checkpoint"])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+    texts, tensors = read_tensors(path)
+    with telling_damage(path):
+        facts = json.loads(texts["checkpoint"])
         layers = range(sum(name.startswith(f"{GROUPS[0]}.") for name in tensors))
         weights, first, second = ([tensors[f"{group}.{k}"] for k in layers] for group in GROUPS)
         found = Checkpoint(
@@ -111,12 +98,6 @@ def read_checkpoint(path: Path) -> Checkpoint:
             losses=tensors["losses"],
             history=tuple(Step(**step) for step in facts["history"]),
         )
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror or error})") from None
-    except (SafetensorError, KeyError, TypeError, ValueError) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise InputError(f"{path}: is damaged or no checkpoint ({reason[:200]})") from None
-    whole = found.losses.shape == (found.iteration,) and all(bool(torch.isfinite(w).all()) for w in found.weights)
-    if not whole:
-        raise InputError(f"{path}: is damaged: its losses or weights are not those of {found.iteration} iterations")
+        if found.losses.shape != (found.iteration,) or not are_finite(found.weights):
+            raise ValueError(f"its losses or weights are not those of {found.iteration} iterations")
     return found

@@ -8,37 +8,31 @@ evaluated at the very time that is asked for.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
-from pydantic import ValidationError
 from torch import Tensor
 
-from shellbench.errors import InputError
-from shellbench.model import one_sentence
-from shellbench.problem import NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.combined import Combined
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.reaction import edge_reaction
 from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, short_enough
-from shellbench.solvers.ndf.solution import NdfSolution, features_of
+from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, features_of
 from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.tensor_file import telling_damage
 from shellbench.solvers.ndf.weights import Header, network_tensors, write
 
 KEPT = ("combine", "times", "output", "rates", "seconds")  # tensors of a motion, beside the network's
-TOLD_APART = 1e-9  # of the whole time: a time beyond the end by less is the end
 
 
 @dataclass(frozen=True)
@@ -88,7 +82,7 @@ def quintic(s: float, order: int = 0) -> Array:
 
 
 @dataclass(frozen=True)
-class MotionSolution:
+class MotionSolution(FieldSolution):
     """A field in motion; see `shellbench.problem.Solution` for the protocol.
 
     Attributes
@@ -114,48 +108,25 @@ class MotionSolution:
     course: Course
     rule: RuleSpec
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    extrapolated: Mapping[str, float] = dataclasses.field(default_factory=dict)
-
-    @property
-    def storage_bytes(self) -> int:
-        """Bytes of the tensors that the field is made of, at all times that are kept."""
-        return sum(t.numel() * t.element_size() for t in self.tensors().values())
 
     def time(self, at: float | None) -> float:
-        """Return a time that the motion has reached, its end if None.
+        """Return a time that the motion has reached, its end if None; InputError if it has not reached it."""
+        return time_reached(self.case, float(self.course.times[-1]), at)
 
-        Raises
-        ------
-        InputError
-            If it has not reached it.
-        """
-        end = float(self.course.times[-1])
-        if at is None:
-            return end
-        if not 0 <= at <= end * (1 + TOLD_APART):
-            raise InputError(f"{self.case.name}: solved from 0 to {end:g} s, not at {at:g} s")
-        return min(at, end)
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self._state(self.time(at)).displacement_at(xi, None)
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
-        return self._state(self.time(at)).displacement(points)
+    def velocity_at(self, xi: Array, at: float | None) -> Array:
+        """Return the velocity (N, 3) at points (N, 2)."""
+        return self._rate(xi, self.time(at), 1)
 
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3), m/s, at points (..., 2), angles in radians."""
-        return self._rate(points, self.time(at), 1)
-
-    def _rate(self, points: ArrayLike, t: float, order: int) -> Array:
-        """Return a derivative in time (..., 3) of the displacement at points (..., 2)."""
-        xi = np.asarray(points, dtype=float)
-        flat = self.case.surface.domain.wrap(xi.reshape(-1, 2))
+    def _rate(self, xi: Array, t: float, order: int) -> Array:
+        """Return a derivative in time (N, 3) of the displacement at points (N, 2)."""
+        flat = self.case.surface.domain.wrap(xi)
         state = self._state(t)
         still = replace(state.field, output=self._output(t, order))
-        moved = replace(state, field=still).displacement(xi).reshape(-1, 3)
+        moved = replace(state, field=still).displacement_at(xi, None)
         if still.ansatz.lift.moves:
             placement = self.features.placement
 
@@ -163,11 +134,11 @@ class MotionSolution:
                 return self._motion.ansatz(time).lift.jet(flat, placement)[VALUE]
 
             moved = moved + (self._motion.rate(lift, t, order) - lift(t)).cpu().numpy()
-        return np.asarray(moved.reshape(*xi.shape[:-1], 3))
+        return moved
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
-        return self._state(self.time(at)).evaluate(name, points)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        return self._state(self.time(at)).field_at(name, xi, None)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -189,25 +160,16 @@ class MotionSolution:
     def _motion(self) -> Motion:
         return Motion(self.case, self.spec, self.features, self.rule)
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
-
-        It is what the momentum of the shell needs beside loads, strains and springs: the virtual work of all of them,
-        inertia included, on rigid motions of the support (`shellbench.solvers.ndf.reaction`).
 
         Raises
         ------
         InputError
-            If the support is not known, the time not reached, or its reaction can't be told from that of another one.
+            If it can't be told from that of another support.
         """
-        found = [s for s in self.case.supports if s.name == support]
-        if not found:
-            raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
-        t, origin = self.time(at), np.asarray(centre, dtype=float)
-        state = self._state(t)
-        held = self._point_forces(t)
+        t = self.time(at)
+        state = replace(self._state(t), point_forces=tuple(self._point_forces(t)))
 
         def lag(points: Array) -> Array:
             """Inertia and springs as a force per area, N/m^2."""
@@ -215,15 +177,7 @@ class MotionSolution:
             return -self.case.material.areal_density * self._rate(points, t, 2) - springs
 
         with torch.no_grad():
-            focal = np.zeros((0, 2))
-            total = edge_reaction(state.field, found[0], origin, self.rule, focal, held, self.spec.strain, lag)
-        force, moment = total[:3], total[3:]
-        for at_point, magnitude in zip(point_supports(self.case, t), held, strict=True):
-            if at_point.support.name == support:
-                push, point = magnitude * np.eye(3)[at_point.component], np.asarray(at_point.point.xi)
-                arm = self.case.surface.position(point) + state.displacement(point) - origin
-                force, moment = force + push, moment + np.cross(arm, push)
-        return force, moment
+            return state.pushed(number, centre, np.zeros((0, 2)), lag)
 
     def _point_forces(self, t: float) -> Array:
         """Return the forces (k,) of the point supports, N."""
@@ -287,18 +241,13 @@ class MotionSolution:
         assert isinstance(network, Features)
         header = Header(
             solver=self.solver,
-            case_name=self.case.name,
-            case=self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            **self.facts(),
             spec=self.spec,
             activation=network.network.activation,
             rule=self.rule,
             membrane=0.0,
             bending=0.0,
             parameters=self.parameters,
-            history=tuple(self.history),
-            diagnostics=dict(self.diagnostics),
-            uncertainty=dict(self.uncertainty),
-            extrapolated=dict(self.extrapolated),
             point_forces=(),
             moving=True,
         )
@@ -313,7 +262,7 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     InputError
         In one sentence, if it is not a whole and consistent motion.
     """
-    try:
+    with telling_damage(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
         if any(name not in tensors for name in KEPT):
@@ -325,10 +274,6 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
             raise ValueError("its tensors do not fit each other")
         if times[0] != 0 or bool((times.diff() <= 0).any()):
             raise ValueError("its times do not increase from 0")
-    except ValidationError as error:
-        raise InputError(f"{path}: is damaged: its case is none: {one_sentence(error)}") from None
-    except (ValueError, ArithmeticError) as error:
-        raise InputError(f"{path}: is damaged: {str(error).splitlines()[0]}") from None
     return MotionSolution(
         case=case,
         solver=header.solver,
@@ -337,8 +282,5 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
         course=Course(times.numpy(), *course),
         rule=header.rule,
         parameters=header.parameters,
-        history=header.history,
-        diagnostics=header.diagnostics,
-        uncertainty=header.uncertainty,
-        extrapolated=header.extrapolated,
+        **header.course(),
     )

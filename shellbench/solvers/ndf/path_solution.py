@@ -2,32 +2,27 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import ArrayLike
+from torch import Tensor
 
-from shellbench.errors import InputError
-from shellbench.problem import NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import state_number
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_solution import MotionSolution, read_motion
 from shellbench.solvers.ndf.rounding import short_enough
-from shellbench.solvers.ndf.solution import NdfSolution, read_solution
+from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, read_states
 from shellbench.solvers.ndf.weights import StateHeader, read, write
-
-SAME_MARK = 1e-9  # relative difference of two marks that are one
 
 
 @dataclass(frozen=True)
-class PathSolution:
+class PathSolution(FieldSolution):
     """Fields at increasing marks; see `shellbench.problem.Solution` for the protocol.
 
     Attributes
@@ -40,10 +35,6 @@ class PathSolution:
 
     marks: tuple[float, ...]
     states: tuple[NdfSolution, ...]
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    extrapolated: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -55,53 +46,33 @@ class PathSolution:
         """Number of output weights that were solved for at each state, and of those that were trained."""
         return self.states[-1].parameters
 
-    @property
-    def storage_bytes(self) -> int:
-        """Bytes of the tensors of all states."""
-        last = self.states[-1]
-        output, rigid = last.field.output, last.field.rigid
-        each = output.numel() * output.element_size() + rigid.numel() * rigid.element_size()
-        return last.storage_bytes + (len(self.states) - 1) * each
-
     def state(self, at: float | None) -> NdfSolution:
-        """Return the state at a mark, the last one if None.
+        """Return the state at a mark, the last one if None; InputError if the case was not solved at it."""
+        return self.states[state_number(self.case, self.marks, at)]
 
-        Raises
-        ------
-        InputError
-            If the case was not solved at it.
-        """
-        if at is None:
-            return self.states[-1]
-        nearest = int(np.argmin(np.abs(np.asarray(self.marks) - at)))
-        if abs(self.marks[nearest] - at) > SAME_MARK * abs(at):
-            known = ", ".join(f"{mark:g}" for mark in self.marks)
-            raise InputError(f"{self.case.name}: solved at {known}, not at {at:g}")
-        return self.states[nearest]
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self.state(at).displacement_at(xi, None)
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
-        return self.state(at).displacement(points)
-
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
-        return np.zeros((*np.asarray(points).shape[:-1], 3))
-
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
-        return self.state(at).evaluate(name, points)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        return self.state(at).field_at(name, xi, None)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
         return self.state(at).energies()
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
-        return self.state(at).reaction(support, centre)
+        return self.state(at).reaction_at(number, centre, None)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the tensors of the features, which all states share, and those of all states."""
+        return {
+            **self.states[-1].tensors(),
+            "output": torch.stack([s.field.output for s in self.states]),
+            "rigid": torch.stack([s.field.rigid for s in self.states]),
+        }
 
     def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
         """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
@@ -123,17 +94,8 @@ class PathSolution:
             )
             for mark, s in zip(self.marks, self.states, strict=True)
         )
-        last = replace(
-            self.states[-1],
-            history=self.history,
-            diagnostics=self.diagnostics,
-            uncertainty=self.uncertainty,
-            extrapolated=self.extrapolated,
-        )
-        header, tensors = last.header.model_copy(update={"states": headers}), last.tensors()
-        tensors["output"] = torch.stack([s.field.output for s in self.states])
-        tensors["rigid"] = torch.stack([s.field.rigid for s in self.states])
-        return write(path, header, tensors)
+        header = self.states[-1].header.model_copy(update={**self.facts(), "states": headers})
+        return write(path, header, self.tensors())
 
 
 def load_solution(
@@ -149,15 +111,7 @@ def load_solution(
     header, tensors = read(path, solver)
     if header.moving:
         return read_motion(path, header, tensors)
-    header, states = read_solution(path, solver, ansatz_of)
+    states = read_states(path, header, tensors, ansatz_of)
     if not header.states:
-        return states[0]
-    last = states[-1]
-    return PathSolution(
-        marks=tuple(s.mark for s in header.states),
-        states=tuple(replace(s, history=(), diagnostics={}, uncertainty={}, extrapolated={}) for s in states),
-        history=last.history,
-        diagnostics=last.diagnostics,
-        uncertainty=last.uncertainty,
-        extrapolated=last.extrapolated,
-    )
+        return replace(states[0], **header.course())
+    return PathSolution(marks=tuple(s.mark for s in header.states), states=states, **header.course())

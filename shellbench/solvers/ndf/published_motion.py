@@ -68,10 +68,7 @@ def load_motion(path: Path, solver: str) -> TrainedMotion:
         solver,
         MotionField(ansatz, siren),
         header.strain,
-        header.history,
-        header.diagnostics,
-        header.uncertainty,
-        header.extrapolated,
+        **header.course(),
     )
 
 

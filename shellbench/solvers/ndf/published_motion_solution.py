@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import ArrayLike
 from torch import Tensor
 
 from shellbench.errors import InputError
-from shellbench.problem import FIELDS, NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.loads import force_density
 from shellbench.solvers.ndf.published_motion_field import MotionField
-from shellbench.solvers.ndf.published_motion_file import MotionHeader, write_motion
+from shellbench.solvers.ndf.published_motion_file import MotionHeader, tensors_of, write_motion
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.rounding import rounded_tensors, short_enough
+from shellbench.solvers.ndf.solution import FieldSolution
 from shellbench.solvers.ndf.undeformed import Undeformed, stresses
 
 QUERY = 4096  # points that are evaluated at once
@@ -31,7 +28,7 @@ INSTANT = 1e-4  # of the final time, between the velocities by which an accelera
 
 
 @dataclass(frozen=True)
-class TrainedMotion:
+class TrainedMotion(FieldSolution):
     """A trained motion; see `shellbench.problem.Solution` for the protocol.
 
     Attributes
@@ -47,10 +44,6 @@ class TrainedMotion:
     solver: str
     field: MotionField
     strain: StrainName
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    extrapolated: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -62,27 +55,22 @@ class TrainedMotion:
         """Number of weights and biases."""
         return self.field.siren.parameters
 
-    @property
-    def storage_bytes(self) -> int:
-        """Bytes of the weights."""
-        return sum(t.numel() * t.element_size() for t in self.field.siren.tensors)
+    def tensors(self) -> dict[str, Tensor]:
+        """Return weights and biases by the names they have in a file."""
+        return tensors_of(self.field.siren)
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3), metres, at points (..., 2), angles in radians, and time `at`, s."""
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2) and time `at`, s."""
         t = self._time(at)
-        return self._at(points, lambda xi: self.field.displacement(xi, t))
+        return self.in_portions(xi, lambda part: self.field.displacement(part, t), QUERY)
 
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3), m/s, at points (..., 2)."""
+    def velocity_at(self, xi: Array, at: float | None) -> Array:
+        """Return the velocity (N, 3) at points (N, 2)."""
         t = self._time(at)
-        return self._at(points, lambda xi: self.field.velocity(xi, t))
+        return self.in_portions(xi, lambda part: self.field.velocity(part, t), QUERY)
 
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
-        if name not in FIELDS:
-            raise KeyError(name)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         t, part = self._time(at), slice(0, 3) if name.startswith("membrane") else slice(3, 6)
 
         def strain(xi: Array) -> Tensor:
@@ -94,7 +82,7 @@ class TrainedMotion:
             work = strains * stresses(surface.elasticity(self.case.material), strains)
             return 0.5 * work[:, part].sum(-1)
 
-        return self._at(points, strain)
+        return self.in_portions(xi, strain, QUERY)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -104,9 +92,7 @@ class TrainedMotion:
         )
         return membrane, bending
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that the only support exerts on the shell.
 
         They follow from Newton's law for the motion as it is: the rate of change of momentum, less the loads and the
@@ -115,13 +101,11 @@ class TrainedMotion:
         Raises
         ------
         InputError
-            If the support is not known, or is not the only one.
+            If the support is not the only one.
         """
-        names = [s.name for s in self.case.supports]
-        if support not in names:
-            raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
-        if len(names) > 1:
-            raise InputError(f"a trained motion does not tell the reaction of '{support}' from that of other supports")
+        if len(self.case.supports) > 1:
+            name = self.case.supports[number].name
+            raise InputError(f"a trained motion does not tell the reaction of '{name}' from that of other supports")
         t, until = self._time(at), self.field.ansatz.until
         points, weights = self._rule()
         before, after = max(0.0, t - INSTANT * until), min(until, t + INSTANT * until)
@@ -129,7 +113,7 @@ class TrainedMotion:
         u = self.displacement(points, t)
         force = self.case.material.areal_density * gained - force_density(self.case, points, t)
         force = (force + self.case.spring_stiffness(points) * u) * weights[:, None]
-        arm = self.case.surface.position(points) + u - np.asarray(centre, dtype=float)
+        arm = self.case.surface.position(points) + u - centre
         return force.sum(axis=0), np.cross(arm, force).sum(axis=0)
 
     def rounded(self, format: NumberFormat) -> tuple[TrainedMotion, int]:
@@ -147,34 +131,18 @@ class TrainedMotion:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
         header = MotionHeader(
             solver=self.solver,
-            case_name=self.case.name,
-            case=self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            **self.facts(),
             periodic_input=self.field.ansatz.inputs.periodic,
             omega0=self.field.siren.omega0,
             strain=self.strain,
-            history=tuple(self.history),
-            diagnostics=dict(self.diagnostics),
-            uncertainty=dict(self.uncertainty),
-            extrapolated=dict(self.extrapolated),
         )
         return write_motion(path, header, self.field.siren)
 
     def _time(self, at: float | None) -> float:
-        until = self.field.ansatz.until
-        if at is not None and not 0 <= at <= until:
-            raise InputError(f"{self.case.name}: moves from 0 to {until:g} s, and was asked for {at:g} s")
-        return until if at is None else at
+        return time_reached(self.case, self.field.ansatz.until, at)
 
     def _rule(self) -> tuple[Array, Array]:
         """Return points (N, 2) and weights (N,), m^2, that integrate over the midsurface."""
         rule = area_rule(self.case.surface.domain, np.zeros((0, 2)), FINE)
         x = self.case.surface.derivatives(rule.points, 1)
         return rule.points, np.asarray(rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1))
-
-    def _at(self, points: ArrayLike, function: Callable[[Array], Tensor]) -> Array:
-        xi = np.asarray(points, dtype=float)
-        flat = self.case.surface.domain.wrap(xi.reshape(-1, 2))
-        with torch.no_grad():
-            parts = [function(flat[k : k + QUERY]).cpu().numpy() for k in range(0, max(len(flat), 1), QUERY)]
-        values = np.concatenate(parts).astype(float)
-        return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.ndf.published_settings import PublishedSettings
 
 
-@dataclass(frozen=True)
-class PublishedSolver:
+class PublishedSolver(ShellSolver):
     """The paper's training; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf-published"
@@ -23,6 +21,7 @@ class PublishedSolver:
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[PublishedSettings]] = PublishedSettings
+    uses_start: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the published boundary functions can't hold this case, as one clause, or None if they can."""
@@ -36,12 +35,8 @@ class PublishedSolver:
 
         return published.load(path, self.name)
 
-    def solve(
-        self,
-        case: Case,
-        settings: PublishedSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: PublishedSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> Solution:
         """Train a field.
 
@@ -59,7 +54,4 @@ class PublishedSolver:
         """
         from shellbench.solvers.ndf import published
 
-        reason = self.declines(case)
-        if reason:
-            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        return published.solve(case, settings, start, progress or (lambda _: None))
+        return published.solve(case, settings, start, progress)

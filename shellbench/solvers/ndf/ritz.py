@@ -31,7 +31,6 @@ from shellbench.solvers.ndf.build import (
 )
 from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
 from shellbench.solvers.ndf.choices import StrainName
-from shellbench.solvers.ndf.declines import why_declined
 from shellbench.solvers.ndf.energy import concentrated, normal_equations, surface_area
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
@@ -59,11 +58,22 @@ def solve(
     case: Case, settings: RitzSettings, progress: ProgressCallback
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
+    spec = field_spec(case, settings)
+    with torch.no_grad():
+        if case.dynamics is not None:
+            return _move(case, spec, settings, progress)
+        if large_displacement.is_path(case):
+            return _follow(case, spec, settings, progress)
+        return _solve(case, spec, settings, progress)
+
+
+def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
+    """Return the choices of the field; InputError if settings do not fit each other or the case."""
     if settings.penalty and settings.supports == "hard":
         raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
     path = case.dynamics is not None or large_displacement.is_path(case)
     (smooth_activation if path else activation)(settings.activation)
-    spec = FieldSpec(
+    return FieldSpec(
         activation=settings.activation,
         periodic_input=settings.periodic_input,
         components=settings.components,
@@ -74,15 +84,6 @@ def solve(
         multipliers=settings.singular,
         strain=strain_of(case, settings.strain),
     )
-    with torch.no_grad():
-        reason = why_declined(case, spec)
-        if reason:
-            raise InputError(f"{RitzSolver.name} can't solve case '{case.name}': {reason}")
-        if case.dynamics is not None:
-            return _move(case, spec, settings, progress)
-        if path:
-            return _follow(case, spec, settings, progress)
-        return _solve(case, spec, settings, progress)
 
 
 def strain_of(case: Case, strain: StrainName | None) -> StrainName:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -11,6 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.ndf.choices import (
     LARGEST_GAP,
     LAYER,
@@ -49,8 +49,7 @@ class RitzSettings(SeededSettings):
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
-@dataclass(frozen=True)
-class RitzSolver:
+class RitzSolver(ShellSolver):
     """Random features with a solved output layer; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf-ritz"
@@ -73,14 +72,17 @@ class RitzSolver:
 
         return load_solution(path, self.name)
 
-    def solve(
-        self,
-        case: Case,
-        settings: RitzSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def declines_with(self, case: Case, settings: RitzSettings) -> str | None:
+        """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
+        from shellbench.solvers.ndf.declines import why_declined
+        from shellbench.solvers.ndf.ritz import field_spec
+
+        return why_declined(case, field_spec(case, settings))
+
+    def answer(
+        self, case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NdfSolution | PathSolution | MotionSolution:
-        """Solve a case; `start` is of no use to a direct solve and is ignored.
+        """Solve a case.
 
         Raises
         ------
@@ -88,8 +90,8 @@ class RitzSolver:
             If the energies on the two quadratures disagree by more than the largest admissible gap, or the path of a
             non-linear case ends early.
         InputError
-            If the case or the settings can't be solved with.
+            If the case can't be solved with these settings.
         """
         from shellbench.solvers.ndf import ritz
 
-        return ritz.solve(case, settings, progress or (lambda _: None))
+        return ritz.solve(case, settings, progress)

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
-from pydantic import ValidationError
 from torch import Tensor
 
-from shellbench.errors import InputError
-from shellbench.model import one_sentence
-from shellbench.problem import FIELDS, NumberFormat, Step
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import ShellSolution
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
@@ -27,15 +22,37 @@ from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
 from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, short_enough
 from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.tensor_file import telling_damage
 from shellbench.solvers.ndf.undeformed import Undeformed, stresses
-from shellbench.solvers.ndf.weights import Header, StateHeader, network_of, network_tensors, read, write
+from shellbench.solvers.ndf.weights import Header, StateHeader, network_of, network_tensors, write
 
 QUERY = 2048  # points at which values are computed at once: of more, they no longer fit the cache of a processor
 JETS = 512  # points at which jets are, which are six times as large
 
 
 @dataclass(frozen=True)
-class NdfSolution:
+class FieldSolution(ShellSolution):
+    """What the solutions of all recipes have in common: tensors, and values at points that are found in portions."""
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of the tensors that the field is made of."""
+        return sum(t.numel() * t.element_size() for t in self.tensors().values())
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the tensors that the field is made of, by the names they have in a file."""
+        raise NotImplementedError
+
+    def in_portions(self, xi: Array, function: Callable[[Array], Tensor], at_once: int = QUERY) -> Array:
+        """Return values (N, ...) of a function of points (N, 2) within the domain, so many points at once."""
+        flat = self.case.surface.domain.wrap(xi)
+        with torch.no_grad():
+            parts = [function(flat[k : k + at_once]).cpu().numpy() for k in range(0, max(len(flat), 1), at_once)]
+        return np.concatenate(parts).astype(float)
+
+
+@dataclass(frozen=True)
+class NdfSolution(FieldSolution):
     """A solved neural deformation field; see `shellbench.problem.Solution` for the protocol.
 
     All tensors that `displacement` needs are kept, those of a fixed random layer included: a seed would tie a file to
@@ -63,31 +80,14 @@ class NdfSolution:
     membrane: float
     bending: float
     parameters: int
-    history: tuple[Step, ...] = ()
-    diagnostics: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    extrapolated: Mapping[str, float] = dataclasses.field(default_factory=dict)
     point_forces: tuple[float, ...] = ()
 
-    @property
-    def storage_bytes(self) -> int:
-        """Bytes of the tensors that the field is made of."""
-        return sum(t.numel() * t.element_size() for t in self.tensors().values())
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self.in_portions(xi, self.field.displacement)
 
-    def displacement(
-        self, points: ArrayLike, at: float | None = None, parameters: Mapping[str, float] | None = None
-    ) -> Array:
-        """Return the displacement (..., 3), metres, at points (..., 2), angles in radians."""
-        return self._at(points, lambda xi: self.field.displacement(xi))
-
-    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
-        """Return the velocity (..., 3) at points (..., 2): zero, because nothing moves."""
-        return np.zeros((*np.asarray(points).shape[:-1], 3))
-
-    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
-        if name not in FIELDS:
-            raise KeyError(name)
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
 
         def asked(xi: Array) -> Tensor:
@@ -96,7 +96,7 @@ class NdfSolution:
                 return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
             return densities[:, part].sum(-1)
 
-        return self._at(points, asked, JETS)
+        return self.in_portions(xi, asked, JETS)
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
@@ -113,33 +113,35 @@ class NdfSolution:
         rule = area_rule(self.case.surface.domain, graded_points(self.case, self.spec), self.rule)
         x = self.case.surface.derivatives(rule.points, 1)
         weights = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
-        parts = weights @ self._at(rule.points, lambda xi: self._strained(xi)[1], JETS)
+        parts = weights @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
         return float(parts[:3].sum()), float(parts[3:].sum())
 
-    def reaction(
-        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
-    ) -> tuple[Array, Array]:
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
         Raises
         ------
         InputError
-            If the support is not known, or its reaction can't be told from that of another one.
+            If it can't be told from that of another support.
         """
-        found = [s for s in self.case.supports if s.name == support]
-        if not found:
-            raise InputError(f"support '{support}' is not one of case '{self.case.name}'")
-        origin = np.asarray(centre, dtype=float)
-        held = np.asarray(self.point_forces)
-        focal = graded_points(self.case, self.spec)
-        total = edge_reaction(self.field, found[0], origin, self.rule, focal, held, self.spec.strain)
+        return self.pushed(number, centre, graded_points(self.case, self.spec))
+
+    def pushed(
+        self, number: int, centre: Array, focal: Array, lag: Callable[[Array], Array] | None = None
+    ) -> tuple[Array, Array]:
+        """Return force and moment of a support: along its edges by virtual work, and those of its points.
+
+        `focal` (k, 2) are points toward which quadrature is graded, `lag` is what else acts on an area, N/m^2.
+        """
+        support, held = self.case.supports[number], np.asarray(self.point_forces)
+        total = edge_reaction(self.field, support, centre, self.rule, focal, held, self.spec.strain, lag)
         force, moment = total[:3], total[3:]
         for at_point, magnitude in zip(point_supports(self.case, self.spec.t), held, strict=True):
-            if at_point.support.name == support:
+            if at_point.support.name == support.name:
                 push = magnitude * np.eye(3)[at_point.component]
                 point = np.asarray(at_point.point.xi)
-                arm = self.case.surface.position(point) - origin
-                if self.spec.strain != "linear":
+                arm = self.case.surface.position(point) - centre
+                if self.spec.strain != "linear" or self.case.dynamics:
                     arm = arm + self.displacement(point)
                 force, moment = force + push, moment + np.cross(arm, push)
         return force, moment
@@ -167,18 +169,13 @@ class NdfSolution:
         """All that a file says beside its tensors."""
         return Header(
             solver=self.solver,
-            case_name=self.case.name,
-            case=self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            **self.facts(),
             spec=self.spec,
             activation=self.field.features.network.activation,
             rule=self.rule,
             membrane=self.membrane,
             bending=self.bending,
             parameters=self.parameters,
-            history=tuple(self.history),
-            diagnostics=dict(self.diagnostics),
-            uncertainty=dict(self.uncertainty),
-            extrapolated=dict(self.extrapolated),
             point_forces=tuple(self.point_forces),
         )
 
@@ -190,14 +187,6 @@ class NdfSolution:
         """Return the tensors that the field is made of, by the names they have in a file."""
         layers = network_tensors(self.field.features.network)
         return {**layers, "output": self.field.output, "rigid": self.field.rigid}
-
-    def _at(self, points: ArrayLike, function: Callable[[Array], Tensor], at_once: int = QUERY) -> Array:
-        xi = np.asarray(points, dtype=float)
-        flat = self.case.surface.domain.wrap(xi.reshape(-1, 2))
-        with torch.no_grad():
-            parts = [function(flat[k : k + at_once]).cpu().numpy() for k in range(0, max(len(flat), 1), at_once)]
-        values = np.concatenate(parts).astype(float)
-        return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))
 
 
 def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Features:
@@ -214,18 +203,22 @@ def features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Fe
     return build_features(case, header.spec, network, placement, inputs)
 
 
-def read_solution(
-    path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
-) -> tuple[Header, list[NdfSolution]]:
-    """Read a file: one field, or those of all states of a path; `ansatz_of` builds the supports in as the recipe does.
+def read_states(
+    path: Path,
+    header: Header,
+    tensors: Mapping[str, Tensor],
+    ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz,
+) -> tuple[NdfSolution, ...]:
+    """Return the field that a file holds, or those of all states of a path, without how they came about.
+
+    `ansatz_of` builds the supports in as the recipe does.
 
     Raises
     ------
     InputError
-        In one sentence, if the file is not a whole and consistent solution of this solver.
+        In one sentence, if the file is not a whole and consistent solution.
     """
-    header, tensors = read(path, solver)
-    try:
+    with telling_damage(path):
         case = header.read_case()
         features = features_of(case, header, tensors)
         output, rigid = tensors.get("output"), tensors.get("rigid")
@@ -233,10 +226,6 @@ def read_solution(
         expected = (*many, 3, features.count), (*many, 6)
         if output is None or rigid is None or (output.shape, rigid.shape) != expected:
             raise ValueError("its tensors do not fit each other")
-    except ValidationError as error:
-        raise InputError(f"{path}: is damaged: its case is none: {one_sentence(error)}") from None
-    except (ValueError, ArithmeticError) as error:
-        raise InputError(f"{path}: is damaged: {str(error).splitlines()[0]}") from None
     one = StateHeader(
         mark=header.spec.t,
         t=header.spec.t,
@@ -259,11 +248,7 @@ def read_solution(
                 membrane=state.membrane,
                 bending=state.bending,
                 parameters=header.parameters,
-                history=header.history,
-                diagnostics=header.diagnostics,
-                uncertainty=header.uncertainty,
-                extrapolated=header.extrapolated,
                 point_forces=state.point_forces,
             )
         )
-    return header, solutions
+    return tuple(solutions)

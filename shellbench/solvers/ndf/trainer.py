@@ -60,6 +60,8 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Train a field; see `shellbench.solvers.ndf.trainer_solver.NdfSolver`."""
     strain = strain_of(case, settings.strain)
+    if start is not None and (case.dynamics is not None or large_displacement.is_path(case)):
+        raise InputError(f"{NdfSolver.name} can't go on from an earlier solution in {case.name}: a path begins at rest")
     with torch.no_grad():
         if case.dynamics is not None:
             smooth_activation(settings.activation)

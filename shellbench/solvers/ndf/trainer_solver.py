@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import Field as PydanticField
 
-from shellbench.errors import InputError
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solver import ShellSolver
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
 
 if TYPE_CHECKING:
@@ -44,8 +43,7 @@ class TrainerSettings(SeededSettings):
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
-@dataclass(frozen=True)
-class NdfSolver:
+class NdfSolver(ShellSolver):
     """The trainer; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf"
@@ -57,6 +55,7 @@ class NdfSolver:
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
+    uses_start: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
@@ -70,16 +69,10 @@ class NdfSolver:
 
         return load_solution(path, self.name)
 
-    def solve(
-        self,
-        case: Case,
-        settings: TrainerSettings,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: TrainerSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NdfSolution | PathSolution | MotionSolution:
         """Train a field; with `start`, an earlier solution of this recipe (or its file), go on from its weights.
-
-        In the non-linear theory the output layer follows the path or the motion from rest, and `start` is ignored.
 
         Raises
         ------
@@ -87,11 +80,9 @@ class NdfSolver:
             If training breaks down, or the energy on the finest quadrature disagrees by more than the largest
             admissible gap; the last certified state comes with it.
         InputError
-            If the case, the settings or the start can't be used.
+            If the settings or the start can't be used: a path or a motion begins at rest, where the hidden layers
+            stay as drawn.
         """
         from shellbench.solvers.ndf import trainer
 
-        reason = self.declines(case)
-        if reason:
-            raise InputError(f"{self.name} can't solve case '{case.name}': {reason}")
-        return trainer.solve(case, settings, start, progress or (lambda _: None))
+        return trainer.solve(case, settings, start, progress)

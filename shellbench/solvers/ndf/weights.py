@@ -1,4 +1,4 @@
-"""The file of a field: its tensors as safetensors, all else as JSON in their header. Nothing is ever unpickled."""
+"""The file of a field: its tensors as safetensors, all else as JSON in their header."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
-from pydantic import ValidationError
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, one_sentence
+from shellbench.model import Finite, Model
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.jets import activation
 from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.solvers.ndf.tensor_file import check_like_numbers, read_tensors, telling_damage, write_tensors
 
 HEADER = "shellbench"
 
@@ -34,37 +31,45 @@ class StateHeader(Model):
     point_forces: tuple[Finite, ...]
 
 
-class Header(Model):
-    """All that a file says beside its tensors; see `shellbench.solvers.ndf.solution.NdfSolution` for the fields."""
+class CaseHeader(Model):
+    """What every file says: the recipe, the case, the history and what came of it."""
 
-    format: Literal["shellbench-ndf-1"] = "shellbench-ndf-1"
     solver: str
     case_name: str
     case: dict[str, Any]
+    history: tuple[Step, ...]
+    diagnostics: dict[str, Any]
+    uncertainty: dict[str, float]
+    extrapolated: dict[str, float]
+
+    def read_case(self) -> Case:
+        """Return the case; ValidationError if it is not one."""
+        return Case.model_validate({**self.case, "name": self.case_name})
+
+    def course(self) -> dict[str, Any]:
+        """Return the fields of a solution that say how it came about."""
+        return {name: getattr(self, name) for name in ("history", "diagnostics", "uncertainty", "extrapolated")}
+
+
+class Header(CaseHeader):
+    """All that a file says beside its tensors; see `shellbench.solvers.ndf.solution.NdfSolution` for the fields."""
+
+    format: Literal["shellbench-ndf-1"] = "shellbench-ndf-1"
     spec: FieldSpec
     activation: str
     rule: RuleSpec
     membrane: Finite
     bending: Finite
     parameters: int
-    history: tuple[Step, ...]
-    diagnostics: dict[str, Any]
-    uncertainty: dict[str, float]
-    extrapolated: dict[str, float]
     point_forces: tuple[Finite, ...]
     states: tuple[StateHeader, ...] = ()
     moving: bool = False
-
-    def read_case(self) -> Case:
-        """Return the case; ValidationError if it is not one."""
-        return Case.model_validate({**self.case, "name": self.case_name})
 
 
 def write(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Path:
     """Write a file; return it with its suffix."""
     target = path.with_suffix(".safetensors")
-    kept = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    save_file(kept, target, metadata={HEADER: header.model_dump_json()})
+    write_tensors(target, tensors, {HEADER: header.model_dump_json()})
     return target
 
 
@@ -76,23 +81,12 @@ def read(path: Path, solver: str) -> tuple[Header, dict[str, Tensor]]:
     InputError
         In one sentence, if it can't be read, is damaged, or was written by another solver.
     """
-    try:
-        with safe_open(path, framework="pt") as file:
-            text = (file.metadata() or {}).get(HEADER, "")
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
-        header = Header.model_validate_json(text)
-    except OSError as error:
-        raise InputError(f"{path}: can't be read ({error.strerror or error})") from None
-    except ValidationError as error:
-        raise InputError(f"{path}: is damaged or holds no field: {one_sentence(error)}") from None
-    except (SafetensorError, ValueError, RuntimeError) as error:
-        raise InputError(f"{path}: is damaged or no safetensors file ({str(error).splitlines()[0][:200]})") from None
+    texts, tensors = read_tensors(path)
+    with telling_damage(path):
+        header = Header.model_validate_json(texts.get(HEADER, ""))
+        check_like_numbers(tensors)
     if header.solver != solver:
         raise InputError(f"{path}: was written by solver '{header.solver}', not by '{solver}'")
-    if not all(t.is_floating_point() and bool(torch.isfinite(t).all()) for t in tensors.values()):
-        raise InputError(f"{path}: is damaged: its weights are not all finite numbers")
-    if len({t.dtype for t in tensors.values()}) > 1:
-        raise InputError(f"{path}: is damaged: its weights differ in precision")
     return header, tensors
 
 

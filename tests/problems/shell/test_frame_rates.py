@@ -25,7 +25,7 @@ def fall() -> Case:
 class Gliding(FallSolution):
     """It moves at a constant velocity, another one at each point."""
 
-    def displacement(self, points, at=None, parameters=None):  # type: ignore[no-untyped-def]
+    def displacement(self, points, at=None, material=None):  # type: ignore[no-untyped-def]
         xi = np.asarray(points, dtype=float)
         return self._time("displacement", at) * np.stack([xi[..., 0], xi[..., 1], 1 + xi[..., 0]], axis=-1)
 
@@ -33,7 +33,7 @@ class Gliding(FallSolution):
 class Remembering(FallSolution):
     """It is a millimetre higher wherever it was asked for an earlier time before."""
 
-    def displacement(self, points, at=None, parameters=None):  # type: ignore[no-untyped-def]
+    def displacement(self, points, at=None, material=None):  # type: ignore[no-untyped-def]
         before = self.asked[-1][1] if self.asked else np.inf
         field = super().displacement(points, at)
         return field + (1e-3 if before < self.asked[-1][1] else 0.0) * np.array([0, 0, 1.0])
@@ -82,7 +82,7 @@ def test_a_motion_that_ended_early_is_seen_as_far_as_it_came(fall: Case) -> None
 
 def test_a_motion_that_is_not_finite_everywhere_is_not_studied(fall: Case) -> None:
     class Broken(FallSolution):
-        def displacement(self, points, at=None, parameters=None):  # type: ignore[no-untyped-def]
+        def displacement(self, points, at=None, material=None):  # type: ignore[no-untyped-def]
             field = super().displacement(points, at)
             return np.where(self.asked[-1][1] > 0.9, np.nan, field)
 

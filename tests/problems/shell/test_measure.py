@@ -18,7 +18,7 @@ class ClosedFormField:
     def __init__(self, case, field):
         self.case, self.field = case, field
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         return self.field(np.asarray(points, dtype=float))
 
 
@@ -152,7 +152,7 @@ class Moving(FallSolution):
         super().__init__(case)
         self.field = field
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         return at**2 * self.field(np.asarray(points))
 
     def velocity(self, points, at=None):

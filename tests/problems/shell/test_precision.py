@@ -29,7 +29,7 @@ class OneNumber(SpringSolution):
         super().__init__(case)
         self.factor, self.refuses, self.roundings = factor, refuses, 0
 
-    def displacement(self, points, at=None, parameters=None):  # type: ignore[no-untyped-def]
+    def displacement(self, points, at=None, material=None):  # type: ignore[no-untyped-def]
         with np.errstate(invalid="ignore"):  # infinity times the zeros of the other components
             return self.factor * super().displacement(points, at)
 

@@ -8,7 +8,8 @@ from shellbench.bench import registry
 from shellbench.errors import InputError, SolveFailure
 from shellbench.solvers.kratos.symmetry import part_of
 from shellbench.solvers.kratos.thin_solution import whole
-from shellbench.solvers.kratos.thin_solver import KratosThinSettings, KratosThinSolver, usual_cells
+from shellbench.solvers.kratos.thin_solver import KratosThinSettings, KratosThinSolver
+from shellbench.solvers.kratos.thin_solving import usual_cells
 from tests.solvers.kratos.thin_shells import STEEL, cantilever, cylinder, plate
 
 SOLVER = KratosThinSolver()

@@ -5,10 +5,11 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra mujoco")
 
+import mujoco
+
 from shellbench.solvers.mujoco.cloth import Cloth
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.library import mujoco
 from shellbench.solvers.mujoco.loading import Loading
 from tests.solvers.mujoco.cloths import CLOTH, cloth
 

@@ -68,7 +68,7 @@ def test_between_vertices_it_is_linear_on_each_triangle(swing):
 
 def test_no_time_beyond_the_motion(swing):
     for t in (-0.01, 0.201):
-        with pytest.raises(InputError, match=r"followed from 0 to 0\.2 s"):
+        with pytest.raises(InputError, match=r"solved from 0 to 0\.2 s"):
             swing.displacement(POINTS, at=t)
     alike(swing.displacement(POINTS), swing.displacement(POINTS, at=0.2))
 

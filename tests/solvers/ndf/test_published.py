@@ -194,7 +194,7 @@ def test_a_training_killed_while_writing_leaves_the_older_checkpoint(tmp_path, m
         path.write_bytes(before[: len(before) // 2])
         raise Interrupted
 
-    monkeypatch.setattr("shellbench.solvers.ndf.checkpoint.save_file", half_written)
+    monkeypatch.setattr("shellbench.solvers.ndf.tensor_file.save_file", half_written)
     with pytest.raises(Interrupted):
         trained(PLATE, settings)
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]

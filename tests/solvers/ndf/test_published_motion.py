@@ -90,7 +90,7 @@ def test_the_reaction_is_what_the_motion_needs_by_newtons_law():
     arm = hung.surface.position(grid) + u[0] - np.array([0.5, 1.0, 0.0])
     np.testing.assert_allclose(force, total(needed), rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(moment, total(np.cross(arm, needed)), rtol=1e-3, atol=1e-3)
-    with pytest.raises(InputError, match="not one of case"):
+    with pytest.raises(InputError, match="no support is called"):
         solution.reaction("nail")
 
 

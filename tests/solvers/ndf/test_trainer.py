@@ -203,3 +203,9 @@ def test_accuracy_on_the_obstacle_course(name, seed):
         if "ndf" in quantity.tolerance:
             known = catalog.known_values(name).judge(quantity.name, case.theory)
             assert values[quantity.name] == pytest.approx(known.value, rel=quantity.tolerance["ndf"])
+
+
+@pytest.mark.parametrize("name", ["square_plate_nonlinear", "free_fall"])
+def test_a_path_and_a_motion_refuse_a_start(name, tmp_path):
+    with pytest.raises(InputError, match="ndf can't go on from an earlier solution"):
+        SOLVER.solve(catalog.named_case(name), TrainerSettings(), start=tmp_path / "earlier.safetensors")

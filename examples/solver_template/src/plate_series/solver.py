@@ -1,7 +1,8 @@
-"""The solver as shellbench sees it (the protocol `shellbench.problem.Solver`): a name, what it can do, and `solve`.
+"""The solver as shellbench sees it (the protocol `shellbench.problem.Solver`): a name, what it can do, and `answer`.
 
 shellbench makes one by calling the class without arguments, reads its settings from ``--set plate-series.terms=8``,
-and runs `solve` in a process of its own, so that a crash or a leak costs that run only.
+and solves in a process of its own, so that a crash or a leak costs that run only. The base's `solve` validates the
+settings and refuses what `declines` says, then calls `answer`.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 from pydantic import Field
-from shellbench.errors import InputError, SolveFailure
+from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.solver import ShellSolver
 
 from plate_series import plate as series
 from plate_series import reading
@@ -31,7 +33,7 @@ class PlateSettings(Settings):
     terms: int = Field(48, ge=1, le=MOST_TERMS, strict=True, description="odd harmonics along each side")
 
 
-class PlateSeriesSolver:
+class PlateSeriesSolver(ShellSolver):
     """Rectangular, simply supported plates under uniform normal load."""
 
     name: ClassVar[str] = "plate-series"
@@ -46,34 +48,25 @@ class PlateSeriesSolver:
         """Return why the solver can't take this case, as one clause, or None if it can."""
         return reading.declines(case)
 
-    def solve(
-        self,
-        case: Case,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer(
+        self, case: Case, settings: PlateSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> PlateSolution:
         """Solve the case with half of the terms and with all; the difference is the estimate of the error.
 
         Parameters
         ----------
         settings
-            `PlateSettings`.
+            What `settings_type` makes of what was asked for.
         start
-            An earlier solution to go on from; not used here, for the series is found in one step.
+            An earlier solution to go on from; the base refuses it unless `uses_start` is true.
         progress
             Is told how far the solve is.
 
         Raises
         ------
-        InputError
-            If the solver declines the case.
         SolveFailure
             If the answer is not finite.
         """
-        refusal = self.declines(case)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
         began = time.perf_counter()
         plate = reading.plate_of(case)
         history: list[Step] = []
@@ -88,8 +81,7 @@ class PlateSeriesSolver:
             history.append(
                 Step(len(history), seconds, energy - work, coefficients.size, quantities=measure_all(solution))
             )
-            if progress:
-                progress(Progress(len(history), 2, f"{terms} terms a direction"))
+            progress(Progress(len(history), 2, f"{terms} terms a direction"))
         before, last = history[0].quantities, history[-1].quantities
         return PlateSolution(
             case,

@@ -55,7 +55,7 @@ class StripSolution:
         load = -sum(load.vector[2] for load in self.case.loads) * self.factor
         return load, self.case.material.bending_stiffness, self.case.surface.domain.size[0]
 
-    def displacement(self, points, at=None, parameters=None):
+    def displacement(self, points, at=None, material=None):
         xi = np.asarray(points, dtype=float)
         zero = np.zeros(xi.shape[:-1])
         return np.stack([zero, zero, -strip.deflection(xi[..., 0], *self._strip())], axis=-1)

@@ -1,0 +1,54 @@
+"""How a solution came about, as its history tells it, and what is kept of a solve that fails."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TypeVar
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Solution
+from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.solution import ShellSolution
+
+S = TypeVar("S", bound=ShellSolution)
+
+
+def displacements(solution: ShellSolution, at: float) -> Mapping[str, float]:
+    """Return the displacement quantities of the case at a state of a path, whatever state they are asked for."""
+    asked = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
+    return {q.name: measure(solution, q.model_copy(update={"at": at})) for q in asked}
+
+
+def with_answer_first(solution: S, began: float) -> S:
+    """Return a solution whose history begins with the whole answer; the states of a path follow, those of statics go.
+
+    `began` is the time of `time.perf_counter` when the solve began.
+
+    Raises
+    ------
+    SolveFailure
+        If the path lacks a point that a quantity is asked at.
+    """
+    try:
+        quantities = measure_all(solution)
+    except ValueError as error:
+        raise SolveFailure(str(error)) from None
+    last, seconds = solution.history[-1], time.perf_counter() - began
+    whole = replace(last, iteration=0, seconds=seconds, quantities=quantities, phase="solve", iterations=None)
+    path = () if solution.case.linear else tuple(replace(s, iteration=s.iteration + 1) for s in solution.history)
+    return replace(solution, history=(whole, *path))
+
+
+@contextmanager
+def failing_with(partial: Callable[[], Solution | None], too_large: str) -> Iterator[None]:
+    """Give a failure what was reached before it; `too_large` is what does not fit into memory, such as "the mesh"."""
+    try:
+        yield
+    except SolveFailure as failure:
+        raise SolveFailure(str(failure), partial=partial()) from None
+    except MemoryError:
+        raise SolveFailure(f"{too_large} does not fit into memory", partial=partial()) from None

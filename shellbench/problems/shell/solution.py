@@ -1,0 +1,250 @@
+"""The common part of solutions of shells: what is no mechanics is written once.
+
+The solution of a solver is a subclass. It says how it answers at points (`displacement_at`, `field_at`, `energies`,
+`reaction_at`), what a file holds beside the case and the history (`kept`, `restored`), and which arrays the
+displacement is made of (`numbers`). The base gives shapes of points, files, rounding, bytes, the velocity of what
+stands still, and one sentence for each wrong question. It knows no strain, energy or load: these are each solver's own.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shellbench.errors import InputError
+from shellbench.problem import FIELDS, NumberFormat, Step
+from shellbench.problems.rounding import shortened
+from shellbench.problems.shell.case import Case
+
+Array = NDArray[np.float64]
+Arrays = Mapping[str, NDArray[Any]]
+Words = Mapping[str, Any]
+
+SLACK = 1e-9  # of the largest mark, by which a mark may lie beside it
+DAMAGE = (ValueError, KeyError, TypeError, EOFError, IndexError, zipfile.BadZipFile, zlib.error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShellSolution:
+    """What solutions of shells have in common; see `shellbench.problem.Solution` for the protocol.
+
+    A subclass has `case` and `parameters`, as fields or as properties.
+
+    Attributes
+    ----------
+    formats
+        Of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
+    numbers
+        Names of the arrays that the displacement is made of: they are counted, and rounded.
+    history, diagnostics, uncertainty, extrapolated
+        See `shellbench.problem.Solution`.
+    """
+
+    formats: ClassVar[tuple[str | int, ...]] = ()
+    numbers: ClassVar[tuple[str, ...]] = ()
+
+    history: tuple[Step, ...] = ()
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    extrapolated: Mapping[str, float] = field(default_factory=dict)
+
+    if TYPE_CHECKING:  # no attributes of the base, which would pass for the fields' default values
+
+        @property
+        def case(self) -> Case:
+            """The case it answers."""
+
+        @property
+        def parameters(self) -> int:
+            """Number of free parameters that were solved for."""
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of the arrays that the displacement is made of."""
+        return sum(int(getattr(self, name).nbytes) for name in self.numbers)
+
+    def displacement(
+        self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None
+    ) -> Array:
+        """Return the displacement (..., 3) in metres at points (..., 2), angles in radians.
+
+        Raises
+        ------
+        InputError
+            If a material is asked for: the field is of the case's own.
+        """
+        if material is not None:
+            raise InputError(f"{self.case.name}: this field is of the case's own material, and takes no other one")
+        return _on_points(points, lambda xi: self.displacement_at(xi, at))
+
+    def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
+        """Return the velocity (..., 3) in m/s at points (..., 2)."""
+        return _on_points(points, lambda xi: self.velocity_at(xi, at))
+
+    def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
+        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
+        if name not in FIELDS:
+            raise KeyError(name)
+        return _on_points(points, lambda xi: self.field_at(name, xi, at))
+
+    def reaction(
+        self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
+    ) -> tuple[Array, Array]:
+        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
+
+        Raises
+        ------
+        InputError
+            If no support has this name.
+        """
+        names = [s.name for s in self.case.supports]
+        if support not in names:
+            raise InputError(f"{self.case.name}: no support is called '{support}'; known are {', '.join(names)}")
+        return self.reaction_at(names.index(support), np.asarray(centre, dtype=float), at)
+
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        raise NotImplementedError
+
+    def velocity_at(self, xi: Array, at: float | None) -> Array:
+        """Return the velocity (N, 3) at points (N, 2): zero, where nothing moves."""
+        return np.zeros((len(xi), 3))
+
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        raise NotImplementedError
+
+    def energies(self, at: float | None = None) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy of the whole shell, J."""
+        raise NotImplementedError
+
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
+        """Return force and moment about `centre` (3,) of the case's support of this number."""
+        raise NotImplementedError
+
+    def rounded(self, format: NumberFormat) -> tuple[Self, int]:
+        """Return the solution with the arrays of `numbers` rounded to a format, and the bytes it takes.
+
+        Each is scaled by its largest magnitude before (see `shellbench.problems.rounding`).
+        """
+        changed: dict[str, Any] = {}
+        bytes_taken = self.storage_bytes
+        for name in self.numbers:
+            array = getattr(self, name)
+            short = shortened(array, format)
+            bytes_taken += short.nbytes - array.nbytes
+            if short.numbers is not array:
+                changed[name] = short.expanded()
+        return (replace(self, **changed) if changed else self), bytes_taken
+
+    def kept(self) -> tuple[Words, Arrays]:
+        """Return what `restored` needs of a file: JSON values and arrays by name."""
+        return {}, {name: getattr(self, name) for name in self.numbers}
+
+    @classmethod
+    def restored(cls, case: Case, words: Words, arrays: Arrays) -> Self:
+        """Make a solution of what `kept` gave; ValueError or KeyError if it does not fit together."""
+        raise NotImplementedError
+
+    def facts(self) -> dict[str, Any]:
+        """Return what every file says: the case, the history and what came of it."""
+        return {
+            "case_name": self.case.name,
+            "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
+            "history": self.history,
+            "diagnostics": dict(self.diagnostics),
+            "uncertainty": dict(self.uncertainty),
+            "extrapolated": dict(self.extrapolated),
+        }
+
+    def save(self, path: Path) -> Path:
+        """Write an npz file without pickles; return its path, which ends in .npz."""
+        target = path if path.suffix == ".npz" else path.with_name(path.name + ".npz")
+        words, arrays = self.kept()
+        facts = {"format": self.formats[0], "parameters": self.parameters, **self.facts(), **words}
+        np.savez(target, allow_pickle=False, words=np.asarray(json.dumps(facts, default=asdict)), **arrays)
+        return target
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read what `save` wrote; InputError in one sentence if the file is missing, damaged, or of something else."""
+        return read_solution(path, cls.formats, lambda case: cls)
+
+
+S = TypeVar("S", bound=ShellSolution)
+
+
+def read_solution(path: Path, formats: Sequence[str | int], kind: Callable[[Case], type[S]]) -> S:
+    """Read a file that `ShellSolution.save` wrote, or one of an earlier format; `kind` chooses its class by its case.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if the file is missing, damaged, or not of one of the formats.
+    """
+    solver = str(formats[0]).partition(",")[0]
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+        words = json.loads(str(arrays.pop("words")))
+        if words.get("format", words.get("mark", str(arrays.get("mark")))) not in formats:
+            raise ValueError("of another format")
+        case = Case.model_validate({**words["case"], "name": words.get("case_name", words.get("name"))})
+        return replace(
+            kind(case).restored(case, words, arrays),
+            history=tuple(Step(**step) for step in words["history"]),
+            diagnostics=words["diagnostics"],
+            uncertainty=words.get("uncertainty", {}),
+            extrapolated=words.get("extrapolated", {}),
+        )
+    except OSError as error:
+        raise InputError(f"{path}: can't be read as a solution of {solver} ({error.strerror or 'damaged'})") from None
+    except DAMAGE:
+        raise InputError(f"{path}: is damaged, or not a solution of {solver}") from None
+
+
+def state_number(case: Case, marks: ArrayLike, at: float | None) -> int:
+    """Return the number of the state that was solved at a mark, of the last one if None.
+
+    Raises
+    ------
+    InputError
+        If the case was not solved at it.
+    """
+    known = np.asarray(marks, dtype=float)
+    if at is None:
+        return len(known) - 1
+    nearest = int(np.argmin(np.abs(known - at)))
+    if not abs(known[nearest] - at) <= SLACK * np.abs(known).max():
+        raise InputError(f"{case.name}: solved at {', '.join(f'{mark:g}' for mark in known)}, not at {at:g}")
+    return nearest
+
+
+def time_reached(case: Case, last: float, at: float | None) -> float:
+    """Return a time, s, from 0 to the last one that a motion reached, which is meant by None.
+
+    Raises
+    ------
+    InputError
+        If the motion did not reach it.
+    """
+    if at is None:
+        return last
+    if not -SLACK * last <= at <= (1 + SLACK) * last:
+        raise InputError(f"{case.name}: solved from 0 to {last:g} s, not at {at:g} s")
+    return min(max(float(at), 0.0), last)
+
+
+def _on_points(points: ArrayLike, function: Callable[[Array], Array]) -> Array:
+    """Return what a function of points (N, 2) has at points (..., 2)."""
+    xi = np.asarray(points, dtype=float)
+    values = function(xi.reshape(-1, 2))
+    return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))
