@@ -25,7 +25,8 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
-from shellbench.problems.shell.case import LONGEST_TITLE, Case
+from shellbench.model import LONGEST_TITLE
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import QuantityModel
 
 SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics

@@ -12,11 +12,12 @@ from shellbench.bench.environment import environment
 from shellbench.bench.measuring import measured
 from shellbench.bench.record import Identity, Record
 from shellbench.bench.sampling import PICTURE
-from shellbench.bench.series import FRAMES, SAMPLES, asked_series, frames, reached, series_of
+from shellbench.bench.series import FRAMES, SAMPLES, frames, reached, series_of
 from shellbench.bench.task import Task, case_data
 from shellbench.bench.worker import run
 from shellbench.errors import InputError
 from shellbench.problem import Step
+from shellbench.problems.shell.asked import asked_series
 from shellbench.problems.shell.case import Case, build_case
 from tests.bench import spring
 from tests.bench.falling import REASON, STEPS, FallSolution

@@ -9,9 +9,10 @@ from scipy.optimize import minimize
 
 from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
 from shellbench.report.derivation import DERIVATION
-from shellbench.report.newton import SHOWN, beside, free_fall, gravity, newton_exhibits, newton_table
+from shellbench.report.newton import beside, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
 from shellbench.report.palette import style
 from tests.report.motion import REASON, G
@@ -25,7 +26,7 @@ def by_id(motion):
 
 def test_the_closed_forms_are_free_fall_and_the_minimum_of_the_sum():
     """The published sum over a polynomial in time with u(0) = 0 is least at the second form, found by minimising it."""
-    law, stationary = free_fall(catalog.named_case("free_fall"), "fall")
+    law, stationary = free_fall(ShellPortrait(catalog.named_case("free_fall")), "fall")
     t = law.marks
     assert (t[0], t[-1]) == (0.0, 1.0)
     assert law.values == pytest.approx(G * t**2 / 2)
@@ -64,13 +65,14 @@ def test_a_swinging_mode_creeps_under_the_sum():
 
 @pytest.mark.parametrize("name", ["pendulum_strip", "napkin_plane", "napkin_moving_corners", "sleeve_twist"])
 def test_only_what_falls_freely_has_a_closed_form(name):
-    assert gravity(catalog.named_case(name)) is None
-    assert free_fall(catalog.named_case(name), "centre_z") is None
+    case = ShellPortrait(catalog.named_case(name))
+    assert case.gravity is None
+    assert free_fall(case, "centre_z") is None
 
 
 def test_each_case_stands_beside_newton(motion, by_id):
     found = {one.case.name: one for one in beside(by_id, motion.rows)}
-    assert list(found) == list(SHOWN)
+    assert list(found) == list(shown_cases())
     assert found["free_fall"].newton_by == "closed form"
     assert found["napkin_plane"].newton_by == "fem"
     assert found["pendulum_strip"].status == {"ndf-published": "not run"}
@@ -134,7 +136,7 @@ def test_where_nothing_was_run_it_is_said(motion):
     row = next(row for row in motion.rows if row.status == "missing")
     rows = [
         row.model_copy(update={"case": case, "case_title": case, "solver": solver})
-        for case in SHOWN
+        for case in shown_cases()
         for solver in ("fem", "ndf")
     ]
     table = newton_table({}, rows)

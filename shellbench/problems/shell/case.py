@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, one_sentence, read_toml
+from shellbench.model import LONGEST_TITLE, Finite, Model, one_sentence, read_toml
 from shellbench.problems.expression import Expression
 from shellbench.problems.shell.conditions import (
     COMPONENTS,
@@ -56,7 +56,6 @@ from shellbench.problems.shell.surface import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
-LONGEST_TITLE = 200  # characters
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 NOT_PHYSICS = {"name", "title", "description", "suites", "units", "picture"}

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problem import Solution
+from shellbench.problems.load_curve import Curve
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
-from shellbench.problems.shell.load_curve import Curve
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import (
     CentreOfMass,
