@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 from pydantic import ValidationError
 
 from shellbench.bench.record import Record
@@ -9,15 +12,22 @@ from shellbench.portrait import Portrait
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.portrait import ShellPortrait
 
+FIRST = "shell"  # kind of a case that names none
+KINDS: dict[str, Callable[[Mapping[str, Any]], Portrait]] = {
+    FIRST: lambda data: ShellPortrait(Case.model_validate(data)),
+}
+"""Takes a problem as a record keeps it and returns its portrait, by kind of problem."""
+
 
 def portrait_of(record: Record) -> Portrait | None:
     """Return the portrait of the problem that a record answers; None if it can't be read any more."""
+    paint = KINDS.get(record.case.get("kind", FIRST))
     try:
-        return ShellPortrait(Case.model_validate(record.case))
+        return None if paint is None else paint(record.case)
     except ValidationError:
         return None
 
 
 def portrait_of_named(case: Case) -> Portrait:
     """Return the portrait of a case of the catalog."""
-    return ShellPortrait(case)
+    return KINDS[case.kind](case.model_dump(mode="json", exclude_unset=True))

@@ -163,7 +163,9 @@ def _frames(name: str, case: Portrait, runs: Runs, folder: Path) -> Iterator[Exh
         Strip(solver, tuple(_frame(record, case, fields, mark, together) for mark in marks))
         for solver, (record, fields) in sorted(best.items(), key=lambda item: item[1][0].identity.seed is not None)
     ]
-    first = next(shell for strip in strips for shell in strip.shells if shell is not None)
+    first = next((shell for strip in strips for shell in strip.shells if shell is not None), None)
+    if first is None:
+        return
     failed = "".join(
         f" {solver} failed: {(record.reason or record.status).rstrip('.')}."
         for solver, (record, _) in best.items()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +94,11 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
     """
     made = {case: view(of_case, folder) for case, of_case in answered(records, rows).items()}
     return {case: one for case, one in made.items() if one is not None}
+
+
+def led_by(view: View, run_id: str) -> View:
+    """Return the view with a run's answer first: what is seen at first is what the still picture shows."""
+    return replace(view, answers=tuple(sorted(view.answers, key=lambda answer: answer.run_id != run_id)))
 
 
 def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:

@@ -101,12 +101,13 @@ class ShellPortrait(Portrait):
     def along(self) -> tuple[Along, ...]:
         """What is measured all along the way and is no energy: where the shell is, and what holds it."""
         kinds = EnergyQuantity | MotionEnergy
-        return tuple(one for one in asked_series(self.case) if not isinstance(one.quantity, kinds))
+        asked = asked_series(self.case)
+        return tuple(Along(o.name, o.quantity, o.quantities) for o in asked if not isinstance(o.quantity, kinds))
 
     @property
     def energies(self) -> tuple[Along, ...]:
         """Energies along the way, in the order in which they are shown; not the sum of two."""
-        found = {one.quantity.kind: one for one in asked_series(self.case)}
+        found = {o.quantity.kind: Along(o.name, o.quantity, o.quantities) for o in asked_series(self.case)}
         return tuple(found[kind] for kind in ENERGIES if kind in found)
 
     @property
