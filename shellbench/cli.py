@@ -351,7 +351,7 @@ def report(
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
-    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures as PDF too, for print.")] = True,
+    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = False,
     paper: Annotated[
         Path | None,
         typer.Option(

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from shellbench.errors import InputError
 
+LONGEST_TITLE = 200  # characters
 MAX_BYTES = 1_000_000  # a case or reference file is a page of text; anything larger is a mistake
 
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_]*$"

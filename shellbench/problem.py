@@ -20,13 +20,13 @@ from pydantic import Field, ValidationError, model_validator
 
 from shellbench.account import Phase
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model, Name, Positive, one_sentence, read_toml
+from shellbench.model import LONGEST_TITLE, Finite, Model, Name, Positive, one_sentence, read_toml
+from shellbench.portrait import Portrait
 from shellbench.sample import Sample
 
 Device = Literal["cpu", "cuda"]
 NumberFormat = Literal["float64", "float32", "float16"]
 FULL = 1.0  # the mark of a figure of which nothing else is said
-LONGEST_TITLE = 200  # characters
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
 """Names that a shell solution's `evaluate` knows.
@@ -414,6 +414,8 @@ class Kind:
         What else a record keeps, by the record's field: without it a run is not whole.
     studies
         What stands beside the answer, by the record's field: a study that fails is left out.
+    portrait
+        Takes a problem; returns what a report can ask it.
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
@@ -423,4 +425,5 @@ class Kind:
     keep: Callable[[Any, Any], Mapping[str, NDArray[Any]] | None]
     accounts: Mapping[str, Account] = field(default_factory=dict)
     studies: Mapping[str, Account] = field(default_factory=dict)
+    portrait: Callable[[Any], Portrait] = Portrait
     sample: Callable[[Any, int, float | None, str], Sample] | None = None

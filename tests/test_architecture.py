@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 import shellbench
+from shellbench.bench import catalog
 from shellbench.bench.registry import solver_entries
 from tests.patience import GUARD
 
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 KINDS, SOLVERS = "problems", "solvers"
-BASE = {"", "errors", "model", "engine", "account", "sample", "problem"}  # what everything stands on
+BASE = {"", "errors", "model", "engine", "account", "sample", "portrait", "problem"}  # what everything stands on
 BELOW = {  # what a layer may import beside itself
     "base": BASE,
     "problems": BASE | {"problems"},
@@ -75,6 +76,21 @@ def test_only_solvers_need_a_solver_library(path):
         root = name.split(".")[0]
         interpolates = layer(path) == "report" or path.stem == "load_curve"
         assert root not in HEAVY - ({"scipy"} if interpolates else set()), f"{path.name} imports {name}"
+
+
+@pytest.mark.parametrize("path", [p for p in MODULES if layer(p) == "report"], ids=lambda p: p.stem)
+def test_the_report_knows_no_kind_of_problem(path):
+    kinds = {f"shellbench.{KINDS}.{folder.name}" for folder in (PACKAGE / KINDS).iterdir() if folder.is_dir()}
+    for name in imports(path):
+        assert ".".join(name.split(".")[:3]) not in kinds, f"{path.name} imports {name}"
+
+
+def test_the_report_knows_no_case_by_name():
+    names = set(catalog.case_names())
+    for path in (PACKAGE / "report").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                assert node.value not in names, f"{path.name}: {node.value}"
 
 
 def test_no_modules_import_each_other_in_a_circle():

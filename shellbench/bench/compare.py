@@ -25,7 +25,8 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
-from shellbench.problem import LONGEST_TITLE, Problem, Quantity
+from shellbench.model import LONGEST_TITLE
+from shellbench.problem import Problem, Quantity
 
 SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
 

@@ -48,6 +48,10 @@ class Suite(Model):
         What it studies; its runs are shown in the section of that study, not in the tables of displacements.
     remarks
         What a reader must know of its solvers or cases, sentences for the sections that show them.
+    newton
+        By case in motion: its series that the finding on Newton's law shows.
+    rolled, turned
+        Of an ablation of strain measures: the case that is bent into an arc, and the one that is turned unstrained.
     """
 
     name: Name
@@ -55,6 +59,9 @@ class Suite(Model):
     study: Study | None = None
     remarks: tuple[str, ...] = ()
     order: tuple[Name, ...] = ()
+    newton: dict[Name, Name] = Field(default_factory=dict)
+    rolled: Name | None = None
+    turned: Name | None = None
     runs: Annotated[tuple[SuiteRun, ...], Field(min_length=1)]
 
 

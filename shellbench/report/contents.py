@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from shellbench.report.effort import effort_table
 from shellbench.report.evidence import Evidence, Section
@@ -20,14 +20,14 @@ from shellbench.report.tables import displacement_tables, quantity_tables
 class Tables:
     """All tables of a report."""
 
-    displacements: list[Table]
-    fields: list[Table]
-    paths: list[Table]
-    strains: list[Table]
-    quantities: list[Table]
-    motions: list[Table]
-    newton: list[Table]
-    evidence: list[Table]
+    displacements: list[Table] = field(default_factory=list)
+    fields: list[Table] = field(default_factory=list)
+    paths: list[Table] = field(default_factory=list)
+    strains: list[Table] = field(default_factory=list)
+    quantities: list[Table] = field(default_factory=list)
+    motions: list[Table] = field(default_factory=list)
+    newton: list[Table] = field(default_factory=list)
+    evidence: list[Table] = field(default_factory=list)
 
     @property
     def printed(self) -> list[Table]:

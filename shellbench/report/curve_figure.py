@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from shellbench.portrait import LoadAxis, PathSeries
 from shellbench.report.palette import Ink
-from shellbench.report.paths import KnownPath, LoadAxis, PathRun, Series, readable
+from shellbench.report.paths import KnownPath, PathRun, readable
 
 WIDTH, HEIGHT = 2.45, 2.5  # inches a panel
 MARGIN = 0.6  # inches for the legend
@@ -29,7 +30,7 @@ LETTER, HANDLE = 0.066, 0.6  # inches of a legend's mean letter, and of what sta
 class CurvePanel:
     """One displacement against the load."""
 
-    series: Series
+    series: PathSeries
     known: tuple[KnownPath, ...] = ()
 
 
@@ -99,7 +100,7 @@ def legend_columns(labels: Sequence[str], width: float) -> int:
 def _draw_run(
     axes: Axes,
     run: PathRun,
-    series: Series,
+    series: PathSeries,
     load: LoadAxis,
     ink: Ink,
     *,

@@ -102,6 +102,14 @@ def allowance(tolerance: float) -> Digits:
     return quoted(float(f"{100.0 * tolerance:.{FIGURES}g}"), SMALLEST_PLAIN_PERCENT)
 
 
+def power_of_ten(value: float) -> Digits:
+    """Print a relative error or tolerance as a power of ten, with two significant digits at most: 1.5e-4, 1e-3."""
+    if not value:
+        return Digits("0")
+    mantissa, _, power = f"{value:.{PERCENT_FIGURES - 1}e}".partition("e")
+    return Digits(mantissa.removesuffix(".0"), int(power))
+
+
 def _at(value: float, last: int, plain_from: int = SMALLEST_PLAIN) -> Digits:
     """Print a value down to the digit of ten to the power `last`."""
     if not value:

@@ -61,21 +61,27 @@ class Exhibit:
     drawing: bool
 
     @property
+    def file(self) -> str:
+        """Name of the file that a text shows."""
+        return f"{self.name}.{'svg' if self.drawing else 'png'}"
+
+    @property
     def inches(self) -> float:
         """Width in print."""
         return float(self.figure.get_figwidth())
 
     def save(self, folder: Path, for_print: bool = True) -> str:
-        """Write it as PNG, drawings as SVG too, and PDF for print; return it as a data URI for the page."""
+        """Write pictures as PNG and drawings as SVG, for print both as PNG and PDF; return a data URI for the page."""
         with style():
             if engine := self.figure.get_layout_engine():
                 engine.execute(self.figure)  # once for all formats
             self.figure.set_layout_engine(None)
             if for_print:
                 (folder / f"{self.name}.pdf").write_bytes(self._rendered("pdf", PRINT_DPI))
-            png = self._rendered("png", SCREEN_DPI)
-            png = png if self.drawing else few_colours(png)
-            (folder / f"{self.name}.png").write_bytes(png)
+            if for_print or not self.drawing:
+                png = self._rendered("png", SCREEN_DPI)
+                png = png if self.drawing else few_colours(png)
+                (folder / f"{self.name}.png").write_bytes(png)
             if not self.drawing:
                 return data_uri("image/png", png)
             svg = lean(self._rendered("svg", SCREEN_DPI))

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from shellbench.bench.marks import mark_words
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import CriticalPoint
-from shellbench.problems.shell.series import Asked
+from shellbench.portrait import Along, Portrait
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure
 from shellbench.report.moving_fields import apart, frame_at, shown_marks
 from shellbench.report.palette import Ink, inks
-from shellbench.report.paths import case_of, readable, runs_by_case
+from shellbench.report.paths import readable, runs_by_case
 from shellbench.report.scene import drawn
 from shellbench.report.shells import Shell, scale_words
 from shellbench.report.solutions import Known
 from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TracePanel, trace_figure
-from shellbench.report.traces import BALANCE, TracedRun, energies, known_points, traced, trajectories
+from shellbench.report.traces import BALANCE, TracedRun, known_points, traced
 
 MOTION, ENERGY, APART, FRAMES = "motion_", "energy_", "apart_", "frames_"  # how names of figures begin
 BUCKLING = "buckling_"
@@ -34,9 +32,9 @@ DRIFT_SHOWN = 1e-3  # of the largest energy: what is smaller is drawn as the rou
 Runs = Sequence[tuple[Row, Record]]
 
 
-def is_cloth(case: Case) -> bool:
+def is_cloth(case: Portrait) -> bool:
     """Tell whether a case moves, or is followed through buckling: whether its shapes are shown as strips."""
-    return case.dynamics is not None or case.path.after_buckling == "follow"
+    return case.ends is not None or case.buckles
 
 
 def motion_exhibits(
@@ -46,12 +44,12 @@ def motion_exhibits(
     colours = inks(row.solver for row in rows)
     headline = leading_rows([row for row in rows if row.primary])
     for (name, own), runs in runs_by_case(records, headline).items():
-        case = case_of(runs[0][1])
+        case = portrait_of(runs[0][1])
         if case is None or not is_cloth(case):
             continue
         values = KnownValues() if own else known(name)
         left = [run for row, record in runs if (run := traced(record, case, row.solver)) is not None]
-        if left and case.dynamics is not None:
+        if left and case.ends is not None:
             yield from _motion(name, case, left, values, colours)
             yield from _apart(name, case, runs, folder, colours)
         elif left:
@@ -60,9 +58,9 @@ def motion_exhibits(
 
 
 def _motion(
-    name: str, case: Case, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
+    name: str, case: Portrait, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
 ) -> Iterator[Exhibit]:
-    where = [one for one in trajectories(case) if any(one.name in run.traces for run in runs)]
+    where = [one for one in case.along if any(one.name in run.traces for run in runs)]
     if where:
         panels = [_panel(one, case, known) for one in where]
         yield Exhibit(
@@ -74,7 +72,7 @@ def _motion(
             run_ids=tuple(run.run_id for run in runs),
             drawing=True,
         )
-    stored = [one for one in energies(case) if any(one.name in run.traces for run in runs)]
+    stored = [one for one in case.energies if any(one.name in run.traces for run in runs)]
     largest = max(
         (abs(run.traces[o.name].values).max() for run in runs for o in stored if o.name in run.traces), default=0
     )
@@ -99,7 +97,7 @@ def _motion(
     )
 
 
-def _apart(name: str, case: Case, runs: Runs, folder: Path, colours: Mapping[str, Ink]) -> Iterator[Exhibit]:
+def _apart(name: str, case: Portrait, runs: Runs, folder: Path, colours: Mapping[str, Ink]) -> Iterator[Exhibit]:
     found = apart(runs, folder)
     if not found:
         return
@@ -126,9 +124,9 @@ def _apart(name: str, case: Case, runs: Runs, folder: Path, colours: Mapping[str
 
 
 def _buckling(
-    name: str, case: Case, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
+    name: str, case: Portrait, runs: Sequence[TracedRun], known: KnownValues, colours: Mapping[str, Ink]
 ) -> Iterator[Exhibit]:
-    shown = [one for one in trajectories(case) if any(one.name in run.traces for run in runs)]
+    shown = [one for one in case.along if any(one.name in run.traces for run in runs)]
     panels = [_panel(one, case, known) for one in shown]
     if not panels:
         return
@@ -144,21 +142,13 @@ def _buckling(
         caption=f"{_legend(panels, runs)} Diamonds: the critical state, at which the shell can buckle"
         f"{f' ({critical})' if critical else ''}; beyond it a buckled shape is followed.",
         description="; ".join(_described(one, runs) for one in shown),
-        figure=trace_figure(panels, runs, load_words(case), colours),
+        figure=trace_figure(panels, runs, case.load_words, colours),
         run_ids=tuple(run.run_id for run in runs),
         drawing=True,
     )
 
 
-def load_words(case: Case) -> str:
-    """Return what a path's load factor is, with its unit, as its critical point says."""
-    for quantity in case.quantities:
-        if isinstance(quantity, CriticalPoint) and quantity.gives == "load" and quantity.scale == 1:
-            return f"{readable(quantity.name.removeprefix('critical_'))} ({quantity.unit})"
-    return "load factor t"
-
-
-def _frames(name: str, case: Case, runs: Runs, folder: Path) -> Iterator[Exhibit]:
+def _frames(name: str, case: Portrait, runs: Runs, folder: Path) -> Iterator[Exhibit]:
     best: dict[str, tuple[Record, Fields]] = {}
     ranked = sorted(runs, key=lambda run: (run[1].status != "ok", run[0].seed or 0, abs(run[0].relative_error or 0.0)))
     for row, record in ranked:
@@ -173,16 +163,18 @@ def _frames(name: str, case: Case, runs: Runs, folder: Path) -> Iterator[Exhibit
         Strip(solver, tuple(_frame(record, case, fields, mark, together) for mark in marks))
         for solver, (record, fields) in sorted(best.items(), key=lambda item: item[1][0].identity.seed is not None)
     ]
-    first = next(shell for strip in strips for shell in strip.shells if shell is not None)
+    first = next((shell for strip in strips for shell in strip.shells if shell is not None), None)
+    if first is None:
+        return
     failed = "".join(
         f" {solver} failed: {(record.reason or record.status).rstrip('.')}."
         for solver, (record, _) in best.items()
         if record.status != "ok"
     )
-    words = [mark_words(case, mark) for mark in marks]
+    words = [case.mark_words(mark) for mark in marks]
     yield Exhibit(
         name=f"{FRAMES}{name}",
-        title=f"{case.title}: {'frames of the motion' if case.dynamics else 'shapes along the path'}",
+        title=f"{case.title}: {'frames of the motion' if case.ends else 'shapes along the path'}",
         caption=f"A row for each solver, one view and one scale for all; the deformed shell is drawn"
         f" {scale_words(first)}, the reference surface as a wire.{failed}",
         description="; ".join(
@@ -198,13 +190,13 @@ def _frames(name: str, case: Case, runs: Runs, folder: Path) -> Iterator[Exhibit
     )
 
 
-def _frame(record: Record, case: Case, fields: Fields, mark: float, among: Sequence[Fields]) -> Shell | None:
+def _frame(record: Record, case: Portrait, fields: Fields, mark: float, among: Sequence[Fields]) -> Shell | None:
     place = frame_at(fields, mark)
     return None if place is None else drawn(record, case, fields, fields.displacements[place], among)
 
 
 def _panel(
-    one: Asked, case: Case, known: KnownValues, smallest: float = 0.0, instead: tuple[str, ...] = ()
+    one: Along, case: Portrait, known: KnownValues, smallest: float = 0.0, instead: tuple[str, ...] = ()
 ) -> TracePanel:
     unit = f" ({one.quantity.unit})" if one.quantity.unit else ""
     return TracePanel(
@@ -216,7 +208,7 @@ def _panel(
     )
 
 
-def _columns(series: Sequence[Asked]) -> int:
+def _columns(series: Sequence[Along]) -> int:
     """Return how many panels to put in a row: the components of a point stand side by side."""
     components = {one.name.rpartition("_")[2] for one in series} & set(COMPONENTS)
     return max(2, len(components)) if components else 3
@@ -234,7 +226,7 @@ def _legend(panels: Sequence[TracePanel], runs: Sequence[TracedRun]) -> str:
     return " ".join(words) or "A line for each run."
 
 
-def _described(one: Asked, runs: Sequence[TracedRun]) -> str:
+def _described(one: Along, runs: Sequence[TracedRun]) -> str:
     ends = []
     for run in runs:
         if one.name in run.traces:

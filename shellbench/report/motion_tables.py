@@ -9,13 +9,14 @@ from typing import Any
 
 import pandas as pd
 
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
+from shellbench.portrait import Portrait
 from shellbench.report.digits import duration, quoted, rounded
 from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation
-from shellbench.report.paths import case_of, runs_by_case
+from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import BAD, EXPECTED, grouped, solution_name, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
@@ -37,8 +38,8 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
     against: dict[str, None] = {}
     headline = leading_rows([row for row in rows if row.primary])
     for runs in runs_by_case(records, headline).values():
-        case = case_of(runs[0][1])
-        if case is None or case.dynamics is None:
+        case = portrait_of(runs[0][1])
+        if case is None or case.ends is None:
             continue
         found = apart(runs, folder)
         against |= dict.fromkeys(one.against for one in found.values())
@@ -77,7 +78,7 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
     )
 
 
-def _course(made: Sequence[Record], case: Case, found: Mapping[str, Apart]) -> dict[str, Any]:
+def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) -> dict[str, Any]:
     steps = [motion_steps(record) for record in made]
     counted = [step.iterations for of_run in steps for step in of_run if step.iterations is not None]
     differences = [found[record.run_id] for record in made if record.run_id in found]
@@ -109,13 +110,13 @@ def by_time_tables(records: Mapping[str, Record], rows: Sequence[Row]) -> list[T
     tables = []
     for (name, _), of_case in grouped(leading_rows(rows), lambda row: (row.case, row.own_case)).items():
         record = next((records[row.run_id] for row in of_case if row.run_id and row.run_id in records), None)
-        case = case_of(record) if record is not None else None
-        if case is not None and case.dynamics is not None:
+        case = portrait_of(record) if record is not None else None
+        if case is not None and case.ends is not None:
             tables.append(_by_time(name, case, of_case))
     return tables
 
 
-def _by_time(name: str, case: Case, rows: Sequence[Row]) -> Table:
+def _by_time(name: str, case: Portrait, rows: Sequence[Row]) -> Table:
     solvers = list(dict.fromkeys(row.solver for row in rows))
     order = {quantity.name: place for place, quantity in enumerate(case.quantities)}
     asked = grouped(sorted(rows, key=lambda row: (row.at or 0.0, order.get(row.quantity, 0))), lambda row: row.quantity)

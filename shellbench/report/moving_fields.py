@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
+from shellbench.portrait import Portrait
 from shellbench.report.fields import Fields, areas, read_fields
 from shellbench.report.traces import Trace
 
@@ -85,15 +85,14 @@ def frame_at(fields: Fields, mark: float) -> int | None:
     return nearest if abs(fields.marks[nearest] - mark) <= SAME * max(abs(mark), SAME) else None
 
 
-def shown_marks(case: Case, kept: Mapping[str, Fields], most: int) -> list[float]:
+def shown_marks(case: Portrait, kept: Mapping[str, Fields], most: int) -> list[float]:
     """Return so many marks at most to show frames at: evenly spread over the time, or over the kept states."""
     rounded = {f"{mark:.6g}": float(mark) for fields in kept.values() for mark in fields.marks}
     marks = sorted(rounded.values())
     if not marks:
         return []
-    end = case.path.until if case.dynamics is None else case.dynamics.until
-    if case.dynamics is None:
+    if case.ends is None:
         places = np.unique(np.round(np.linspace(0, len(marks) - 1, min(most, len(marks)))).astype(int))
         return [marks[place] for place in places]
-    wanted = np.linspace(0.0, end, most + 1)[1:]
+    wanted = np.linspace(0.0, case.way, most + 1)[1:]
     return sorted({marks[int(np.argmin(np.abs(np.subtract(marks, t))))] for t in wanted})

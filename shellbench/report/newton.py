@@ -15,11 +15,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shellbench.bench import catalog
+from shellbench.bench.portraits import portrait_of, portrait_of_named
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import GravityLoad
-from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.portrait import Portrait
 from shellbench.report.derivation import TITLE
 from shellbench.report.digits import rounded
 from shellbench.report.exhibit import Exhibit
@@ -27,17 +26,15 @@ from shellbench.report.motion_exhibits import TIME
 from shellbench.report.moving_fields import yardstick
 from shellbench.report.notation import Notation
 from shellbench.report.palette import DASHES, inks
-from shellbench.report.paths import case_of
 from shellbench.report.solutions import STATUS_WORDS, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
-from shellbench.report.traces import Trace, TracedRun, traced, trajectories
+from shellbench.report.traces import Trace, TracedRun, traced
 
 Array = NDArray[np.float64]
 
 NEWTON = "newton"  # how names of the figures begin
-SHOWN = {"free_fall": "fall", "pendulum_strip": "centre_z", "napkin_plane": "centre_y"}  # cases, and series of each
 FINE = 121  # points of a closed form
 GREY = "#777777"
 NOT_RUN = "not run"
@@ -45,28 +42,12 @@ STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
 
 
-def gravity(case: Case) -> Array | None:
-    """Return the acceleration (3,) of a case in which nothing else acts and nothing holds; None in any other."""
-    loads = case.loads
-    if case.dynamics is None or case.supports or case.springs or len(loads) != 1:
-        return None
-    load = loads[0]
-    if not isinstance(load, GravityLoad) or not all(isinstance(a, int | float) for a in load.acceleration):
-        return None
-    return np.array(load.acceleration, dtype=float)
-
-
-def free_fall(case: Case, series: str) -> tuple[ClosedForm, ClosedForm] | None:
+def free_fall(case: Portrait, series: str) -> tuple[ClosedForm, ClosedForm] | None:
     """Return the fall by Newton's law, and where the published functional is stationary, in closed form."""
-    acceleration = gravity(case)
-    asked = next((one for one in trajectories(case) if one.name == series), None)
-    if acceleration is None or case.dynamics is None or asked is None:
+    acceleration, direction, end = case.gravity, case.direction_of(series), case.ends
+    if acceleration is None or direction is None or end is None:
         return None
-    if not isinstance(asked.quantity, DisplacementQuantity) or len(asked.quantity.directions) != 1:
-        return None
-    direction = np.asarray(asked.quantity.directions[0])
     along = float(acceleration @ direction / np.linalg.norm(direction))
-    end = case.dynamics.until
     t = np.linspace(0.0, end, FINE)
     return (
         ClosedForm(LAW, t, along * t**2 / 2),
@@ -94,7 +75,7 @@ class Beside:
         By solver: how its run departs from the solver's defaults, where it does.
     """
 
-    case: Case
+    case: Portrait
     series: str
     unit: str
     forms: tuple[ClosedForm, ...]
@@ -110,14 +91,19 @@ class Beside:
         return f"{self.case.title}: {self.series.replace('_', ' ')}"
 
 
+def shown_cases() -> dict[str, str]:
+    """Return the cases of the finding, as the suites declare them, with the series that is shown of each."""
+    return {case: series for name in catalog.suite_names() for case, series in catalog.find_suite(name).newton.items()}
+
+
 def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
     found = []
     headline = leading_rows([row for row in rows if row.primary and not row.own_case])
-    for name, series in SHOWN.items():
+    for name, series in shown_cases().items():
         of_case = [row for row in headline if row.case == name]
         case = _case(name, of_case, records)
-        if not of_case or case is None or case.dynamics is None:
+        if not of_case or case is None or case.ends is None:
             continue
         runs = [
             (row, run)
@@ -134,7 +120,7 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
             newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
         elif standard is not None:
             newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
-        unit = next((one.quantity.unit for one in trajectories(case) if one.name == series), "m")
+        unit = next((one.quantity.unit for one in case.along if one.name == series), "m")
         left = {run.name for _, run in runs}
         status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
         found.append(
@@ -153,7 +139,7 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
     return found
 
 
-def declared_solvers(case: Case) -> list[str]:
+def declared_solvers(case: Portrait) -> list[str]:
     """Return the solvers that the suites of a case declare runs of it for."""
     declared = [catalog.find_suite(name) for name in case.suites if name in catalog.suite_names()]
     suites = [suite for suite in declared if suite.study is None]  # a study asks something else of its runs
@@ -161,12 +147,11 @@ def declared_solvers(case: Case) -> list[str]:
     return list(dict.fromkeys(run.solver for run in runs))
 
 
-def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Case | None:
+def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | None:
     record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
     if record is not None:
-        return case_of(record)
-    known = catalog.named_case(name) if name in catalog.case_names() else None
-    return known if isinstance(known, Case) else None
+        return portrait_of(record)
+    return portrait_of_named(catalog.named_case(name)) if name in catalog.case_names() else None
 
 
 def _status(row: Row) -> str:
@@ -216,8 +201,8 @@ def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
     solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
     lines: list[dict[str, Any]] = []
     for one in cases:
-        assert one.case.dynamics is not None
-        end = one.case.dynamics.until
+        assert one.case.ends is not None
+        end = one.case.way
         for words, t in (("T/2", end / 2), ("T", end)):
             law = _moved(one.newton, t)
             line: dict[str, Any] = {
@@ -290,4 +275,4 @@ def _number(value: float, notation: Notation) -> str:
 
 def concerned(rows: Sequence[Row]) -> bool:
     """Tell whether anybody was asked for a case of the finding."""
-    return any(row.case in SHOWN and not row.own_case for row in rows)
+    return any(row.case in shown_cases() and not row.own_case for row in rows)

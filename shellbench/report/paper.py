@@ -15,6 +15,7 @@ import jinja2
 
 from shellbench import __version__
 from shellbench.bench import catalog
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
@@ -30,7 +31,6 @@ from shellbench.report.latex_table import PACKAGES
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.own_files import list_own, remove_older
 from shellbench.report.palette import style
-from shellbench.report.paths import case_of
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known, theory_words
@@ -151,7 +151,7 @@ def _stated(table: Table, found: Evidence) -> Table:
     theories = dict.fromkeys(
         theory_words(case.theory)
         for record in found.records.values()
-        if record.case_name in cases and (case := case_of(record)) is not None
+        if record.case_name in cases and (case := portrait_of(record)) is not None
     )
     unsaid = [theory for theory in theories if theory not in table.caption]
     caption = f"{table.caption} Theory: {' and '.join(unsaid)}." if unsaid else table.caption

@@ -5,34 +5,31 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from shellbench.bench import catalog
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import is_cloth
 from shellbench.report.palette import Ink, inks
 from shellbench.report.paths import (
     PathRun,
-    case_of,
     known_paths,
     limit_loads,
-    load_axis,
     path_run,
     readable,
     runs_by_case,
-    series_of,
 )
 from shellbench.report.scene import states
 from shellbench.report.shells import scale_words
 from shellbench.report.solutions import Known
 from shellbench.report.states import spread, states_figure
 from shellbench.report.strain_figure import INKS, rolled_figure
-from shellbench.report.strains import STRAINS, bending_energies, strain_rows
+from shellbench.report.strains import STRAINS, SUITE, bending_energies, strain_rows
 
 CURVE, STATES, STRAIN = "curve_", "states_", "strain_"  # how names of figures begin
-ROLLED = "rolled_plate"
 FEWEST = 2  # kept states that are worth standing side by side
 
 
@@ -47,7 +44,7 @@ def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Pa
         if exhibit := _curves(f"{CURVE}{name}", paths, values, colours):
             yield exhibit
     for runs in runs_by_case(records, default).values():
-        case = case_of(runs[0][1])
+        case = portrait_of(runs[0][1])
         if case is not None and not is_cloth(case) and (exhibit := _states(runs, folder)):
             yield exhibit
     yield from _strains(records, rows, known)
@@ -56,15 +53,15 @@ def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Pa
 def _curves(
     name: str, made: Sequence[tuple[Record, str]], known: KnownValues, colours: Mapping[str, Ink], about: str = ""
 ) -> Exhibit | None:
-    case = case_of(made[0][0])
+    case = portrait_of(made[0][0])
     if case is None:
         return None
     runs = [run for record, legend in made if (run := path_run(record, case, legend)) is not None]
-    series = [one for one in series_of(case) if any(one.name in run.displacements for run in runs)]
+    series = [one for one in case.paths if any(one.name in run.displacements for run in runs)]
     if not series:
         return None
-    load = load_axis(case)
-    turning = case.path.quantity is not None
+    load = case.load_axis
+    turning = case.controlled_by is not None
     panels = [CurvePanel(one, tuple(known_paths(case, known, one))) for one in series]
     figure = curve_figure(panels, runs, load, colours, turning=turning, limit_loads=limit_loads(case, known))
     shown = "; ".join(f"{one.name}: {one.description}" for one in series if one.description)
@@ -117,12 +114,14 @@ def _states(runs: Sequence[tuple[Row, Record]], folder: Path) -> Exhibit | None:
 
 def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -> Iterator[Exhibit]:
     shown = strain_rows(rows)
-    energies = bending_energies(records, rows, ROLLED)
-    ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == ROLLED and row.run_id))
-    case = case_of(records[ids[0]]) if ids and ids[0] in records else None
-    if case is not None and (figure := rolled_figure(energies, rolling_stiffness(case))) is not None:
+    rolled = catalog.find_suite(SUITE).rolled if SUITE in catalog.suite_names() else None
+    energies = bending_energies(records, rows, rolled or "")
+    ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == rolled and row.run_id))
+    case = portrait_of(records[ids[0]]) if ids and ids[0] in records else None
+    stiffness = case.rolling_stiffness if case is not None else None
+    if stiffness is not None and (figure := rolled_figure(energies, stiffness)) is not None:
         yield Exhibit(
-            name=f"{STRAIN}{ROLLED}",
+            name=f"{STRAIN}{rolled}",
             title="Bending energy of a rolled plate",
             caption="Left, the bending energy of a plate that is rolled to an angle, under each measure of strain, and"
             " in the middle relative to the exact one; lines are the closed forms. Right, the curvature that each"
@@ -141,9 +140,3 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
         values = KnownValues() if own else known(name)
         if len(paths) > 1 and (exhibit := _curves(f"{STRAIN}{name}", paths, values, INKS, "the strain measures")):
             yield exhibit
-
-
-def rolling_stiffness(case: Case) -> float:
-    """Return B A / L^2 of a plate that is rolled along xi1, J: its bending energy is half of it times theta^2."""
-    length, width = case.surface.domain.size
-    return case.material.bending_stiffness * width / length

@@ -8,17 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.marks import mark_words
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import PointLoad
-from shellbench.problems.shell.places import Edge, Point
+from shellbench.portrait import Portrait, Scene
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
 from shellbench.report.shells import Shell
-from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
 
@@ -31,29 +27,32 @@ def shell(record: Record, folder: Path) -> Shell | None:
     fields = read_fields(record, folder)
     if fields is None:
         return None
-    case = case_of(record)
-    if case is None:
-        return None
-    return drawn(record, case, fields, fields.displacement)
+    case = portrait_of(record)
+    return None if case is None else drawn(record, case, fields, fields.displacement)
 
 
 def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
     """Return the deformed shell at each state of its path that a run kept, with the words for its mark."""
-    fields, case = read_fields(record, folder), case_of(record)
+    fields, case = read_fields(record, folder), portrait_of(record)
     if fields is None or case is None:
         return []
     return [
-        (mark_words(case, float(mark)), drawn(record, case, fields, displacement))
+        (case.mark_words(float(mark)), one)
         for mark, displacement in zip(fields.marks, fields.displacements, strict=True)
+        if (one := drawn(record, case, fields, displacement)) is not None
     ]
 
 
-def drawn(record: Record, case: Case, fields: Fields, displacement: Array, among: Sequence[Fields] = ()) -> Shell:
-    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn.
+def drawn(
+    record: Record, case: Portrait, fields: Fields, displacement: Array, among: Sequence[Fields] = ()
+) -> Shell | None:
+    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn; None if its case can't be.
 
     Its scale suits all states of its run, and those that it stands among.
     """
-    picture = case.picture
+    scene = case.scene
+    if scene is None:
+        return None
     states = [state for one in (fields, *among) for state in (one.displacement, *one.displacements)]
     return Shell(
         case=record.case_name,
@@ -61,17 +60,17 @@ def drawn(record: Record, case: Case, fields: Fields, displacement: Array, among
         solver=record.identity.solver,
         position=fields.position,
         displacement=displacement,
-        scale=picture_scale(case, fields.position, [displacement, *states]),
-        camera=Camera(*picture.view, picture.up),
-        direction=picture.direction,
-        held=held_edges(case, fields.position),
-        forces=point_forces(case, fields.xi, fields.position),
+        scale=picture_scale(scene, fields.position, [displacement, *states]),
+        camera=Camera(*scene.view, scene.up),
+        direction=scene.direction,
+        held=held_edges(scene, fields.position),
+        forces=point_forces(scene, fields.xi, fields.position),
         run_id=record.run_id,
-        unit=unit_of_length(case),
+        unit=case.unit_of_length,
     )
 
 
-def picture_scale(case: Case, position: Array, displacements: Iterable[Array]) -> float:
+def picture_scale(scene: Scene, position: Array, displacements: Iterable[Array]) -> float:
     """Return the factor by which a picture magnifies displacements: the case's own, or one that shows something.
 
     Without one of its own the largest of all that a run kept is drawn as an eighth of the shell's extent, by a factor
@@ -84,35 +83,32 @@ def picture_scale(case: Case, position: Array, displacements: Iterable[Array]) -
     displacements
         Each (n1, n2, 3).
     """
-    if case.picture.scale is not None:
-        return case.picture.scale
+    if scene.scale is not None:
+        return scene.scale
     extent = float(np.ptp(position.reshape(-1, 3), axis=0).max())
     largest = max((float(np.linalg.norm(one, axis=-1).max()) for one in displacements), default=0.0)
-    if not largest > 0 or not np.isfinite(largest) or PLAIN * extent <= largest <= (extent if case.linear else np.inf):
+    if (
+        not largest > 0
+        or not np.isfinite(largest)
+        or PLAIN * extent <= largest <= (np.inf if scene.as_it_is else extent)
+    ):
         return 1.0
     wanted = DRAWN * extent / largest
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(min(power * STEPS, key=lambda step: abs(np.log(step / wanted))))
 
 
-def held_edges(case: Case, position: Array) -> tuple[Array, ...]:
-    """Return the held edges as polylines (n, 3) of the grid of positions (n1, n2, 3); planes of symmetry hold none."""
-    edges = [place for support, place in case.supported_places() if isinstance(place, Edge) and not support.symmetry]
-    return tuple(np.take(position, 0 if edge.side == "min" else -1, axis=edge.axis) for edge in edges)
+def held_edges(scene: Scene, position: Array) -> tuple[Array, ...]:
+    """Return the held edges as polylines (n, 3) of the grid of positions (n1, n2, 3)."""
+    return tuple(np.take(position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held)
 
 
-def point_forces(case: Case, xi: Array, position: Array) -> tuple[tuple[Array, Array], ...]:
+def point_forces(scene: Scene, xi: Array, position: Array) -> tuple[tuple[Array, Array], ...]:
     """Return point and force (3,) of each point load, at the grid point nearest to it."""
     forces = []
-    for load in case.loads:
-        if not isinstance(load, PointLoad):
-            continue
-        force = np.array([case.scalar(text, 1.0) for text in load.force])
-        for name in load.on if np.any(force) else ():
-            place = case.places[name]
-            if isinstance(place, Point):
-                distance = np.linalg.norm((xi - np.asarray(place.xi)) / np.asarray(case.surface.domain.size), axis=-1)
-                forces.append((position[np.unravel_index(np.argmin(distance), distance.shape)], force))
+    for place, force in scene.forces:
+        distance = np.linalg.norm((xi - place) / np.asarray(scene.size), axis=-1)
+        forces.append((position[np.unravel_index(np.argmin(distance), distance.shape)], force))
     return tuple(forces)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.digits import quoted, rounded
@@ -19,7 +20,6 @@ from shellbench.report.table import Column, Line, Note, Show, Table, present
 SUITE = "strain_ablation"
 STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
 EXACT = "exact"
-RIGID = "rigid_rotation"
 VANISHES = math.acos((1 - math.sqrt(5)) / 2)  # root of cos + sin^2: no published curvature there, 128.17 degrees
 FIGURES = 6  # significant digits of a value without a known one beside it
 
@@ -134,7 +134,8 @@ def linear_energy(theta: float) -> float:
 
 def _turned(rows: Sequence[Row]) -> str:
     """Say what a rigid rotation costs under each strain; empty if no run tells."""
-    turned = [row for row in strain_rows(rows) if row.case == RIGID and row.primary and row.value is not None]
+    case = catalog.find_suite(SUITE).turned if SUITE in catalog.suite_names() else None
+    turned = [row for row in strain_rows(rows) if row.case == case and row.primary and row.value is not None]
     if not turned:
         return ""
     by_strain = {row.label: row for row in turned}

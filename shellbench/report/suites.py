@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problem import LONGEST_TITLE
+from shellbench.model import LONGEST_TITLE
 from shellbench.report.studies import study_of
 
 OWN = "own_"  # begins the name of a user's own case that would else be mistaken for one of the suite's

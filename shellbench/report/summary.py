@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from shellbench.bench.row import Row
-from shellbench.report.digits import allowance, percent
+from shellbench.report.digits import power_of_ten
 from shellbench.report.notation import Notation
 from shellbench.report.solutions import (
     BAD,
@@ -164,8 +164,8 @@ def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
     if not errors:
         return Cell(notation.escape(words), state)
     worst = max(errors, key=abs)
-    text = f"{notation.escape(words)}: {notation.number(percent(worst))}{notation.per_cent}"
+    text = f"{notation.escape(words)}: {notation.number(power_of_ten(worst))}"
     tolerance = headline[0].tolerance
     if tolerance is not None and not headline[0].tolerance_is_absolute:
-        text += " of " + notation.number(allowance(tolerance)) + notation.per_cent
+        text += " / " + notation.number(power_of_ten(tolerance))
     return Cell(text, state)

@@ -175,11 +175,12 @@ def write_markdown(table: Table) -> str:
 
 def write_html(table: Table) -> str:
     """Write a table element whose blocks and rows have headers that screen readers announce."""
-    width = len(table.columns)
-    sides = ["number" if column.right else "sentences" if column.wide else "words" for column in table.columns]
+    columns = _telling(table)
+    width = len(columns)
+    sides = ["number" if column.right else "sentences" if column.wide else "words" for column in columns]
     head = "".join(
         f'<th scope="col" class="{side}">{HTML.escape(column.heading)}</th>'
-        for column, side in zip(table.columns, sides, strict=True)
+        for column, side in zip(columns, sides, strict=True)
     )
     lines = [
         f'<table id="table-{table.name}">',
@@ -192,7 +193,7 @@ def write_html(table: Table) -> str:
             words = f"<span>{HTML.escape(heading)}</span>"
             lines.append(f'<tr class="block"><th scope="rowgroup" colspan="{width}">{words}</th></tr>')
         for line in block:
-            first, *rest = (_cell(column, side, line) for column, side in zip(table.columns, sides, strict=True))
+            first, *rest = (_cell(column, side, line) for column, side in zip(columns, sides, strict=True))
             lines.append(f'<tr><th scope="row"{first}</th>{"".join(f"<td{cell}</td>" for cell in rest)}</tr>')
         lines.append("</tbody>")
     lines.append("</table>")
@@ -200,6 +201,14 @@ def write_html(table: Table) -> str:
         notes = "".join(f"<li>{note.write(HTML)}</li>" for note in table.notes)
         lines.append(f'<ul class="notes">{notes}</ul>')
     return "\n".join(lines) + "\n"
+
+
+def _telling(table: Table) -> list[Column]:
+    """Return the columns that say something in some row: the page leaves out the others."""
+    lines = [line for _, block in table.lines() for line in block]
+    silent = ("", HTML.missing)
+    first, *rest = table.columns
+    return [first, *(c for c in rest if not lines or any(c.show(line, HTML) not in silent for line in lines))]
 
 
 def _cell(column: Column, side: str, line: Line) -> str:

@@ -11,27 +11,24 @@ from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.suite import Study
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.surface import Surface
+from shellbench.portrait import Portrait
 from shellbench.report.digits import duration, percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MARKDOWN, Notation, anchor
 from shellbench.report.palette import inks
-from shellbench.report.paths import case_of
 from shellbench.report.solutions import Known, grouped, solution_name
 from shellbench.report.studies import remarks_on, studies_of
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.thinness_figure import thinness_figure
 
 STUDY: Study = "thinness"
-SAMPLES = 33  # points a side of the grid that measures a surface's extent
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
 INTEGERS = ("runs", "good", "unknowns")
 
@@ -42,7 +39,7 @@ class Member:
 
     row: Row
     record: Record
-    case: Case
+    case: Portrait
     ratio: float
 
 
@@ -85,23 +82,11 @@ def thinning(records: Mapping[str, Record], rows: Iterable[Row]) -> list[list[Me
         record = records.get(row.run_id or "")
         if record is None or not row.primary or STUDY not in studies_of(row):
             continue
-        case = case_of(record)
-        if case is not None:
-            ratio = case.material.thickness / extent(case.surface)
-            found.setdefault(_all_but_thickness(case), []).append(Member(row, record, case, ratio))
+        case = portrait_of(record)
+        if case is not None and (thin := case.thinness) is not None:
+            found.setdefault(thin.family, []).append(Member(row, record, case, thin.ratio))
     families = [sorted(members, key=lambda member: -member.ratio) for members in found.values()]
     return [members for members in families if members[0].ratio > members[-1].ratio]
-
-
-def extent(surface: Surface) -> float:
-    """Return the largest extent of a surface along x, y or z, in metres."""
-    points = surface.position(surface.domain.grid(SAMPLES, SAMPLES)).reshape(-1, 3)
-    return float(np.ptp(points, axis=0).max())
-
-
-def _all_but_thickness(case: Case) -> str:
-    material = case.material.model_copy(update={"thickness": 1.0})
-    return case.model_copy(update={"material": material, "loads": ()}).digest()
 
 
 def family_title(members: Sequence[Member]) -> str:
@@ -110,16 +95,16 @@ def family_title(members: Sequence[Member]) -> str:
     return ", ".join(part for part in titles[0] if all(part in title for title in titles)) or members[0].case.title
 
 
-def bending_share(case: Case, values: Mapping[str, float]) -> float | None:
+def bending_share(case: Portrait, values: Mapping[str, float]) -> float | None:
     """Return the share of bending in membrane and bending energy; None if one of them is not known."""
-    names = {quantity.kind: quantity.name for quantity in case.quantities}
-    membrane, bending = (values.get(names.get(kind, "")) for kind in ("membrane_energy", "bending_energy"))
+    thin = case.thinness
+    membrane, bending = (values.get(thin.membrane), values.get(thin.bending)) if thin else (None, None)
     if membrane is None or bending is None or membrane + bending <= 0:
         return None
     return bending / (membrane + bending)
 
 
-def known_share(case: Case, own: bool, known: Known) -> float | None:
+def known_share(case: Portrait, own: bool, known: Known) -> float | None:
     """Return the bending share of the values that judge a case."""
     judges = [value for value in known(case.name).values if value.role == "judge" and value.theory == case.theory]
     return None if own else bending_share(case, {judge.quantity: judge.value for judge in judges})

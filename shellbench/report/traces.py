@@ -11,14 +11,11 @@ from numpy.typing import NDArray
 from shellbench.account import HistoryStep
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import CriticalPoint, EnergyQuantity, MotionEnergy
-from shellbench.problems.shell.series import Asked, asked_series
+from shellbench.portrait import Along, Portrait
 from shellbench.report.paths import words_of
 
 Array = NDArray[np.float64]
 
-ENERGIES = ("kinetic_energy", "membrane_energy", "bending_energy", "total_energy")
 BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.problem.Step.energy` of a step in time
 
 
@@ -81,7 +78,7 @@ class KnownPoints:
     critical: bool = False
 
 
-def traced(record: Record, case: Case, name: str) -> TracedRun | None:
+def traced(record: Record, case: Portrait, name: str) -> TracedRun | None:
     """Return the traces that a run left; None if it left none."""
     traces = {one.name: Trace(np.array(one.marks), np.array(one.values)) for one in record.series}
     if not traces:
@@ -90,12 +87,10 @@ def traced(record: Record, case: Case, name: str) -> TracedRun | None:
         traces[BALANCE] = Trace(
             np.array([0.0, *(step.at for step in steps)]), np.array([0.0, *(step.energy for step in steps)])
         )
-    if case.dynamics is None:  # a path starts at rest, where there is no force
+    if case.ends is None:  # a path starts at rest, where there is no force
         traces = {key: Trace(np.append(0.0, one.marks), np.append(0.0, one.values)) for key, one in traces.items()}
     reason = None if record.status == "ok" else record.reason or record.status
-    return TracedRun(
-        name, record.identity.seed, record.run_id, reason, traces, dict(_critical_of(record, case, traces))
-    )
+    return TracedRun(name, record.identity.seed, record.run_id, reason, traces, dict(_critical_of(record, traces)))
 
 
 def motion_steps(record: Record) -> list[HistoryStep]:
@@ -103,7 +98,7 @@ def motion_steps(record: Record) -> list[HistoryStep]:
     return [step for step in record.history if step.phase == "time"]
 
 
-def _critical_of(record: Record, case: Case, traces: Mapping[str, Trace]) -> Iterator[tuple[str, tuple[float, float]]]:
+def _critical_of(record: Record, traces: Mapping[str, Trace]) -> Iterator[tuple[str, tuple[float, float]]]:
     step = next((step for step in record.history if step.phase == "critical"), None)
     for name, trace in traces.items() if step is not None else ():
         value = trace.at(step.at) if step is not None else None
@@ -111,18 +106,7 @@ def _critical_of(record: Record, case: Case, traces: Mapping[str, Trace]) -> Ite
             yield name, (step.at, value)
 
 
-def trajectories(case: Case) -> tuple[Asked, ...]:
-    """Return the series of a case that are no energies: where it is, and what holds it."""
-    return tuple(one for one in asked_series(case) if not isinstance(one.quantity, EnergyQuantity | MotionEnergy))
-
-
-def energies(case: Case) -> tuple[Asked, ...]:
-    """Return the series of a case that are energies, in the order in which they are shown; not the sum of two."""
-    found = {one.quantity.kind: one for one in asked_series(case)}
-    return tuple(found[kind] for kind in ENERGIES if kind in found)
-
-
-def known_points(case: Case, known: KnownValues, series: Asked) -> list[KnownPoints]:
+def known_points(case: Portrait, known: KnownValues, series: Along) -> list[KnownPoints]:
     """Return what is known of a series: the values that judge, then those of other origins."""
     found: dict[tuple[str, bool], list[tuple[float, KnownValue]]] = {}
     for name in series.quantities:
@@ -149,11 +133,10 @@ def _points(label: str, judges: bool, pairs: Sequence[tuple[float, KnownValue]],
     return KnownPoints(label, judges, marks, values, doubts, critical)
 
 
-def _critical_points(case: Case, known: KnownValues, series: Asked) -> Iterator[KnownPoints]:
+def _critical_points(case: Portrait, known: KnownValues, series: Along) -> Iterator[KnownPoints]:
     """Yield the known critical state, where both its mark and the value of the series there are known."""
-    points = [q for q in case.quantities if isinstance(q, CriticalPoint)]
-    for there in (q for q in points if q.gives in series.quantities):
-        for mark in (q for q in points if q.gives == "load"):
+    for there in (q for q in case.criticals if q.gives in series.quantities):
+        for mark in (q for q in case.criticals if q.gives == "load"):
             at, value = known.judge(mark.name, case.theory), known.judge(there.name, case.theory)
             if at is not None and value is not None:
                 yield _points("known critical state", True, [(at.value / mark.scale, value)], critical=True)

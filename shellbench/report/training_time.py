@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.digits import duration, percent, rounded
@@ -19,7 +20,6 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import read_fields
 from shellbench.report.notation import TEXT, Notation
 from shellbench.report.palette import inks, style
-from shellbench.report.paths import case_of
 from shellbench.report.scene import drawn
 from shellbench.report.shells import Shell
 from shellbench.report.solutions import grouped
@@ -142,7 +142,7 @@ def _stopped_at(row: Row) -> tuple[str, str, int | None]:
 
 def _stop(row: Row, record: Record, iterations: int, folder: Path) -> Stop:
     steps = [step for step in record.history if step.phase == "solve"]
-    fields, case = read_fields(record, folder), case_of(record)
+    fields, case = read_fields(record, folder), portrait_of(record)
     reference = row.reference if row.relative_error is not None else None
     energy = record.diagnostics.get(ENERGY)
     watched = [(step.seconds, step.quantities[row.quantity]) for step in steps if row.quantity in step.quantities]

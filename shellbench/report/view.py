@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.marks import mark_words
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.places import Edge
+from shellbench.portrait import Portrait
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.paths import case_of
 from shellbench.report.projection import Camera
 from shellbench.report.scene import picture_scale
 from shellbench.report.states import spread
 from shellbench.report.suites import leading_rows
-from shellbench.report.yardstick import unit_of_length
 
 Array = NDArray[np.float64]
 
@@ -99,6 +96,11 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
     return {case: one for case, one in made.items() if one is not None}
 
 
+def led_by(view: View, run_id: str) -> View:
+    """Return the view with a run's answer first: what is seen at first is what the still picture shows."""
+    return replace(view, answers=tuple(sorted(view.answers, key=lambda answer: answer.run_id != run_id)))
+
+
 def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
     """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
     chosen: dict[str, dict[str, tuple[int, Record]]] = {}
@@ -115,26 +117,26 @@ def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, li
 def view(records: Sequence[Record], folder: Path) -> View | None:
     """Return the view of one case; None if none of its records has a field that can be read."""
     found = [(record, fields) for record in records if (fields := read_fields(record, folder)) is not None]
-    case = case_of(found[0][0]) if found else None
-    if case is None:
+    case = portrait_of(found[0][0]) if found else None
+    scene = case.scene if case is not None else None
+    if case is None or scene is None:
         return None
     reference = found[0][1].position
     found = [(record, fields) for record, fields in found if fields.position.shape == reference.shape]
     marks = spread(sorted({key for _, fields in found for key in states_of(fields)}), MOST_STATES)
     thin = stride(len(reference), FINE if len(marks) == 1 else COARSE)
-    picture = case.picture
-    scale = picture_scale(case, reference, [state for _, fields in found for state in states_of(fields).values()])
+    scale = picture_scale(scene, reference, [state for _, fields in found for state in states_of(fields).values()])
     return View(
         case=found[0][0].case_name,
         title=case.title,
-        unit=unit_of_length(case),
+        unit=case.unit_of_length,
         position=reference[::thin, ::thin],
-        marks=tuple(mark_words(case, mark) if moves(case, marks) else "" for mark in marks),
-        held=tuple(held_edges(case)),
+        marks=tuple(case.mark_words(mark) if moves(case, marks) else "" for mark in marks),
+        held=tuple(dict.fromkeys(scene.held)),
         scale=scale,
         largest_scale=scale * (1.0 if moves(case, marks) else MAGNIFIED),
-        camera=Camera(*picture.view, picture.up),
-        direction=picture.direction,
+        camera=Camera(*scene.view, scene.up),
+        direction=scene.direction,
         answers=tuple(answer(record, fields, marks, thin, folder) for record, fields in found),
     )
 
@@ -171,18 +173,12 @@ def states_of(fields: Fields) -> dict[float, Array]:
     }
 
 
-def moves(case: Case, marks: Sequence[float]) -> bool:
+def moves(case: Portrait, marks: Sequence[float]) -> bool:
     """Tell whether a case has states to tell apart."""
-    return len(marks) > 1 or case.dynamics is not None
+    return len(marks) > 1 or case.ends is not None
 
 
 def stride(points: int, most: int) -> int:
     """Return the smallest step through a grid's points a side that keeps both ends and leaves at most `most`."""
     steps = (step for step in range(1, points) if (points - 1) % step == 0 and (points - 1) // step < most)
     return next(steps, points - 1)
-
-
-def held_edges(case: Case) -> list[tuple[int, str]]:
-    """Return axis and end of each held edge; planes of symmetry hold none."""
-    edges = [place for support, place in case.supported_places() if isinstance(place, Edge) and not support.symmetry]
-    return list(dict.fromkeys((edge.axis, edge.side) for edge in edges))

@@ -6,15 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
+from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.report.paths import case_of
-
-GRID = 33  # points a side from which the extent of a shell is taken
 
 
 @dataclass(frozen=True)
@@ -76,11 +70,8 @@ def known_yardstick(records: Mapping[str, Record], rows: Sequence[Row]) -> Yards
 
 def _extent(record: Record | None, unit: str) -> float | None:
     """Return the largest extent of a shell along an axis; None for quantities that are no lengths."""
-    case = case_of(record) if record is not None else None
-    if case is None or unit != unit_of_length(case):
-        return None
-    position = case.surface.position(case.surface.domain.grid(GRID, GRID)).reshape(-1, 3)
-    return float(np.ptp(position, axis=0).max())
+    case = portrait_of(record) if record is not None else None
+    return None if case is None or unit != case.unit_of_length else case.extent
 
 
 def _best_answer(rows: Sequence[Row]) -> Yardstick | None:
@@ -96,8 +87,3 @@ def _best_answer(rows: Sequence[Row]) -> Yardstick | None:
     words = f"the best answer, that of {best.solver} with {best.parameters} unknowns, for no value is known"
     scale = abs(best.value)
     return Yardstick(best.value, scale, (best.uncertainty or 0.0) / scale, words, best.run_id)
-
-
-def unit_of_length(case: Case) -> str:
-    """Return the unit of the case's displacements."""
-    return next((q.unit for q in case.quantities if isinstance(q, DisplacementQuantity)), "m")

@@ -49,13 +49,14 @@ def browser(playwright):
         yield running
 
 
-def written(store, folder, figures=exhibits.exhibits):
+def written(store, folder, suite, figures=exhibits.exhibits):
     """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
     with pytest.MonkeyPatch.context() as coarse:
         coarse.setattr(page, "exhibits", figures)
         coarse.setattr(exhibit, "SCREEN_DPI", 60)
         coarse.setattr(shells, "CELLS", 8)
-        return page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
+        start = page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
+    return start.parent / f"{suite}.html"
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +77,7 @@ PLATE = ("square_plate", "fem")
 
 @pytest.fixture(scope="module")
 def course_page(dense, tmp_path_factory):
-    return written(dense, tmp_path_factory.mktemp("course"))
+    return written(dense, tmp_path_factory.mktemp("course"), "obstacle_course")
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +90,7 @@ def cloth_page(motion, tmp_path_factory):
             for one in exhibits.lead_shells(pictured(records, rows), folder)
         ]
 
-    return written(motion, tmp_path_factory.mktemp("cloth"), pictures)
+    return written(motion, tmp_path_factory.mktemp("cloth"), "cloth", pictures)
 
 
 class Open:
@@ -103,6 +104,7 @@ class Open:
         self.page.on("console", lambda message: self._heard(message.type, message.text))
         self.page.on("pageerror", lambda error: self._heard("error", str(error)))
         self.page.on("request", lambda request: self.requests.append(request.url))
+        self.file = path.name
         self.page.goto(path.as_uri())
 
     def _heard(self, kind, text):
@@ -189,7 +191,8 @@ def test_the_page_loads_alone_and_without_a_complaint(course, cloth):
     for opened in (course, cloth):
         assert opened.complaints == []
         assert [url for url in opened.requests if not url.startswith(("file:", "data:", "blob:"))] == []
-        assert len([url for url in opened.requests if url.startswith("file:")]) == 1  # the page itself
+        files = [url.rpartition("/")[2] for url in opened.requests if url.startswith("file:")]
+        assert files == [opened.file, "plotly.js"]  # the page itself, and the library that the pages share
 
 
 def test_every_picture_is_drawn(course):
@@ -428,6 +431,41 @@ def test_a_narrow_screen_does_not_scroll_sideways(browser, course_page):
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= NARROW["width"]
     opened.context.close()
+
+
+def test_the_contents_stay_in_sight(browser, course_page):
+    for viewport in ({"width": 1600, "height": 900}, NARROW):
+        opened = Open(browser, course_page, viewport=viewport)
+        opened.page.evaluate("() => window.scrollTo(0, document.body.scrollHeight)")
+        box = opened.page.locator("nav").bounding_box()
+        assert -1 <= box["y"] < viewport["height"] / 2
+        opened.context.close()
+
+
+def test_the_full_width_is_used(browser, course_page):
+    opened = Open(browser, course_page, viewport={"width": 2200, "height": 900})
+    box = opened.page.locator("#table-displacements_obstacle_course").bounding_box()
+    assert box["x"] + box["width"] > 2100
+    opened.context.close()
+
+
+def test_in_the_dark_the_page_is_dark_and_figures_stay_on_white(browser, course_page):
+    opened = Open(browser, course_page, color_scheme="dark")
+    colour = "(one) => getComputedStyle(one).{}.match(/[0-9]+/g).slice(0, 3).map(Number)"
+    page = opened.page.locator("body").evaluate(colour.format("backgroundColor"))
+    words = opened.page.locator("main p").first.evaluate(colour.format("color"))
+    figure = opened.page.locator("figure img").first.evaluate(colour.format("backgroundColor"))
+    assert max(page) < 64
+    assert min(words) > 128
+    assert figure == [255, 255, 255]
+    opened.context.close()
+
+
+def test_the_view_begins_with_what_the_picture_shows(course):
+    for case in ("square_plate", "scordelis_lo", "pinched_cylinder_free"):
+        figure = course.view(case)
+        solver = figure.locator("select[name=shown] option:checked").inner_text().strip()
+        assert f"Solved by {solver}." in figure.locator("figcaption").text_content()
 
 
 def test_paper_shows_pictures_and_no_controls(course):

@@ -35,7 +35,7 @@ def test_each_figure_has_its_files_and_its_link(cores, tmp_path, monkeypatch):
         alone = drawn(name)
         (tmp_path / "alone").mkdir(exist_ok=True)
         assert uris[name] == alone.save(tmp_path / "alone")
-        for suffix in ("pdf", "png", *(["svg"] if alone.drawing else [])):
+        for suffix in ("pdf", "png", *(["svg"] if alone.drawing else [])):  # drawings as PNG too, for print
             file = f"{name}.{suffix}"
             assert (tmp_path / file).read_bytes() == (tmp_path / "alone" / file).read_bytes()
 

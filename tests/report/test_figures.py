@@ -9,6 +9,7 @@ from matplotlib.colors import to_hex
 from shellbench.bench import catalog
 from shellbench.model import read_toml
 from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
 from shellbench.report.courses import courses
 from shellbench.report.palette import COLOURS, inks, style
@@ -143,17 +144,18 @@ def test_without_a_scale_of_its_own_a_picture_shows_something(theory, share):
     if theory == "kirchhoff-love-nonlinear":
         data |= {"theory": theory, "loads": [{"kind": "area", "vector": [0, 0, "-t"]}]}
     case = build_case(data, "roof", "roof.toml")
+    scene = ShellPortrait(case).scene
     position = np.stack([*np.meshgrid([0.0, 30.0, 50.0], [0.0, 10.0], indexing="ij"), np.zeros((3, 2))], axis=-1)
     small, large = np.zeros((3, 2, 3)), np.zeros((3, 2, 3))
     small[1, 1, 2], large[2, 0] = -0.1 * share * 50, np.array([0.6, 0.0, 0.8]) * share * 50
-    scale = picture_scale(case, position, [small, large])
+    scale = picture_scale(scene, position, [small, large])
     assert float(f"{scale:.0e}".partition("e")[0]) in {1, 2, 5}
     assert scale == pytest.approx(float(f"{scale:.0e}"))
     if 0.05 <= share <= 1 or (share > 1 and not case.linear):
         assert scale == 1
     else:
         assert 0.07 <= scale * share <= 0.2
-    assert picture_scale(case, position, [0 * small]) == 1
+    assert picture_scale(scene, position, [0 * small]) == 1
 
 
 def test_supports_and_loads_are_where_the_case_has_them(store, by_id, course_rows):

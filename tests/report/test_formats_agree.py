@@ -271,7 +271,7 @@ def test_the_files_of_a_report_agree_with_the_records(store: Store, tmp_path) ->
     expected = expected_lines(store)
     places = {
         ("report.md", "markdown"): ("## Displacements", "## Figures"),
-        ("index.html", "html"): ('<table id="table-displacements_obstacle_course"', "</table>"),
+        ("obstacle_course.html", "html"): ('<table id="table-displacements_obstacle_course"', "</table>"),
         ("table.tex", "latex"): (r"\label{tab:displacements-obstacle-course}", r"\end{table*}"),
     }
     for (file, format), (begin, end) in places.items():

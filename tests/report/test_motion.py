@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.fields import read_fields
 from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure
-from shellbench.report.motion_exhibits import CLOTH, is_cloth, load_words, motion_exhibits
+from shellbench.report.motion_exhibits import CLOTH, is_cloth, motion_exhibits
 from shellbench.report.motion_tables import by_time_tables, motion_table
 from shellbench.report.moving_fields import apart, frame_at, rms_difference, shown_marks, yardstick
 from shellbench.report.palette import inks, style
@@ -14,7 +15,7 @@ from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.paths import runs_by_case
 from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TracePanel, trace_figure
-from shellbench.report.traces import BALANCE, Trace, TracedRun, energies, known_points, traced, trajectories
+from shellbench.report.traces import BALANCE, Trace, TracedRun, known_points, traced
 from tests.report.motion import BROKEN, CRITICAL, OFFSET, REASON, G, torque
 
 G_HALF = G / 8  # m fallen in half of a second
@@ -42,7 +43,7 @@ def runs_of(motion, by_id, case):
 
 def test_a_run_is_traced_as_it_was_recorded(motion):
     record = record_of(motion, "free_fall", "fem")
-    run = traced(record, catalog.named_case("free_fall"), "fem")
+    run = traced(record, ShellPortrait(catalog.named_case("free_fall")), "fem")
     fall = run.traces["fall"]
     assert fall.values == pytest.approx(G * fall.marks**2 / 2, abs=1e-12)
     assert run.traces[BALANCE].marks[0] == 0.0
@@ -52,7 +53,7 @@ def test_a_run_is_traced_as_it_was_recorded(motion):
 
 
 def test_a_failed_run_is_traced_as_far_as_it_came(motion):
-    run = traced(record_of(motion, "pendulum_strip", "ndf"), catalog.named_case("pendulum_strip"), "ndf")
+    run = traced(record_of(motion, "pendulum_strip", "ndf"), ShellPortrait(catalog.named_case("pendulum_strip")), "ndf")
     assert run.reason == REASON
     assert {trace.marks[-1] for trace in run.traces.values()} == {BROKEN}
     assert run.traces["tip_x"].at(BROKEN) is not None
@@ -69,8 +70,8 @@ def test_a_trace_is_read_between_its_marks_and_not_beyond():
 
 
 def test_known_values_stand_at_their_times_with_their_uncertainty(motion):
-    case = catalog.named_case("napkin_plane")
-    corner = next(one for one in trajectories(case) if one.name == "corner_x")
+    case = ShellPortrait(catalog.named_case("napkin_plane"))
+    corner = next(one for one in case.along if one.name == "corner_x")
     judge, origin = known_points(case, motion.known_values(case.name), corner)
     assert (judge.label, judge.judges) == ("known value", True)
     assert (judge.marks.tolist(), judge.values.tolist(), judge.uncertainties.tolist()) == ([0.2], [0.96], [2e-3])
@@ -78,8 +79,8 @@ def test_known_values_stand_at_their_times_with_their_uncertainty(motion):
 
 
 def test_each_series_is_in_one_figure(motion):
-    case = catalog.named_case("pendulum_strip")
-    where, energy = ({one.name for one in f(case)} for f in (trajectories, energies))
+    case = ShellPortrait(catalog.named_case("pendulum_strip"))
+    where, energy = ({one.name for one in f} for f in (case.along, case.energies))
     assert where == {"tip_x", "tip_z", "centre_x", "centre_z", "hinge_x", "hinge_z"}
     assert energy == {"kinetic_energy", "membrane_energy", "bending_energy", "total_energy"}
 
@@ -132,10 +133,10 @@ def test_frames_are_found_by_their_mark(motion):
 
 
 def test_shown_marks_are_common_and_evenly_spread(motion, by_id):
-    case = catalog.named_case("pendulum_strip")
+    case = ShellPortrait(catalog.named_case("pendulum_strip"))
     kept = {row.solver: read_fields(record, motion.folder) for row, record in runs_of(motion, by_id, case.name)}
     assert shown_marks(case, kept, 5) == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
-    sleeve = catalog.named_case("sleeve_twist")
+    sleeve = ShellPortrait(catalog.named_case("sleeve_twist"))
     kept = {"fem": read_fields(record_of(motion, "sleeve_twist", "fem"), motion.folder)}
     marks = shown_marks(sleeve, kept, 4)
     assert len(marks) == 4
@@ -186,8 +187,8 @@ def test_rounding_of_an_energy_is_drawn_as_none(exhibits):
 
 
 def test_where_no_total_energy_is_kept_the_solvers_balance_is_drawn():
-    case = catalog.named_case("napkin_moving_corners")
-    assert "total_energy" not in {one.name for one in energies(case)}
+    case = ShellPortrait(catalog.named_case("napkin_moving_corners"))
+    assert "total_energy" not in {one.name for one in case.energies}
     run = TracedRun("fem", None, "id", None, {BALANCE: Trace(np.array([0.0, 1.0]), np.array([0.0, 1e-5]))})
     with style():
         figure = trace_figure([TracePanel(("total_energy", BALANCE), "J")], [run], "time t (s)", inks(["fem"]))
@@ -214,7 +215,7 @@ def test_the_torque_is_drawn_with_its_critical_state(motion, exhibits):
     [("sleeve_twist", "twist (rad)"), ("sleeve_compression", "shortening (m)"), ("cantilever_shear", "load factor t")],
 )
 def test_a_load_factor_is_called_what_the_critical_point_calls_it(name, words):
-    assert load_words(catalog.named_case(name)) == words
+    assert ShellPortrait(catalog.named_case(name)).load_words == words
 
 
 def test_frames_have_one_view_one_scale_and_one_column_a_time(exhibits, motion):
@@ -234,7 +235,7 @@ def test_frames_have_one_view_one_scale_and_one_column_a_time(exhibits, motion):
 
 
 def test_a_strip_without_a_state_is_empty(motion):
-    case = catalog.named_case("free_fall")
+    case = ShellPortrait(catalog.named_case("free_fall"))
     from shellbench.report.scene import shell
 
     one = shell(record_of(motion, case.name, "fem"), motion.folder)
@@ -258,8 +259,8 @@ def test_cloth_is_not_drawn_as_a_path_too(motion, by_id):
     with style():
         found = [one.name for one in path_exhibits(by_id, motion.rows, motion.folder, motion.known_values)]
     assert found == []
-    assert is_cloth(catalog.named_case("sleeve_compression"))
-    assert not is_cloth(catalog.named_case("cantilever_shear"))
+    assert is_cloth(ShellPortrait(catalog.named_case("sleeve_compression")))
+    assert not is_cloth(ShellPortrait(catalog.named_case("cantilever_shear")))
 
 
 def test_the_table_of_motions_says_how_each_run_went(motion, by_id):

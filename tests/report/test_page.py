@@ -67,24 +67,71 @@ class Page(HTMLParser):
             self.words.append(data)
 
 
-def test_the_page_stands_alone(report):
-    page = Page(report.read_text(encoding="utf-8"))
-    assert not page.open  # every element is closed
-    for tag, attributes in page.tags:
-        assert tag not in ("link", "iframe", "object", "form")
-        assert tag != "script" or "src" not in attributes
-        assert not any(name.startswith("on") for name in attributes)  # the policy would refuse it
-        if tag == "img":
-            assert attributes["src"].startswith("data:image/")
-        if tag == "a" and not attributes["href"].startswith(("#", "data:text/")):
-            target = attributes["href"]
-            assert target.startswith("https://") or (report.parent / target).is_file()
-    targets = {attributes["id"] for _, attributes in page.tags if "id" in attributes}
-    assert {a["href"][1:] for t, a in page.tags if t == "a" and a["href"].startswith("#")} <= targets
+def pages_of(report: Path) -> dict[str, str]:
+    """The text of the start page and of the pages that it links to, by name of file."""
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(report.parent.glob("*.html"))}
 
 
-def test_the_page_can_be_heard(report):
-    page = Page(report.read_text(encoding="utf-8"))
+@pytest.fixture(scope="module")
+def course(report) -> Path:
+    return report.parent / "obstacle_course.html"
+
+
+def test_the_pages_stand_alone(report):
+    pages = {name: Page(text) for name, text in pages_of(report).items()}
+    assert {"index.html", "obstacle_course.html", "ablations.html"} <= set(pages)
+    targets = {
+        f"{name}#{attributes['id']}"
+        for name, page in pages.items()
+        for _, attributes in page.tags
+        if "id" in attributes
+    }
+    for name, page in pages.items():
+        assert not page.open  # every element is closed
+        for tag, attributes in page.tags:
+            assert tag not in ("link", "iframe", "object", "form")
+            assert tag != "script" or "src" not in attributes
+            assert not any(key.startswith("on") for key in attributes)  # the policy would refuse it
+            if tag == "img":
+                assert attributes["src"].startswith("data:image/")
+            if tag == "a" and not attributes["href"].startswith("data:text/"):
+                file, hash_, _ = attributes["href"].partition("#")
+                assert file.startswith("https://") or (report.parent / (file or name)).is_file()
+                assert (
+                    not hash_
+                    or file.startswith("https://")
+                    or f"{name if not file else ''}{attributes['href']}" in targets
+                )
+
+
+def test_every_page_is_linked_from_every_page(report):
+    pages = pages_of(report)
+    for text in pages.values():
+        assert set(pages) <= {a["href"] for tag, a in Page(text).tags if tag == "a"}
+
+
+def test_what_has_nothing_to_say_is_absent(report):
+    pages = pages_of(report)
+    for name in ("displacements", "convergence", "shells", "quantities"):
+        empty = {file for file, text in pages.items() if f'<section id="{name}">' in text and f"#{name}" not in text}
+        assert not empty
+    assert '<section id="convergence">' in pages["obstacle_course.html"]
+    assert '<section id="convergence">' not in pages["ablations.html"]
+    assert '<section id="quantities">' not in "".join(pages.values())
+    head = re.search(r'id="table-displacements_ablations".*?</thead>', pages["ablations.html"], re.DOTALL)[0]
+    assert ">Error<" in head
+    assert ">Tolerance<" not in head  # nobody holds an ablation to one
+
+
+def test_errors_stand_over_what_is_allowed(course):
+    text = course.read_text(encoding="utf-8").partition('id="glance"')[2].partition("</table>")[0]
+    assert "pass: −1×10<sup>−8</sup> / 1×10<sup>−6</sup>" in text
+    assert "fell short: 2×10<sup>−3</sup> / 1×10<sup>−3</sup>" in text
+
+
+@pytest.mark.parametrize("name", ["index.html", "obstacle_course.html"])
+def test_the_page_can_be_heard(report, name):
+    page = Page((report.parent / name).read_text(encoding="utf-8"))
     tags = page.tags
     assert ("html", {"lang": "en"}) in tags
     assert all(len(attributes.get("alt") or "") > 20 for tag, attributes in tags if tag == "img")
@@ -94,8 +141,9 @@ def test_the_page_can_be_heard(report):
     assert all(attributes.get("scope") in ("col", "row", "rowgroup") for tag, attributes in tags if tag == "th")
 
 
-def test_the_verdict_comes_first_and_is_right(report, store):
+def test_the_verdict_comes_first_and_is_right(report, course, store):
     words = "".join(Page(report.read_text(encoding="utf-8")).words)
+    of_course = "".join(Page(course.read_text(encoding="utf-8")).words).partition("Verdict.")[2]
     gated = [row for row in store.rows if row.passed is not None]
     held = [row for row in gated if row.passed]
     without = [row for row in gated if not row.passed and row.status != "ok"]
@@ -104,11 +152,12 @@ def test_the_verdict_comes_first_and_is_right(report, store):
     assert without
     sentence = f"{len(held)} of {len(gated)} gated figures hold; {short} fell short; {len(without)} have no answer"
     assert sentence in words
-    assert words.index(sentence) < words.index("At a glance") < words.index("Displacements")
+    assert words.partition("Verdict.")[2].index(sentence) < words.partition("Verdict.")[2].index("What was run")
+    assert of_course.index(sentence) < of_course.index("At a glance") < of_course.index("Displacements")
     assert sentence in (report.parent / "report.md").read_text(encoding="utf-8")
 
 
-def test_the_glance_has_a_line_for_each_case_and_a_column_for_each_solver(report):
+def test_the_glance_has_a_line_for_each_case_and_a_column_for_each_solver(report, course):
     lines = (report.parent / "report.md").read_text(encoding="utf-8").splitlines()
     start = lines.index("| Case | `fem` | `ndf-ritz` | `ndf` |")
     assert [line.split("|")[1].strip() for line in lines[start + 2 : start + 6]] == [
@@ -116,7 +165,7 @@ def test_the_glance_has_a_line_for_each_case_and_a_column_for_each_solver(report
     ]
     roof = next(line for line in lines[start:] if line.startswith("| Scordelis-Lo roof |")).split("|")
     assert [cell.partition(":")[0].strip() for cell in roof[2:5]] == ["pass", "pass", "fell short"]
-    text = report.read_text(encoding="utf-8").partition('id="glance"')[2]
+    text = course.read_text(encoding="utf-8").partition('id="glance"')[2]
     head = re.search(r"<thead><tr>(.*?)</tr>", text)[1]
     assert re.sub(r"<[^>]*>", " ", head).split() == ["Case", "fem", "ndf-ritz", "ndf"]
 
@@ -148,12 +197,14 @@ def test_every_file_is_there(report, store):
         "convergence_obstacle_course_refinement",
     ):
         assert (folder / "figures" / f"{stem}.pdf").read_bytes().startswith(b"%PDF")
-        assert (folder / "figures" / f"{stem}.png").read_bytes().startswith(b"\x89PNG")
+        vector = stem.startswith("convergence")
+        file = folder / "figures" / f"{stem}.{'svg' if vector else 'png'}"
+        assert file.read_bytes().startswith(b"<?xml" if vector else b"\x89PNG")
     assert len(json.loads((folder / "table.json").read_text())) == len(store.rows)
 
 
 def test_drawings_are_embedded_as_vectors(report):
-    page = Page(report.read_text(encoding="utf-8"))
+    page = Page("".join(pages_of(report).values()))
     links = [a["src"] for tag, a in page.tags if tag == "img"]
     embedded = [unquote(link.partition(",")[2]) for link in links if link.startswith("data:image/svg+xml,")]
     assert len(embedded) >= 4
@@ -161,20 +212,22 @@ def test_drawings_are_embedded_as_vectors(report):
         assert ElementTree.fromstring(data).tag == "{http://www.w3.org/2000/svg}svg"
 
 
-def test_only_the_pages_own_scripts_may_run(report):
-    text = report.read_text(encoding="utf-8")
+def test_only_the_pages_own_scripts_may_run(report, course):
+    text = course.read_text(encoding="utf-8")
     (policy,) = re.findall(r'Content-Security-Policy" content="([^"]*)"', text)
     rules = {name: sources for name, *sources in (rule.split() for rule in html.unescape(policy).split(";"))}
     assert rules["default-src"] == ["'none'"]
     assert not any("unsafe" in source for source in rules["script-src"])
-    library = re.search(r'id="plotly">([^<]*)<', text)[1]
+    library = json.loads(re.search(r'"[^"]*"', (report.parent / "plotly.js").read_text())[0])
     run = [*re.findall(r"<script>(.*?)</script>", text, re.DOTALL), gzip.decompress(base64.b64decode(library)).decode()]
     digests = [base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() for script in run]
-    assert rules["script-src"] == [f"'sha256-{digest}'" for digest in digests]
+    assert rules["script-src"] == [*(f"'sha256-{digest}'" for digest in digests), "'self'"]
+    assert "'self'" not in re.search(r"script-src ([^\"]*)", html.unescape(report.read_text(encoding="utf-8")))[1]
+    assert 'data-library="plotly.js"' in text
 
 
-def test_each_table_can_be_taken_from_the_page_alone(report):
-    page = Page(report.read_text(encoding="utf-8"))
+def test_each_table_can_be_taken_from_the_page_alone(report, course):
+    page = Page(course.read_text(encoding="utf-8"))
     held = {a["download"]: a["href"] for tag, a in page.tags if tag == "a" and "download" in a}
     data = {name: base64.b64decode(link.partition("base64,")[2]).decode() for name, link in held.items()}
     assert data["fields.csv"] == (report.parent / "fields.csv").read_text(encoding="utf-8")
@@ -182,23 +235,23 @@ def test_each_table_can_be_taken_from_the_page_alone(report):
     assert data["displacements_obstacle_course.tex"] in (report.parent / "table.tex").read_text(encoding="utf-8")
 
 
-def test_each_figure_says_how_it_was_made(report, store):
-    text = report.read_text(encoding="utf-8")
+def test_each_figure_says_how_it_was_made(course, store):
+    text = course.read_text(encoding="utf-8")
     figures = re.findall(r"<figure.*?</figure>", text, re.DOTALL)
     assert len(figures) > len(COURSE)
     for figure in figures:
         made = html.unescape(figure.partition("How this was made")[2])
         assert "shellbench report" in made
         assert re.search(r"shellbench run \w+ --solver [\w-]+", made)
-        assert 'href="#environment-1"' in made
+        assert 'href="index.html#environment-1"' in made
     picture = next(figure for figure in figures if 'data-case="square_plate"' in figure)
     for solver in ("fem", "ndf-ritz", "ndf"):  # of the picture, and of the view that takes its place
         assert f"shellbench run square_plate --solver {solver}" in picture
     assert "scordelis_lo" not in picture.partition("How this was made")[2]
 
 
-def test_numbers_are_sorted_at_full_precision(report, store):
-    page = Page(report.read_text(encoding="utf-8"))
+def test_numbers_are_sorted_at_full_precision(course, store):
+    page = Page(course.read_text(encoding="utf-8"))
     kept = {float(a["data-value"]) for tag, a in page.tags if tag == "td" and "data-value" in a}
     for row in store.rows:
         if row.seed is None and row.value is not None:
@@ -246,8 +299,9 @@ def evident(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_section_of_evidence_stands_in_all_files(evident, store):
-    text = evident.read_text(encoding="utf-8")
+    text = (evident.parent / "synthetic.html").read_text(encoding="utf-8")
     assert '<a href="#synthetic">A synthetic section</a>' in text
+    assert '<a href="synthetic.html">A synthetic section</a>' in evident.read_text(encoding="utf-8")
     section = re.search(r'<section id="synthetic">.*?</section>', text, re.DOTALL)[0]
     count = f"{len(store.rows)}"  # every row, those of studies among them
     assert "First &amp; last words." in section
@@ -258,17 +312,18 @@ def test_a_section_of_evidence_stands_in_all_files(evident, store):
     assert r"\label{tab:synthetic-evidence}" in (evident.parent / "table.tex").read_text()
     markdown = (evident.parent / "report.md").read_text(encoding="utf-8")
     assert "## A synthetic section" in markdown
-    assert "](figures/synthetic_drawing.png)" in markdown
+    assert "](figures/synthetic_drawing.svg)" in markdown
     assert f"| all | {count} |" in markdown
     assert (evident.parent / "figures" / "synthetic_drawing.svg").is_file()
     assert 'id="source-kairanda2024"' in text
 
 
 def test_runs_of_studies_alone_are_not_compared(evident, store):
-    text = evident.read_text(encoding="utf-8")
+    text = "".join(pages_of(evident).values())
     shown = [row for row in studied(store) if row.suites != ("thinness",)]
     assert overall(shown).words in html.unescape(text)
-    assert "cells 2×2" not in text.partition('id="provenance"')[0]
+    assert "cells 2×2" not in evident.read_text(encoding="utf-8").partition('id="provenance"')[0]
+    assert not [name for name, page in pages_of(evident).items() if "cells 2×2" in page and name != "index.html"]
     assert "displacements_thinness" not in text
     assert "cells 2×2" not in (evident.parent / "table.csv").read_text(encoding="utf-8")
     assert suites_of(shown) == suites_of(store.rows)
@@ -309,7 +364,7 @@ def test_a_palette_spoils_no_picture():
 @pytest.mark.long
 def test_the_page_of_the_obstacle_course_is_light(store, tmp_path):
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
-    assert page.stat().st_size < 8 * MEGABYTE
+    assert sum(path.stat().st_size for path in page.parent.glob("*.html")) < 8 * MEGABYTE
 
 
 @pytest.mark.long
@@ -334,8 +389,9 @@ def test_hostile_words_do_not_reach_the_page(store, tmp_path):
     evil = [
         row.model_copy(update={"case_title": words, "reason": words, "solver_label": words}) for row in store.rows[:7]
     ]
-    page = write_report(Records(store.folder), evil, tmp_path, store.known_values).read_text(encoding="utf-8")
-    assert "<script>alert" not in page
+    start = write_report(Records(store.folder), evil, tmp_path, store.known_values)
+    page = pages_of(start)["obstacle_course.html"]
+    assert "<script>alert" not in "".join(pages_of(start).values())
     assert "&lt;script&gt;alert" in page
     assert "\\input" not in (tmp_path / "table.tex").read_text(encoding="utf-8")
 
@@ -410,4 +466,4 @@ def test_a_report_for_the_screen_alone_has_no_pdf_and_no_link_to_one(store, tmp_
     page = write_report(Records(store.folder), store.rows, tmp_path, store.known_values, for_print=False)
     assert not list((tmp_path / "figures").glob("*.pdf"))
     assert list((tmp_path / "figures").glob("*.svg"))
-    assert ".pdf" not in page.read_text()
+    assert ".pdf" not in "".join(pages_of(page).values())

@@ -7,19 +7,18 @@ from matplotlib.colors import to_hex
 from shellbench.bench import catalog
 from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
 from shellbench.bench.task import case_data
+from shellbench.portrait import LoadAxis
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.palette import inks, style
 from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.paths import (
-    LoadAxis,
     PathRun,
     known_paths,
     limit_loads,
-    load_axis,
     path_run,
     readable,
-    series_of,
 )
 from tests.report.conftest import Store
 from tests.report.nonlinear import FIRST, LOADS, REACHED, REASON, SECOND, deflection, roof_load, shortening
@@ -37,8 +36,12 @@ def run_of(store: Store, case: str, solver: str, seed: int | None = None):
     )
 
 
+def portrait(case: str):
+    return ShellPortrait(catalog.named_case(case))
+
+
 def series(case: str):
-    return {one.name: one for one in series_of(catalog.named_case(case))}
+    return {one.name: one for one in portrait(case).paths}
 
 
 def figure_of(store: Store, name: str):
@@ -66,8 +69,8 @@ def test_quantities_of_one_displacement_at_several_loads_are_one_series():
 
 
 def test_loads_are_in_the_unit_in_which_the_case_asks_for_them():
-    assert load_axis(catalog.named_case(ROOF)) == LoadAxis(1000.0, "load (N)")
-    assert load_axis(catalog.named_case(BEAM)) == LoadAxis(1.0, "load factor t")
+    assert portrait(ROOF).load_axis == LoadAxis(1000.0, "load (N)")
+    assert portrait(BEAM).load_axis == LoadAxis(1.0, "load factor t")
 
 
 def test_names_with_an_index_are_symbols():
@@ -76,7 +79,7 @@ def test_names_with_an_index_are_symbols():
 
 
 def test_a_path_starts_at_rest_and_has_the_records_states(nonlinear):
-    run = path_run(run_of(nonlinear, BEAM, "fem"), catalog.named_case(BEAM), "fem")
+    run = path_run(run_of(nonlinear, BEAM, "fem"), portrait(BEAM), "fem")
     assert list(run.factors) == [0.0, *LOADS]  # the refinements before it are no part
     assert list(run.displacements["deflection"]) == [0.0, *map(deflection, LOADS)]
     assert list(run.displacements["shortening"]) == [0.0, *map(shortening, LOADS)]
@@ -84,7 +87,7 @@ def test_a_path_starts_at_rest_and_has_the_records_states(nonlinear):
 
 
 def test_a_failed_run_keeps_its_path_and_its_reason(nonlinear):
-    run = path_run(run_of(nonlinear, BEAM, "ndf", 1), catalog.named_case(BEAM), "ndf")
+    run = path_run(run_of(nonlinear, BEAM, "ndf", 1), portrait(BEAM), "ndf")
     assert run.factors[-1] == REACHED
     assert run.reason == REASON
 
@@ -92,14 +95,14 @@ def test_a_failed_run_keeps_its_path_and_its_reason(nonlinear):
 def test_a_record_without_a_path_has_no_curve(nonlinear):
     record = run_of(nonlinear, BEAM, "fem")
     old = record.model_copy(update={"history": tuple(s for s in record.history if s.phase == "solve")})
-    assert path_run(old, catalog.named_case(BEAM), "fem") is None
+    assert path_run(old, portrait(BEAM), "fem") is None
     bare = tuple(s.model_copy(update={"quantities": {}}) for s in record.history)
-    assert path_run(record.model_copy(update={"history": bare}), catalog.named_case(BEAM), "fem") is None
+    assert path_run(record.model_copy(update={"history": bare}), portrait(BEAM), "fem") is None
 
 
 @pytest.mark.parametrize("name", ["deflection", "free_edge_deflection"])
 def test_limit_points_are_where_the_load_turns(nonlinear, name):
-    run = path_run(run_of(nonlinear, ROOF, "fem"), catalog.named_case(ROOF), "fem")
+    run = path_run(run_of(nonlinear, ROOF, "fem"), portrait(ROOF), "fem")
     factor = 0.8 if name == "free_edge_deflection" else 1.0
     (top, first), (valley, second) = run.limit_points(name)
     assert (top, valley) == pytest.approx((roof_load(FIRST), roof_load(SECOND)), rel=FINE)
@@ -116,7 +119,7 @@ def test_a_state_told_twice_hides_no_limit_point():
 
 
 def test_known_values_stand_at_their_loads(nonlinear):
-    case, known = catalog.named_case(BEAM), nonlinear.known[BEAM]
+    case, known = portrait(BEAM), nonlinear.known[BEAM]
     judges, curve = known_paths(case, known, series(BEAM)["deflection"])
     assert judges.judges
     assert dict(zip(judges.factors, judges.displacements, strict=True)) == {t: deflection(t) for t in (0.25, 0.5, 1)}
@@ -127,7 +130,7 @@ def test_known_values_stand_at_their_loads(nonlinear):
 
 
 def test_a_value_of_the_literature_stands_apart_unless_its_source_has_it_in_a_curve(nonlinear):
-    case, known = catalog.named_case(BEAM), nonlinear.known[BEAM]
+    case, known = portrait(BEAM), nonlinear.known[BEAM]
     other = KnownValue(
         quantity="deflection_4", role="literature", value=6.5, theory="mixed", origin="another", source="paper2024"
     )
@@ -139,7 +142,7 @@ def test_a_value_of_the_literature_stands_apart_unless_its_source_has_it_in_a_cu
 
 
 def test_known_loads_of_a_controlled_path_stand_at_their_displacements(nonlinear):
-    case, known = catalog.named_case(ROOF), nonlinear.known[ROOF]
+    case, known = portrait(ROOF), nonlinear.known[ROOF]
     (judges,) = known_paths(case, known, series(ROOF)["deflection"])
     assert (judges.displacements[0], judges.factors[0]) == (20.0, 1.770)
     assert known_paths(case, known, series(ROOF)["free_edge_deflection"]) == []
@@ -147,7 +150,7 @@ def test_known_loads_of_a_controlled_path_stand_at_their_displacements(nonlinear
 
 
 def test_a_limit_point_known_whole_is_a_point(nonlinear):
-    case = catalog.named_case(ROOF)
+    case = portrait(ROOF)
     whole = KnownValue(
         quantity="limit_deflection", role="judge", value=10.0, theory=case.theory, origin="series", source="series1900"
     )
@@ -204,9 +207,9 @@ def test_prescribed_motion_has_no_curve(nonlinear):
 
 @pytest.mark.parametrize("letters", [8, 40, 90])
 def test_a_legend_is_never_cut(nonlinear, letters):
-    case = catalog.named_case(ROOF)
+    case = portrait(ROOF)
     run = path_run(run_of(nonlinear, ROOF, "fem"), case, "fem")
-    (one, _) = series_of(case)
+    (one, _) = case.paths
     curve = KnownCurve(
         quantity="deflection", theory="mixed", origin="", source="s", label="l" * letters, loads=(1.0,), values=(3.0,)
     )

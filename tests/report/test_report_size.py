@@ -20,5 +20,5 @@ def test_the_report_of_the_course_is_below_8_megabytes(tmp_path: Path, monkeypat
     made = conftest.make_store(tmp_path / "runs")
     rows = [row for row in made.rows if row.suite == "obstacle_course"]
     page = write_report(bench.Store(made.folder), rows, tmp_path / "report", made.known_values, for_print=False)
-    assert page.stat().st_size < LARGEST_PAGE
+    assert max(one.stat().st_size for one in page.parent.glob("*.html")) < LARGEST_PAGE
     assert sum(path.stat().st_size for path in page.parent.rglob("*") if path.is_file()) < 2 * LARGEST_PAGE

@@ -9,9 +9,10 @@ from shellbench.bench import catalog
 from shellbench.bench.record import Measured
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.evidence import Evidence
 from shellbench.report.table import WRITERS
-from shellbench.report.thinness import bending_share, extent, findings, section, thinning
+from shellbench.report.thinness import bending_share, findings, section, thinning
 from tests.report.conftest import record
 from tests.report.test_tables import number
 
@@ -221,11 +222,11 @@ def test_variants_follow_their_solver_and_have_dashes_of_their_own(tmp_path):
     [("scordelis_lo", 50.0), ("square_plate", 100.0), ("pinched_cylinder_free", 600.0)],
 )
 def test_length_is_the_largest_extent_in_space(name, metres):
-    assert extent(catalog.named_case(name).surface) == pytest.approx(metres)
+    assert ShellPortrait(catalog.named_case(name)).extent == pytest.approx(metres)
 
 
 def test_share_of_bending():
-    case = catalog.named_case("scordelis_lo")
+    case = ShellPortrait(catalog.named_case("scordelis_lo"))
     assert bending_share(case, {"membrane_energy": 3.0, "bending_energy": 1.0}) == 0.25
     assert bending_share(case, {"membrane_energy": 3.0}) is None
     assert bending_share(case, {"membrane_energy": 0.0, "bending_energy": 0.0}) is None

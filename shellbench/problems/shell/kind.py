@@ -12,6 +12,7 @@ from shellbench.problem import FIELDS, Kind
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.frame_rates import frame_rate_study
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.problems.shell.precision import precision_study
 from shellbench.problems.shell.sampling import energies_of_states, kept_fields, resolution_study
 from shellbench.problems.shell.series import series_of
@@ -90,5 +91,6 @@ SHELL = Kind(
     keep=kept_fields,
     accounts={"energies": energies, "series": series, "resolution": resolution},
     studies={"frame_rates": frame_rates, "precision": precision},
+    portrait=ShellPortrait,
     sample=sample,
 )

@@ -20,15 +20,25 @@
     return Boolean(context);
   }
 
-  /* Plotly is kept compressed, once, and is let in by its hash. */
+  /* Plotly is kept compressed, once, beside the pages, and is let in by its hash. */
   let library = null;
   function plotly() {
     library = library || unpackedLibrary();
     return library;
   }
 
+  function loaded(file) {
+    return new Promise((resolve, reject) => {
+      const script = element("script", { src: file });
+      script.addEventListener("load", resolve);
+      script.addEventListener("error", () => reject(new Error(`${file}, which belongs beside this page, is not there`)));
+      document.head.append(script);
+    });
+  }
+
   async function unpackedLibrary() {
-    const bytes = await shellbench.field.unzipped(document.getElementById("plotly").textContent.trim());
+    await loaded(document.body.dataset.library);
+    const bytes = await shellbench.field.unzipped(shellbench.library);
     const script = document.createElement("script");
     script.textContent = new TextDecoder().decode(bytes);
     document.head.append(script);

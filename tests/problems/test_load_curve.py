@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shellbench.problem import Step
-from shellbench.problems.shell.load_curve import Curve
+from shellbench.problems.load_curve import Curve
 
 
 def history(factors, displacements, quantity="w", phase="path"):

@@ -1,0 +1,343 @@
+"""Portraits: what a problem tells of itself beside its values, so that a report can draw it and put it in order.
+
+The report asks a portrait and knows no kind of problem. The answers here are those of a problem of which nothing can be
+drawn and nothing is known but its quantities; a kind that has more to tell derives its own portrait.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Asked(Protocol):
+    """A quantity, as far as tables and figures name it."""
+
+    @property
+    def name(self) -> str:
+        """Its name in records."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Its unit."""
+        ...
+
+    @property
+    def description(self) -> str:
+        """What it is, in words; may be empty."""
+        ...
+
+    @property
+    def at(self) -> float:
+        """Mark of the state that it belongs to."""
+        ...
+
+
+class Drawable(Protocol):
+    """A problem, as far as any portrait asks it."""
+
+    @property
+    def name(self) -> str:
+        """Its name in records."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What tables call it."""
+        ...
+
+    @property
+    def theory(self) -> str:
+        """Theory that its known values must be of."""
+        ...
+
+    @property
+    def suites(self) -> tuple[str, ...]:
+        """Suites that it belongs to."""
+        ...
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Marks at which its answer is kept, increasing."""
+        ...
+
+    @property
+    def quantities(self) -> Sequence[Asked]:
+        """What is asked."""
+        ...
+
+
+@dataclass(frozen=True)
+class Along:
+    """One thing that a problem measures all along the way.
+
+    Attributes
+    ----------
+    name
+        Of its quantities, without their mark.
+    quantity
+        The first of them, or one like it.
+    quantities
+        Those that measure it, by name; none if the problem does not ask for it.
+    """
+
+    name: str
+    quantity: Asked
+    quantities: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class PathSeries:
+    """One displacement along a path of loading: all quantities with the same points and directions.
+
+    Attributes
+    ----------
+    name
+        What their names have in common.
+    description
+        What their descriptions have in common, but for the mark.
+    """
+
+    name: str
+    unit: str
+    description: str
+    quantities: tuple[Asked, ...]
+
+
+@dataclass(frozen=True)
+class LoadAxis:
+    """How loads are shown: the load factor times `scale`."""
+
+    scale: float
+    label: str
+
+
+@dataclass(frozen=True)
+class LoadAt:
+    """A quantity that is the load, the factor times `scale`, at which the path's displacement first is `at`."""
+
+    name: str
+    at: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Turning:
+    """A quantity of a turning point of a path, counted from 1: the displacement there, or the load over `scale`."""
+
+    name: str
+    of: Literal["load", "displacement"]
+    number: int
+    gives: Literal["load", "displacement"]
+    scale: float
+
+
+@dataclass(frozen=True)
+class Critical:
+    """A quantity of a path's critical state: "load", the factor times `scale`, or another quantity's value there."""
+
+    name: str
+    gives: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """How a surface is drawn of which a run kept points on a grid (n1, n2).
+
+    Attributes
+    ----------
+    size
+        Of the two parameters' ranges.
+    scale
+        Factor of the displacement; None to choose one by which the largest can be seen.
+    as_it_is
+        Whether displacements larger than the surface are drawn as they are.
+    direction
+        Colour by this component; by the magnitude if None.
+    view
+        Elevation and azimuth of the camera, degrees.
+    held
+        Axis of the parameters and end, "min" or "max", of each held edge.
+    forces
+        Parameters (2,) and force (3,) of each point load.
+    """
+
+    size: tuple[float, float]
+    scale: float | None
+    as_it_is: bool
+    direction: tuple[float, float, float] | None
+    view: tuple[float, float]
+    up: Literal["x", "y", "z"]
+    held: tuple[tuple[int, str], ...]
+    forces: tuple[tuple[Array, Array], ...]
+
+
+@dataclass(frozen=True)
+class Thinness:
+    """How thin a shell is: its thickness over its extent, and what it has in common with thinner ones.
+
+    Attributes
+    ----------
+    family
+        Equal for shells that differ in nothing but thickness, names, prose and loads.
+    membrane, bending
+        Names of the quantities that are the parts of its strain energy; empty if they are not asked for.
+    """
+
+    ratio: float
+    family: str
+    membrane: str
+    bending: str
+
+
+class Portrait:
+    """What a problem tells of itself; here, of one of which nothing can be drawn.
+
+    Parameters
+    ----------
+    problem
+        Any problem.
+    """
+
+    def __init__(self, problem: Drawable) -> None:
+        self.problem = problem
+
+    @property
+    def name(self) -> str:
+        """Name of the problem in records."""
+        return self.problem.name
+
+    @property
+    def title(self) -> str:
+        """What tables call it."""
+        return self.problem.title
+
+    @property
+    def theory(self) -> str:
+        """Theory that its known values must be of."""
+        return self.problem.theory
+
+    @property
+    def suites(self) -> tuple[str, ...]:
+        """Suites that it belongs to."""
+        return self.problem.suites
+
+    @property
+    def states(self) -> tuple[float, ...]:
+        """Marks at which its answer is kept, increasing."""
+        return self.problem.states
+
+    @property
+    def quantities(self) -> Sequence[Asked]:
+        """What is asked."""
+        return self.problem.quantities
+
+    def quantity(self, name: str) -> Asked:
+        """Return the quantity of this name; KeyError if there is none."""
+        return {quantity.name: quantity for quantity in self.quantities}[name]
+
+    def mark_words(self, mark: float) -> str:
+        """Return what a mark means, such as "t = 0.25"."""
+        return f"t = {mark:.4g}"
+
+    @property
+    def unit_of_length(self) -> str:
+        """Unit of its displacements."""
+        return "m"
+
+    @property
+    def extent(self) -> float | None:
+        """Largest extent along an axis; None of what has none."""
+        return None
+
+    @property
+    def ends(self) -> float | None:
+        """Time, s, at which a motion ends; None of what does not move."""
+        return None
+
+    @property
+    def way(self) -> float:
+        """Mark at which a motion or a path ends."""
+        return max(self.states, default=1.0)
+
+    @property
+    def buckles(self) -> bool:
+        """Whether a path is followed through buckling."""
+        return False
+
+    @property
+    def controlled_by(self) -> str | None:
+        """Quantity whose values mark the states of a path; None where times or load factors do."""
+        return None
+
+    @property
+    def scene(self) -> Scene | None:
+        """How it is drawn; None if it can't be."""
+        return None
+
+    @property
+    def along(self) -> tuple[Along, ...]:
+        """What is measured all along the way and is no energy: where it is, and what holds it."""
+        return ()
+
+    @property
+    def energies(self) -> tuple[Along, ...]:
+        """Energies that are measured all along the way, in the order in which they are shown."""
+        return ()
+
+    @property
+    def paths(self) -> tuple[PathSeries, ...]:
+        """Distinct displacements that are asked for along a path, in order."""
+        return ()
+
+    @property
+    def load_axis(self) -> LoadAxis:
+        """How the loads of a path are shown."""
+        return LoadAxis(1.0, "load factor t")
+
+    @property
+    def load_words(self) -> str:
+        """What a path's load factor is, with its unit."""
+        return "load factor t"
+
+    @property
+    def loads(self) -> tuple[LoadAt, ...]:
+        """Quantities that are loads of a path."""
+        return ()
+
+    @property
+    def turnings(self) -> tuple[Turning, ...]:
+        """Quantities of the turning points of a path."""
+        return ()
+
+    @property
+    def criticals(self) -> tuple[Critical, ...]:
+        """Quantities of the critical state of a path."""
+        return ()
+
+    @property
+    def thinness(self) -> Thinness | None:
+        """How thin it is; None of what has no thickness."""
+        return None
+
+    @property
+    def gravity(self) -> Array | None:
+        """Acceleration (3,), m/s2, of what falls freely; None of anything else."""
+        return None
+
+    def direction_of(self, series: str) -> Array | None:
+        """Return the direction (3,) of the displacement that a series is; None of anything else."""
+        return None
+
+    @property
+    def rolling_stiffness(self) -> float | None:
+        """Twice the bending energy over the square of the angle, J, of a plate that is rolled along its first side."""
+        return None
