@@ -123,6 +123,6 @@ def test_a_chain_goes_from_its_file_to_the_gate_and_the_page(tmp_path, capsys, m
     code, said = command("table", "hanging_chain")
     assert (code, "chain" in said.out, "-0.297132" in said.out) == (0, True, True)
     assert command("report", "hanging_chain", "--out", str(tmp_path / "page"))[0] == 0
-    assert "Hanging chain" in (tmp_path / "page" / "index.html").read_text()
+    assert "Hanging chain" in (tmp_path / "page" / "ropes.html").read_text()
     code, said = command("export", "hanging_chain", "--solver", "chain", "--out", str(tmp_path / "chain.obj"))
     assert (code, "no surfaces to export" in said.err) == (2, True)
