@@ -10,11 +10,10 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import byte_size, duration
-from shellbench.report.notation import Notation
+from shellbench.report import cells
 from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Column, Note, Table
 
 COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns", "peak_memory_bytes")
 
@@ -48,14 +47,14 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         " to their failure.",
         data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
         columns=(
-            Column("Solution", _solution, right=False),
-            Column("Runs", _count("seeds")),
-            Column("States", _count("states")),
-            Column("Iterations", _count("iterations")),
-            Column("Most in a step", _count("most_in_a_step")),
-            Column("Unknowns", _count("unknowns")),
-            Column("Time (s)", _seconds),
-            Column("Memory", _memory),
+            Column("Solution", cells.solution, right=False),
+            Column("Runs", cells.count("seeds")),
+            Column("States", cells.count("states")),
+            Column("Iterations", cells.count("iterations")),
+            Column("Most in a step", cells.count("most_in_a_step")),
+            Column("Unknowns", cells.count("unknowns")),
+            Column("Time (s)", cells.seconds),
+            Column("Memory", cells.memory("peak_memory_bytes")),
         ),
         notes=tuple(notes),
     )
@@ -84,24 +83,3 @@ def grouped_reasons(records: Sequence[Record]) -> dict[str, list[Record]]:
         if record.status != "ok":
             found.setdefault(record.reason or record.status, []).append(record)
     return found
-
-
-def _solution(line: Line, notation: Notation) -> str:
-    solver, comma, variant = str(line["solution"]).partition(", ")
-    return notation.code(solver) + notation.escape(f"{comma}{variant}")
-
-
-def _count(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return str(int(line[name])) if present(line[name]) else notation.missing
-
-    return show
-
-
-def _seconds(line: Line, notation: Notation) -> str:
-    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing
-
-
-def _memory(line: Line, notation: Notation) -> str:
-    memory = line["peak_memory_bytes"]
-    return notation.escape(byte_size(memory)) if present(memory) else notation.missing

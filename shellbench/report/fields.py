@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import percent
-from shellbench.report.notation import Notation
+from shellbench.report import cells
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Line, Show, Table, present
+from shellbench.report.table import Column, Table
 
 Array = NDArray[np.float64]
 
@@ -75,8 +74,8 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
             Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
             Column("Held against", lambda line, notation: notation.code(line["against"]), right=False),
             Column("Seeds", lambda line, notation: str(line["seeds"])),
-            Column("Mean square", _relative("mean_square")),
-            Column("Largest", _relative("largest")),
+            Column("Mean square", cells.share("mean_square")),
+            Column("Largest", cells.share("largest")),
         ),
     )
 
@@ -136,11 +135,3 @@ def areas(position: Array) -> Array:
             ends[axis] = end  # type: ignore[call-overload]
             weights[tuple(ends)] *= 0.5
     return np.asarray(weights)
-
-
-def _relative(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value = line[name]
-        return notation.number(percent(value, signed=False)) + notation.per_cent if present(value) else notation.missing
-
-    return show

@@ -9,11 +9,12 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.report import cells
 from shellbench.report.digits import percent, quoted, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import Notation
 from shellbench.report.solutions import STATUS_WORDS, solution_name
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Column, Line, Note, Table, present
 
 SUPPORT_ERROR = "support_error"  # diagnostics of a solver that can leak: the largest displacement at held places, m
 PENALTY = "penalty"  # the weight of the penalty, None where supports are built into the field
@@ -81,11 +82,11 @@ def support_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table |
         " One seed.",
         data=pd.DataFrame(lines),
         columns=(
-            Column("Solution", _solution, right=False),
+            Column("Solution", cells.solution, right=False),
             Column("Weight", _weight),
             Column("At held places (m)", _metres),
             Column("Of the largest", _leak),
-            Column("Error", _percent("relative_error")),
+            Column("Error", cells.error("relative_error")),
             Column("Ended", lambda line, notation: notation.escape(line["ended"]), right=False),
         ),
         notes=tuple(Note(name, reason) for name, reason in reasons),
@@ -98,11 +99,6 @@ def _number(value: Any) -> float | None:
 
 def _largest(record: Record) -> float | None:
     return max((step.largest_displacement for step in record.resolution), default=None)
-
-
-def _solution(line: Line, notation: Notation) -> str:
-    solver, comma, variant = str(line["solution"]).partition(", ")
-    return notation.code(solver) + notation.escape(f"{comma}{variant}")
 
 
 def _weight(line: Line, notation: Notation) -> str:
@@ -119,11 +115,3 @@ def _leak(line: Line, notation: Notation) -> str:
     if not present(largest) or not largest:
         return notation.missing
     return notation.number(percent(value / largest, signed=False)) + notation.per_cent
-
-
-def _percent(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value = line[name]
-        return notation.number(percent(value)) + notation.per_cent if present(value) else notation.missing
-
-    return show

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from shellbench.report import cells
 from shellbench.report.answers import (
     LEVELS,
     Answer,
@@ -152,7 +153,7 @@ def rounding_table(cases: Sequence[CaseRuns]) -> Table | None:
             Column("Kept in", lambda line, notation: notation.escape(byte_size(line["storage_bytes"]))),
             Column("Largest", _or_not_finite("largest_difference")),
             Column("rms", _or_not_finite("rms_difference")),
-            Column("Headline quantity", _change),
+            Column("Headline quantity", cells.error("change")),
         ),
     )
 
@@ -164,10 +165,6 @@ def _or_not_finite(name: str) -> Show:
         return shown(line, notation) if present(line[name]) else notation.escape("not finite")
 
     return show
-
-
-def _change(line: Line, notation: Notation) -> str:
-    return notation.error(line["change"]) if present(line["change"]) else notation.missing
 
 
 def solve_lines(case: CaseRuns, ladder: Ladder, *, finest_only: bool) -> Iterator[dict[str, Any]]:
@@ -211,15 +208,8 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
             Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),
             Column("Run", lambda line, notation: notation.escape(line["run"]), right=False),
             Column("Unknowns", lambda line, notation: str(line["unknowns"])),
-            Column("Kept in", _bytes("storage_bytes")),
-            Column("Peak less idle", _bytes("solve_memory_bytes")),
-            Column("Peak", _bytes("peak_memory_bytes")),
+            Column("Kept in", cells.memory("storage_bytes")),
+            Column("Peak less idle", cells.memory("solve_memory_bytes")),
+            Column("Peak", cells.memory("peak_memory_bytes")),
         ),
     )
-
-
-def _bytes(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return notation.escape(byte_size(line[name])) if present(line[name]) else notation.missing
-
-    return show

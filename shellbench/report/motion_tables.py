@@ -13,7 +13,8 @@ from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
-from shellbench.report.digits import duration, quoted, rounded
+from shellbench.report import cells
+from shellbench.report.digits import quoted, rounded
 from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation
 from shellbench.report.paths import runs_by_case
@@ -66,13 +67,13 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
         columns=(
             Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
             Column("Reached (s)", _figure("reached")),
-            Column("Steps", _count("steps")),
-            Column("Iterations", _count("iterations")),
+            Column("Steps", cells.count("steps")),
+            Column("Iterations", cells.count("iterations")),
             Column("Energy drift (J)", _figure("drift")),
             Column("Largest difference (m)", _figure("largest")),
             Column("at (s)", _figure("largest_at")),
             Column("Differences at the times asked for (m)", _asked, right=False, wide=True),
-            Column("Time (s)", _seconds),
+            Column("Time (s)", cells.seconds),
         ),
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -230,14 +231,3 @@ def _asked(line: Line, notation: Notation) -> str:
         for t, value in zip(times, values, strict=True)
     ]
     return "; ".join(shown) or notation.missing
-
-
-def _count(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return str(int(line[name])) if present(line[name]) else notation.missing
-
-    return show
-
-
-def _seconds(line: Line, notation: Notation) -> str:
-    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing

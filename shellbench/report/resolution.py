@@ -14,6 +14,7 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.report import cells
 from shellbench.report.digits import byte_size, percent, rounded
 from shellbench.report.notation import Notation
 from shellbench.report.solutions import solution_name
@@ -86,7 +87,7 @@ def resolution_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Tabl
         data=pd.DataFrame(lines),
         columns=(
             Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
-            Column("Unknowns", _count),
+            Column("Unknowns", cells.count("parameters")),
             Column("Kept in", lambda line, notation: _size(line["storage_bytes"], notation)),
             Column("Same point, any grid", relative("probe_difference")),
             *(Column(f"Mesh {n}×{n}", relative(f"interpolation_difference_{n}")) for n in grids[:-1]),
@@ -186,10 +187,6 @@ def mesh_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | No
             Column("Relative", relative("difference")),
         ),
     )
-
-
-def _count(line: Line, notation: Notation) -> str:
-    return str(int(line["parameters"])) if present(line["parameters"]) else notation.missing
 
 
 def _size(value: float, notation: Notation) -> str:

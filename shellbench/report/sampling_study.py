@@ -11,6 +11,7 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.report import cells
 from shellbench.report.digits import duration, percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -19,7 +20,7 @@ from shellbench.report.palette import inks, style
 from shellbench.report.sampling_figure import sampling_figure
 from shellbench.report.solutions import grouped
 from shellbench.report.studies import rows_of_study
-from shellbench.report.table import Column, Line, Show, Table, present
+from shellbench.report.table import Column, Line, Table
 
 POINTS = "quadrature_points"  # a solver's own count of the points that it was solved on, if it says one
 CELLS = "cells"  # or the setting for the grid of its samples, one in each cell
@@ -181,22 +182,14 @@ def sampling_table(found: Sequence[Sampled]) -> Table:
             Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),
             Column("Held fixed", lambda line, notation: notation.escape(line["held_fixed"]), right=False),
             Column("Points a side", lambda line, notation: f"{line['a_side']:.3g}"),
-            Column("Least error", _share("least_error")),
-            Column("Largest error", _share("largest_error")),
-            Column("Least gap", _share("least_gap")),
-            Column("Largest gap", _share("largest_gap")),
+            Column("Least error", cells.share("least_error")),
+            Column("Largest error", cells.share("largest_error")),
+            Column("Least gap", cells.share("least_gap")),
+            Column("Largest gap", cells.share("largest_gap")),
             Column("Failed", _failed),
             Column("Time (s)", lambda line, notation: notation.escape(duration(line["seconds"]))),
         ),
     )
-
-
-def _share(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value = line[name]
-        return notation.number(percent(value, signed=False)) + notation.per_cent if present(value) else notation.missing
-
-    return show
 
 
 def _failed(line: Line, notation: Notation) -> str:

@@ -13,6 +13,7 @@ import pandas as pd
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.report import cells
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -22,7 +23,7 @@ from shellbench.report.seed_figure import seed_figure
 from shellbench.report.solutions import grouped, same_but_for_seed, solution_name
 from shellbench.report.studies import studies_of
 from shellbench.report.suites import rows_at_home, suite_title
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Column, Line, Note, Table
 from shellbench.report.yardstick import Yardstick, known_yardstick
 
 
@@ -218,13 +219,13 @@ def seed_table(found: Sequence[SeedSpread], studied: bool = False) -> Table:
         " figures.",
         data=pd.DataFrame(lines),
         columns=(
-            Column("Solution", _solution, right=False),
+            Column("Solution", cells.solution, right=False),
             Column("Seeds", _seeds),
             Column("Mean", _mean),
-            Column("Standard deviation", _share("relative_standard_deviation")),
-            Column("Largest from mean", _share("largest_from_mean")),
-            Column("Mean error", _error("mean_error")),
-            Column("Largest error", _error("largest_error")),
+            Column("Standard deviation", cells.share("relative_standard_deviation")),
+            Column("Largest from mean", cells.share("largest_from_mean")),
+            Column("Mean error", cells.error("mean_error")),
+            Column("Largest error", cells.error("largest_error")),
             Column("Worst seed", lambda line, notation: str(line["worst_seed"])),
         ),
         notes=tuple(
@@ -234,11 +235,6 @@ def seed_table(found: Sequence[SeedSpread], studied: bool = False) -> Table:
     )
 
 
-def _solution(line: Line, notation: Notation) -> str:
-    solver, comma, variant = str(line["solution"]).partition(", ")
-    return notation.code(solver) + notation.escape(f"{comma}{variant}")
-
-
 def _seeds(line: Line, notation: Notation) -> str:
     answered, asked = int(line["answered"]), int(line["asked"])
     return str(asked) if answered == asked else notation.strong(f"{answered} of {asked}")
@@ -246,17 +242,3 @@ def _seeds(line: Line, notation: Notation) -> str:
 
 def _mean(line: Line, notation: Notation) -> str:
     return notation.number(rounded(line["mean"], line["standard_deviation"] or None))
-
-
-def _share(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return notation.number(percent(line[name], signed=False)) + notation.per_cent
-
-    return show
-
-
-def _error(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return notation.error(line[name]) if present(line[name]) else notation.missing
-
-    return show

@@ -12,7 +12,8 @@ from shellbench.bench import catalog
 from shellbench.bench.compare import as_json
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
-from shellbench.report.digits import allowance, byte_size, duration, quoted, rounded
+from shellbench.report import cells
+from shellbench.report.digits import allowance, quoted, rounded
 from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
 from shellbench.report.engines_table import cross_check_table
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
@@ -268,21 +269,6 @@ def _verdict(line: Line, notation: Notation) -> str:
     return notation.strong(words) if line["verdict"] in (*BAD, EXPECTED) else words
 
 
-def _count(line: Line, notation: Notation) -> str:
-    return str(int(line["parameters"])) if present(line["parameters"]) else notation.missing
-
-
-def _seconds(line: Line, notation: Notation) -> str:
-    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing
-
-
-def _bytes(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return notation.escape(byte_size(line[name])) if present(line[name]) else notation.missing
-
-    return show
-
-
 NOT_CONVERGED = "(not converged)"
 COMPARISON = (
     Column("Solution", _solution, right=False),
@@ -294,7 +280,7 @@ COMPARISON = (
     Column("Worst seed", _of_solvers(_worst), key="worst_error"),
     Column("Tolerance", _of_solvers(_tolerance), key="tolerance"),
     Column("Verdict", _of_solvers(_verdict), right=False),
-    Column("Unknowns", _of_solvers(_count), key="parameters"),
-    Column("Time (s)", _of_solvers(_seconds), key="seconds"),
-    Column("Memory", _of_solvers(_bytes("peak_memory_bytes")), key="peak_memory_bytes"),
+    Column("Unknowns", _of_solvers(cells.count("parameters")), key="parameters"),
+    Column("Time (s)", _of_solvers(cells.seconds), key="seconds"),
+    Column("Memory", _of_solvers(cells.memory("peak_memory_bytes")), key="peak_memory_bytes"),
 )

@@ -18,7 +18,8 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
-from shellbench.report.digits import duration, percent, rounded
+from shellbench.report import cells
+from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MARKDOWN, Notation, anchor
@@ -135,16 +136,16 @@ def thinness_table(members: Sequence[Member], title: str, known: Known) -> Table
         " *: less than the uncertainty of the known value.",
         data=pd.DataFrame(lines).astype(dict.fromkeys(INTEGERS, "Int64")),
         columns=(
-            Column("Solution", _solution, right=False),
+            Column("Solution", cells.solution, right=False),
             Column("Runs", _runs),
             Column("Error", _error("mean_error")),
             Column("Worst", _error("worst_error")),
             Column("Bending energy (%)", _share),
             Column("from known (points)", _departure),
-            Column("Own estimate", _size("own_estimate")),
-            Column("Energy gap", _size("gap")),
-            Column("Unknowns", _unknowns),
-            Column("Time (s)", _seconds),
+            Column("Own estimate", cells.share("own_estimate")),
+            Column("Energy gap", cells.share("gap")),
+            Column("Unknowns", cells.count("unknowns")),
+            Column("Time (s)", cells.seconds),
         ),
         notes=tuple(notes),
     )
@@ -240,11 +241,6 @@ def _plain(ratio: float) -> str:
     return f"{float(f'{ratio:.2g}'):.1e}".replace(".0e", "e").replace("e-0", "e-")
 
 
-def _solution(line: Line, notation: Notation) -> str:
-    solver, comma, variant = str(line["solution"]).partition(", ")
-    return notation.code(solver) + notation.escape(f"{comma}{variant}")
-
-
 def _runs(line: Line, notation: Notation) -> str:
     return f"{int(line['good'])}/{int(line['runs'])}"
 
@@ -269,20 +265,5 @@ def _departure(line: Line, notation: Notation) -> str:
     return notation.number(percent(points)) if present(points) else notation.missing
 
 
-def _size(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return _unsigned(line[name], notation) if present(line[name]) else notation.missing
-
-    return show
-
-
 def _unsigned(error: float, notation: Notation) -> str:
     return notation.number(percent(error, signed=False)) + notation.per_cent
-
-
-def _unknowns(line: Line, notation: Notation) -> str:
-    return str(int(line["unknowns"])) if present(line["unknowns"]) else notation.missing
-
-
-def _seconds(line: Line, notation: Notation) -> str:
-    return duration(line["seconds"]) if present(line["seconds"]) else notation.missing

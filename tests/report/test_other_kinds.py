@@ -17,7 +17,7 @@ from shellbench.report.tables import render
 from tests.report.conftest import record, refinement, row
 from tests.report.test_page import Page, pages_of
 
-NAME, KIND, THEORY, SUITE = "hanging_chain", "chain", "inextensible-links", "ropes"
+NAME, KIND, THEORY, SUITE = "hanging_chain", "chain", "unstated", "ropes"
 TITLE = "Chain between two nails"
 SAG, PULL = 0.75, 12.5  # of the closed form: links, and N
 
