@@ -186,7 +186,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
         rows[case.name, solver, seed] = [
             empty_row(case, quantity, solver, seed, suites or case.suites, f"no record that counts: {reason}")
             for quantity in case.quantities
-            if gates(quantity, solver)
+            if gates(case, quantity, solver)
         ]
     return [row for of_run in rows.values() for row in of_run]
 
@@ -300,7 +300,7 @@ class _Expected:
 
     def rows(self) -> Iterator[Row]:
         for quantity in self.case.quantities:
-            if gates(quantity, self.solver):
+            if gates(self.case, quantity, self.solver):
                 yield row_of(self.run, quantity) if self.run else self._empty(quantity)
 
     def _empty(self, quantity: QuantityModel) -> Row:
