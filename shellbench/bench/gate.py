@@ -1,9 +1,10 @@
-"""Three gates, kept apart: accuracy, regression and cost.
+"""The gates, kept apart: accuracy, regression and cost; and the lock, which tells whether the exam is still the same.
 
 Accuracy holds every run with default settings against the known values: every one that was run, or that the suites
 declare that are named. A gated row without a record that counts is red, and says why, as is a run that was planned and
 did not end. Regression holds the same rows against the baseline, cost
-compares what they took with what they took then; see `shellbench.bench.baseline`.
+compares what they took with what they took then; see `shellbench.bench.baseline`. For the lock see
+`shellbench.bench.lock`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, row_
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
 from shellbench.bench.finding import Finding
 from shellbench.bench.identity import difference
+from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.plan import declared_runs, declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.registry import find_solver, load_solver
@@ -68,6 +70,8 @@ class Verdict:
         What was looked at.
     baseline
         Whether there was one.
+    lock
+        Whether the exam is the one that is locked.
     warnings
         What else to know, one sentence each.
     beyond
@@ -79,13 +83,14 @@ class Verdict:
     cost: tuple[Finding, ...]
     scope: Scope
     baseline: bool
+    lock: LockCheck
     warnings: tuple[str, ...] = ()
     beyond: str = ""
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
         judged = (*self.accuracy, *(self.regression if regression else ()), *(self.cost if cost else ()))
-        return not any(finding.colour == "red" for finding in judged)
+        return not self.lock.broken and not any(finding.colour == "red" for finding in judged)
 
 
 def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
@@ -123,6 +128,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
         baseline=baseline is not None,
+        lock=check_lock(),
         warnings=notes,
         beyond=more,
     )

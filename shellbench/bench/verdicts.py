@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from shellbench.bench.baseline import Baseline
 from shellbench.bench.finding import Finding
 from shellbench.bench.gate import Verdict
+from shellbench.bench.lock import LockCheck
 from shellbench.bench.row import Row
 
 MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
@@ -23,6 +24,7 @@ def as_text(
         lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    lines += _lock(verdict.lock)
     lines += [verdict.beyond] if verdict.beyond else []
     lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")
     return "\n".join(lines)
@@ -40,6 +42,14 @@ def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = 
         alike.setdefault(key, []).append(finding.row)
     for (mark, case, solver, sentence), rows in alike.items():
         yield f"  {mark:<4} {case} {solver}{_seeds(rows)} {_listed(row.quantity for row in rows)}: {sentence}"
+
+
+def _lock(lock: LockCheck) -> Iterator[str]:
+    exam = f"{lock.cases} cases, {lock.figures} figures"
+    yield f"lock: {len(lock.broken)} RED of {exam}" if lock.broken else f"lock: {exam} as locked"
+    yield from (f"  RED  {words}" for words in lock.broken)
+    if lock.unlocked:
+        yield f"  not yet locked: {'; '.join(lock.unlocked)}"
 
 
 def _seeds(rows: Sequence[Row]) -> str:

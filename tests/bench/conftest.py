@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.bench.lock import write_lock
 from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.running import run
@@ -41,6 +42,8 @@ def with_toys(folder: Path) -> Iterator[Path]:
         (folder / "references" / "tolerances" / f"{solver}.toml").write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(catalog, "data_folder", lambda name: folder / name)
+        forget()
+        write_lock()
         forget()
         yield folder
     forget()
