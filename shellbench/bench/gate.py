@@ -15,16 +15,17 @@ from typing import Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, row_of, rows_and_notes
+from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, held_to, row_of, rows_and_notes, verdict
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
 from shellbench.bench.finding import Finding
 from shellbench.bench.identity import difference
 from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.plan import declared_runs, declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
+from shellbench.bench.tolerances import Tolerances, claimed
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import QuantityModel
@@ -74,6 +75,8 @@ class Verdict:
         Whether the exam is the one that is locked.
     warnings
         What else to know, one sentence each.
+    claims
+        Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
     beyond
         What there is beside what was run, in one sentence; empty if suites were named.
     """
@@ -86,6 +89,7 @@ class Verdict:
     lock: LockCheck
     warnings: tuple[str, ...] = ()
     beyond: str = ""
+    claims: tuple[Finding, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
@@ -110,6 +114,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases)
     more = "" if scope.suites else beyond(found)
+    claims, bad_claims = _claims(row for row in found if _in_scope(row, scope, cases))
     unfinished = [row for row in found if _is_unfinished(row)]
     if scope.suites:
         others = [row for expected in _expected(scope, current) for row in expected.rows()]
@@ -129,9 +134,31 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         scope=scope,
         baseline=baseline is not None,
         lock=check_lock(),
-        warnings=notes,
+        warnings=(*notes, *bad_claims),
         beyond=more,
+        claims=tuple(claims),
     )
+
+
+def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
+    """Hold rows to what their solvers claim of themselves; return findings, and why a claim can't be read."""
+    claims: dict[str, Tolerances] = {}
+    findings, unread = [], []
+    entries = solver_entries()
+    for row in rows:
+        if row.solver not in claims:
+            claims[row.solver] = {}
+            try:
+                claims[row.solver] = claimed(entries[row.solver]) if row.solver in entries else {}
+            except InputError as error:  # a plug-in's bad file is no harm to others
+                unread.append(f"what solver '{row.solver}' claims can't be read: {error}")
+        claim = claims[row.solver].get(row.case, {}).get(row.quantity)
+        if claim is None or row.own_case or not row.default_settings or row.run_id is None:
+            continue
+        held = held_to(row, claim)
+        good, reason = verdict(held, held.tolerance)
+        findings.append(Finding(held, "green" if good else "red", reason or f"claims {claim}"))
+    return findings, unread
 
 
 def check_filled(store: Store) -> None:

@@ -24,14 +24,18 @@ def as_text(
         lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    if verdict.claims:
+        lines += _gate("claims", verdict.claims, verbose, judged=False, otherwise="not held")
     lines += _lock(verdict.lock)
     lines += [verdict.beyond] if verdict.beyond else []
     lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")
     return "\n".join(lines)
 
 
-def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True) -> Iterator[str]:
-    marks = MARKS if judged else MARKS | {"red": "changed"}  # what is reported only is no verdict
+def _gate(
+    name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True, otherwise: str = "changed"
+) -> Iterator[str]:
+    marks = MARKS if judged else MARKS | {"red": otherwise}  # what is reported only is no verdict
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"

@@ -8,11 +8,14 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.compare import rows
+from shellbench.bench.gate import Scope, gate
+from shellbench.bench.lock import write_lock
 from shellbench.bench.store import Store
 from shellbench.bench.tolerances import Tolerance, read_tolerances
+from shellbench.bench.verdicts import as_text
 from shellbench.errors import InputError
 from tests.bench import strip
-from tests.bench.conftest import forget
+from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
 from tests.bench.test_compare import edit, only
 
@@ -73,3 +76,35 @@ def test_a_users_own_case_may_and_no_gate_takes_it(store: Store, tmp_path: Path)
     run(store, str(path), solvers=("toy",))
     row = only(rows(store), quantity="centre")
     assert (row.own_case, row.tolerance, row.passed) == (True, None, None)
+
+
+@pytest.mark.parametrize(("claim", "said"), [("1e-8", "1 ok"), ("1e-20", "1 not held")])
+def test_a_plug_ins_own_file_is_a_claim_and_no_verdict(full: Store, plugin: Path, claim: str, said: str) -> None:
+    tolerances_of("toy-noisy").unlink()
+    forget()
+    write_lock()
+    for record in full.read().records:
+        if record.identity.solver == "toy-noisy" and record.identity.seed:
+            (full.folder / f"{record.run_id}.json").unlink()
+    (plugin / "toy_shells" / "tolerances").mkdir()
+    (plugin / "toy_shells" / "tolerances" / "toy-noisy.toml").write_text(f"[strip]\ncentre = {claim}\n")
+    verdict = gate(full, None, Scope())
+    assert {finding.row.solver for finding in verdict.accuracy} == {"toy"}
+    assert verdict.good()
+    assert f"claims (reported only): {said}" in as_text(verdict, "baseline")
+    assert only(rows(full), solver="toy-noisy", quantity="centre").tolerance is None
+
+
+def test_a_claim_does_not_widen_what_is_frozen_and_a_bad_one_does_no_harm(full: Store, plugin: Path) -> None:
+    edit(catalog.data_folder("references") / "strip.toml", repr(strip.CENTRE), repr(strip.CENTRE * 1.1))
+    write_lock()
+    (plugin / "toy_shells" / "tolerances").mkdir()
+    file = plugin / "toy_shells" / "tolerances" / "toy.toml"
+    file.write_text("[strip]\ncentre = 0.5\n")
+    verdict = gate(full, None, Scope(solvers=("toy",)))
+    assert [f.colour for f in verdict.claims] == ["green"]
+    assert not verdict.good()
+    file.write_text("[strip]\ncentre = 5\n")
+    verdict = gate(full, None, Scope(solvers=("toy",)))
+    assert verdict.claims == ()
+    assert "what solver 'toy' claims can't be read" in verdict.warnings[-1]

@@ -1,4 +1,4 @@
-"""Quantities of interest: what a case asks of every solution, and how closely each solver must answer."""
+"""Quantities of interest: what a case asks of every solution."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ class Quantity(Model):
 
     Attributes
     ----------
-    tolerance
-        By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
-    open_finding
-        By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
+    tolerance, open_finding
+        By solver, in a user's own case only, and judged by no gate: what our cases allow is frozen in
+        references/tolerances/, and so are their open findings (see `shellbench.bench.tolerances`).
+    absolute
+        Whether an error relative to the known value would say nothing, so that it is given in the unit.
     at
         Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
         (see `shellbench.problems.shell.path.Path`).
