@@ -290,9 +290,10 @@ def gate_command(
     gated row without a record is red. Cases, --solver and --seed narrow what is judged, and it says so. If nothing
     is judged, the exit code is 2.
 
-    Accuracy holds each quantity against its known value at the tolerance frozen in the case. Regression holds it
-    against the baseline. Cost compares seconds, memory and parameters with the baseline's, between runs on like
-    hardware. The latter two are reported, and count only if asked for.
+    Accuracy holds each quantity against its known value at the tolerance frozen for the solver. The lock holds cases,
+    known values and tolerances: what makes the exam easier is red. Regression holds a figure against the baseline.
+    Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
+    are reported, and count only if asked for.
     """
     from shellbench.bench import verdicts
     from shellbench.bench.baseline import read_baseline

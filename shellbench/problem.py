@@ -52,12 +52,11 @@ class Quantity(Model):
         Unit of the value, for tables.
     primary
         Whether it is the headline of the case: exactly one is.
-    tolerance
-        By solver: the largest admissible error, relative to the known value unless `absolute`. Frozen.
+    tolerance, open_finding
+        By solver, in a user's own case only, and judged by no gate: what our cases allow is frozen in
+        references/tolerances/, and so are their open findings.
     absolute
-        Whether tolerances are in the quantity's unit: for known values that are zero or nearly so.
-    open_finding
-        By solver: why it is known to fail. Such a row is an expected failure, and red once it passes.
+        Whether an error relative to the known value would say nothing, so that it is given in the unit.
     at
         Mark of the state that it belongs to, such as a time in s or a load factor.
     """

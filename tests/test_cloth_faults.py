@@ -56,10 +56,10 @@ def shortened(level: Level) -> Case:
 
 def tolerance(case: Case, name: str) -> float | None:
     """Return how far `fem` may be from the known value of a quantity; None if it is not gated."""
-    quantity, judge = case.quantity(name), catalog.known_values(case.name).judge(name, case.theory)
-    if judge is None or "fem" not in quantity.tolerance:
+    judge, allowed = catalog.known_values(case.name).judge(name, case.theory), catalog.tolerance(case.name, name, "fem")
+    if judge is None or allowed is None:
         return None
-    return quantity.tolerance["fem"] * (1.0 if quantity.absolute else abs(judge.value))
+    return allowed.largest * (1.0 if allowed.is_absolute else abs(judge.value))
 
 
 def solved(level: Level) -> dict[str, float]:

@@ -69,7 +69,7 @@ def shortened(small: Small) -> Case:
     """Return a case with what is gated up to an early end."""
     case = catalog.named_case(small.case)
     data = case.model_dump(mode="json", exclude_unset=True, exclude={"name"})
-    gated = [q for q in data["quantities"] if GATED in q.get("tolerance", {}) and asked(q, small)]
+    gated = [q for q in data["quantities"] if catalog.tolerance(case.name, q["name"], GATED) and asked(q, small)]
     data["quantities"] = [q | {"primary": number == 0} for number, q in enumerate(gated)]
     end = {"after_buckling": "follow"} if small.critical else {}
     data["dynamics" if case.dynamics else "path"] = {"until": small.until, **end}
@@ -92,8 +92,10 @@ def missed(small: Small) -> dict[str, float]:
     result = {}
     for quantity in case.quantities:
         judge = known.judge(quantity.name, case.theory)
+        tolerance = catalog.tolerance(case.name, quantity.name, GATED)
         assert judge is not None
-        allowed = quantity.tolerance[GATED] * (1.0 if quantity.absolute else abs(judge.value))
+        assert tolerance is not None
+        allowed = tolerance.largest * (1.0 if tolerance.is_absolute else abs(judge.value))
         result[quantity.name] = abs(found[quantity.name] - judge.value) / allowed
     return result
 

@@ -1,13 +1,15 @@
-"""Where the suite's cases, suites and known values are: in the wheel, or in the source tree."""
+"""Where the suite's cases, suites, known values and tolerances are: in the wheel, or in the source tree."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from shellbench.bench.kinds import read_problem
 from shellbench.bench.reference import KnownValues, read_known_values
 from shellbench.bench.suite import Suite, read_suite
+from shellbench.bench.tolerances import FOLDER, Tolerance, Tolerances, read_tolerances
 from shellbench.errors import InputError
 from shellbench.model import read_toml
 from shellbench.problem import Problem
@@ -38,8 +40,20 @@ def suites_named_by(name: str) -> tuple[str, ...]:
 
 @cache
 def named_case(name: str) -> Problem:
-    """Return one of the suite's own cases."""
-    return read_problem(data_folder("cases") / f"{name}.toml")
+    """Return one of the suite's own cases.
+
+    Raises
+    ------
+    InputError
+        If it is malformed, or states a tolerance: what our cases allow is frozen in references/tolerances/.
+    """
+    path = data_folder("cases") / f"{name}.toml"
+    case = read_problem(path)
+    for number, quantity in enumerate(case.quantities):
+        if quantity.tolerance or quantity.open_finding:
+            field = f"quantities.{number}.{'tolerance' if quantity.tolerance else 'open_finding'}"
+            raise InputError(f"{path}: field '{field}' is no field of a suite's case: references/{FOLDER}/ holds it")
+    return case
 
 
 def find_case(text: str) -> Problem:
@@ -78,3 +92,21 @@ def known_values(case_name: str) -> KnownValues:
     """Return the known values of a case; none for a case that the suite has not seen."""
     path = data_folder("references") / f"{case_name}.toml"
     return read_known_values(path) if path.is_file() else KnownValues()
+
+
+@cache
+def tolerances() -> Mapping[str, Tolerances]:
+    """Return the frozen tolerances by solver.
+
+    Raises
+    ------
+    InputError
+        If a file is malformed.
+    """
+    files = sorted((data_folder("references") / FOLDER).glob("*.toml"))
+    return {path.stem: read_tolerances(path) for path in files}
+
+
+def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
+    """Return what one of the suite's own cases allows a solver; None if nothing is frozen."""
+    return tolerances().get(solver, {}).get(case_name, {}).get(quantity)

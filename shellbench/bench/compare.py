@@ -1,7 +1,7 @@
 """Comparing: each quantity of each run that counts, held against the known value that judges it.
 
 A solver is judged by the known value of the case's own theory. Only runs with default settings are gated, each
-quantity at the tolerance that the case has frozen for the solver. Where no value is known, as for a user's own
+quantity at the tolerance that is frozen for the solver. Where no value is known, as for a user's own
 case, solvers are held against each other.
 """
 
@@ -24,6 +24,7 @@ from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
+from shellbench.bench.tolerances import Tolerance
 from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE
 from shellbench.problem import Problem, Quantity
@@ -149,7 +150,7 @@ def planned_rows(task: Task) -> list[Row]:
     gated = [
         quantity
         for quantity in case.quantities
-        if not overrides and not task.own_case and gates(quantity, task.identity.solver)
+        if not overrides and not task.own_case and gates(case, quantity, task.identity.solver)
     ]
     suites = tuple(declared_by) or (() if task.own_case else case.suites)
     more = {
@@ -163,15 +164,17 @@ def planned_rows(task: Task) -> list[Row]:
         "device": task.identity.device,
         "dtype": task.identity.dtype,
     }
+    if task.own_case:  # what is frozen for a case of the suite does not hold for its namesake
+        more |= {"tolerance": None, "open_finding": None}
     return [
         empty_row(case, quantity, task.identity.solver, task.identity.seed, suites, DID_NOT_END).model_copy(update=more)
         for quantity in gated or [case.primary]
     ]
 
 
-def gates(quantity: Quantity, solver: str) -> bool:
-    """Whether a quantity has a tolerance, or an open finding, for a solver."""
-    return solver in quantity.tolerance or solver in quantity.open_finding
+def gates(case: Problem, quantity: Quantity, solver: str) -> bool:
+    """Whether a tolerance is frozen for a solver's answer to one of the suite's own cases."""
+    return catalog.tolerance(case.name, quantity.name, solver) is not None
 
 
 def empty_row(
@@ -184,6 +187,7 @@ def empty_row(
     status: Literal["missing", "declined"] = "missing",
 ) -> Row:
     """Return a row that was asked for and has no record, which is red."""
+    allowed = catalog.tolerance(case.name, quantity.name, solver)
     return Row(
         case=case.name,
         suite=suites[0] if suites else None,
@@ -195,7 +199,7 @@ def empty_row(
         at=mark_of(quantity),
         value=None,
         status=status,
-        tolerance=quantity.tolerance.get(solver),
+        tolerance=allowed.largest if allowed else None,
         passed=False,
         case_title=case.title,
         suites=suites,
@@ -203,7 +207,7 @@ def empty_row(
         unit=quantity.unit,
         description=quantity.description,
         mark=telling_mark(case, quantity),
-        open_finding=quantity.open_finding.get(solver),
+        open_finding=allowed.open_finding if allowed else None,
         reason=reason,
     )
 
@@ -260,7 +264,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         reason=record.reason,
     )
     known = KnownValues() if own else catalog.known_values(record.case_name)
-    return judged(with_known_values(row, known, run.case, quantity), quantity)
+    return judged(with_known_values(row, known, run.case, quantity))
 
 
 def _converged(record: Record) -> bool | None:
@@ -302,18 +306,23 @@ def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
 
 
-def judged(row: Row, quantity: Quantity) -> Row:
+def judged(row: Row) -> Row:
     """Return the row with its tolerance and verdict, if it is gated."""
-    tolerance = quantity.tolerance.get(row.solver)
-    finding = quantity.open_finding.get(row.solver)
-    if not row.default_settings or row.own_case or (tolerance is None and finding is None):
+    allowed = catalog.tolerance(row.case, row.quantity, row.solver)
+    if not row.default_settings or row.own_case or allowed is None:
         return row
-    holds, reason = verdict(row, tolerance)
+    row = held_to(row, allowed)
+    holds, reason = verdict(row, row.tolerance)
     passed: bool | None = holds
-    if finding is not None:
+    if allowed.open_finding is not None:
         passed, reason = (False, "it passes, but is an open finding") if holds else (None, reason)
-    found = {"tolerance": tolerance, "open_finding": finding, "passed": passed, "reason": row.reason or reason}
+    found = {"open_finding": allowed.open_finding, "passed": passed, "reason": row.reason or reason}
     return row.model_copy(update=found)
+
+
+def held_to(row: Row, allowed: Tolerance) -> Row:
+    """Return the row with a tolerance."""
+    return row.model_copy(update={"tolerance": allowed.largest, "tolerance_is_absolute": allowed.is_absolute})
 
 
 def verdict(row: Row, tolerance: float | None) -> tuple[bool, str | None]:

@@ -38,7 +38,7 @@ class CurrentRun:
     record
         The newest whole record of its identity.
     case
-        Today's case, with today's tolerances.
+        Today's case.
     overrides
         Settings that differ from the defaults.
     declared_by

@@ -1,9 +1,10 @@
-"""Three gates, kept apart: accuracy, regression and cost.
+"""The gates, kept apart: accuracy, regression and cost; and the lock, which tells whether the exam is still the same.
 
 Accuracy holds every run with default settings against the known values: every one that was run, or that the suites
 declare that are named. A gated row without a record that counts is red, and says why, as is a run that was planned and
 did not end. Regression holds the same rows against the baseline, cost
-compares what they took with what they took then; see `shellbench.bench.baseline`.
+compares what they took with what they took then; see `shellbench.bench.baseline`. For the lock see
+`shellbench.bench.lock`.
 """
 
 from __future__ import annotations
@@ -14,15 +15,17 @@ from typing import Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, row_of, rows_and_notes
+from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, held_to, row_of, rows_and_notes, verdict
 from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
 from shellbench.bench.finding import Finding
 from shellbench.bench.identity import difference
+from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.plan import declared_runs, declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
+from shellbench.bench.tolerances import Tolerances, claimed
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
 
@@ -67,8 +70,12 @@ class Verdict:
         What was looked at.
     baseline
         Whether there was one.
+    lock
+        Whether the exam is the one that is locked.
     warnings
         What else to know, one sentence each.
+    claims
+        Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
     beyond
         What there is beside what was run, in one sentence; empty if suites were named.
     """
@@ -78,13 +85,15 @@ class Verdict:
     cost: tuple[Finding, ...]
     scope: Scope
     baseline: bool
+    lock: LockCheck
     warnings: tuple[str, ...] = ()
     beyond: str = ""
+    claims: tuple[Finding, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
         judged = (*self.accuracy, *(self.regression if regression else ()), *(self.cost if cost else ()))
-        return not any(finding.colour == "red" for finding in judged)
+        return not self.lock.broken and not any(finding.colour == "red" for finding in judged)
 
 
 def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
@@ -104,6 +113,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases)
     more = "" if scope.suites else beyond(found)
+    claims, bad_claims = _claims(row for row in found if _in_scope(row, scope, cases))
     unfinished = [row for row in found if _is_unfinished(row)]
     if scope.suites:
         others = [row for expected in _expected(scope, current) for row in expected.rows()]
@@ -122,9 +132,32 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
         baseline=baseline is not None,
-        warnings=notes,
+        lock=check_lock(),
+        warnings=(*notes, *bad_claims),
         beyond=more,
+        claims=tuple(claims),
     )
+
+
+def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
+    """Hold rows to what their solvers claim of themselves; return findings, and why a claim can't be read."""
+    claims: dict[str, Tolerances] = {}
+    findings, unread = [], []
+    entries = solver_entries()
+    for row in rows:
+        if row.solver not in claims:
+            claims[row.solver] = {}
+            try:
+                claims[row.solver] = claimed(entries[row.solver]) if row.solver in entries else {}
+            except InputError as error:  # a plug-in's bad file is no harm to others
+                unread.append(f"what solver '{row.solver}' claims can't be read: {error}")
+        claim = claims[row.solver].get(row.case, {}).get(row.quantity)
+        if claim is None or row.own_case or not row.default_settings or row.run_id is None:
+            continue
+        held = held_to(row, claim)
+        good, reason = verdict(held, held.tolerance)
+        findings.append(Finding(held, "green" if good else "red", reason or f"claims {claim}"))
+    return findings, unread
 
 
 def check_filled(store: Store) -> None:
@@ -185,7 +218,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
         rows[case.name, solver, seed] = [
             empty_row(case, quantity, solver, seed, suites or case.suites, f"no record that counts: {reason}")
             for quantity in case.quantities
-            if gates(quantity, solver)
+            if gates(case, quantity, solver)
         ]
     return [row for of_run in rows.values() for row in of_run]
 
@@ -299,7 +332,7 @@ class _Expected:
 
     def rows(self) -> Iterator[Row]:
         for quantity in self.case.quantities:
-            if gates(quantity, self.solver):
+            if gates(self.case, quantity, self.solver):
                 yield row_of(self.run, quantity) if self.run else self._empty(quantity)
 
     def _empty(self, quantity: Quantity) -> Row:

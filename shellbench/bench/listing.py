@@ -47,9 +47,16 @@ def _case(name: str) -> dict[str, Any]:
         "units": case.units,
         "primary": case.primary.name,
         "quantities": [
-            {"name": q.name, "kind": q.kind, "unit": q.unit, "tolerance": dict(q.tolerance)} for q in case.quantities
+            {"name": q.name, "kind": q.kind, "unit": q.unit, "tolerance": _tolerances(name, q.name)}
+            for q in case.quantities
         ],
     }
+
+
+def _tolerances(case: str, quantity: str) -> dict[str, float]:
+    """Return what is frozen for a quantity, by solver."""
+    found = {solver: catalog.tolerance(case, quantity, solver) for solver in catalog.tolerances()}
+    return {solver: allowed.largest for solver, allowed in found.items() if allowed}
 
 
 def _suite(name: str) -> dict[str, Any]:

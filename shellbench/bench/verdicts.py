@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from shellbench.bench.baseline import Baseline
 from shellbench.bench.finding import Finding
 from shellbench.bench.gate import Verdict
+from shellbench.bench.lock import LockCheck
 from shellbench.bench.row import Row
 
 MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
@@ -23,13 +24,18 @@ def as_text(
         lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    if verdict.claims:
+        lines += _gate("claims", verdict.claims, verbose, judged=False, otherwise="not held")
+    lines += _lock(verdict.lock)
     lines += [verdict.beyond] if verdict.beyond else []
     lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")
     return "\n".join(lines)
 
 
-def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True) -> Iterator[str]:
-    marks = MARKS if judged else MARKS | {"red": "changed"}  # what is reported only is no verdict
+def _gate(
+    name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True, otherwise: str = "changed"
+) -> Iterator[str]:
+    marks = MARKS if judged else MARKS | {"red": otherwise}  # what is reported only is no verdict
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"
@@ -40,6 +46,14 @@ def _gate(name: str, findings: Sequence[Finding], verbose: bool, judged: bool = 
         alike.setdefault(key, []).append(finding.row)
     for (mark, case, solver, sentence), rows in alike.items():
         yield f"  {mark:<4} {case} {solver}{_seeds(rows)} {_listed(row.quantity for row in rows)}: {sentence}"
+
+
+def _lock(lock: LockCheck) -> Iterator[str]:
+    exam = f"{lock.cases} cases, {lock.figures} figures"
+    yield f"lock: {len(lock.broken)} RED of {exam}" if lock.broken else f"lock: {exam} as locked"
+    yield from (f"  RED  {words}" for words in lock.broken)
+    if lock.unlocked:
+        yield f"  not yet locked: {'; '.join(lock.unlocked)}"
 
 
 def _seeds(rows: Sequence[Row]) -> str:

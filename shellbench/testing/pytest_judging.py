@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import row_of, verdict
+from shellbench.bench.compare import gates, row_of, verdict
 from shellbench.bench.current import CurrentRun
 from shellbench.bench.plan import FIRST_SEED, declared_runs
 from shellbench.bench.reference import KnownValue
@@ -99,7 +99,7 @@ class Question:
 
     def _verdict(self, row: Row, judge: KnownValue, tolerance: float | None) -> tuple[Colour, str]:
         """Return what a row of a run comes to, and why."""
-        finding = self.quantity.open_finding.get(self.solver)
+        finding = row.open_finding
         if tolerance is None and row.status == "ok":
             option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
             why = f"no relative tolerance can judge it, its known value being {judge.value:g} {row.unit}: give {option}"
@@ -143,12 +143,11 @@ class Question:
 
 
 def questions(suite: str, case: Problem, solver: str) -> Iterator[Question]:
-    """Yield what is judged: the headline, what has a known value of the case's theory, and what the case gates."""
+    """Yield what is judged: the headline, what has a known value of the case's theory, and what is gated."""
     seeds = seeds_of(suite, case, solver)
     known = catalog.known_values(case.name)
     for quantity in case.quantities:
-        gated = solver in quantity.tolerance or solver in quantity.open_finding
-        if quantity.primary or gated or known.judge(quantity.name, case.theory):
+        if quantity.primary or gates(case, quantity, solver) or known.judge(quantity.name, case.theory):
             for seed in seeds:
                 yield Question(suite, case, solver, quantity, seed, seeds)
 

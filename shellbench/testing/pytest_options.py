@@ -25,7 +25,7 @@ CACHE = "shellbench"  # folder in pytest's cache
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Errors that are allowed of a solver for which the cases freeze none.
+    """Errors that are allowed of a solver for which shellbench freezes none.
 
     Attributes
     ----------
@@ -60,13 +60,13 @@ class Tolerances:
         return cls(general, narrower)
 
     def of(self, case: Problem, quantity: Quantity, solver: str) -> float | None:
-        """Return the largest admissible error; what the case has frozen for the solver wins.
+        """Return the largest admissible error; what shellbench has frozen for the solver wins.
 
         None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
         """
-        frozen = quantity.tolerance.get(solver)
+        frozen = catalog.tolerance(case.name, quantity.name, solver)
         if frozen is not None:
-            return frozen
+            return frozen.largest
         own = self.narrower.get((case.name, quantity.name))
         if own is not None:
             return own
@@ -144,7 +144,7 @@ class GateOptions:
         narrower = f" ({given})" if given else ""
         return (
             f"shellbench: {_list('suite', self.suites)}, {_list('solver', self.solvers)}, relative tolerance "
-            f"{self.tolerances.general:g}{narrower} where a case freezes none, store {store}"
+            f"{self.tolerances.general:g}{narrower} where shellbench freezes none, store {store}"
         )
 
 

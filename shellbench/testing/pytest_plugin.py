@@ -21,7 +21,7 @@ REPEATABLE = {
     SOLVER: ("NAME", "solver to gate, by the name that it is registered under; may be repeated"),
     TOLERANCE: (
         "[CASE[.QUANTITY]=]TOL",
-        "error allowed where a case freezes no tolerance for the solver, relative unless the quantity's is absolute"
+        "error allowed where shellbench freezes no tolerance for the solver, relative unless the quantity's is absolute"
         " (default: 1e-2); may be repeated, for a case or a quantity",
     ),
     SETTING: ("SOLVER.KEY=VALUE", "a setting of a solver, its value in TOML; may be repeated"),

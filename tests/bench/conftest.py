@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.bench.lock import write_lock
 from shellbench.bench.store import Store
 from tests.bench import strip
 from tests.bench.running import run
@@ -33,12 +34,16 @@ def with_plugin(folder: Path) -> Iterator[Path]:
 def with_toys(folder: Path) -> Iterator[Path]:
     """Have a catalog with the strip only."""
     (folder / "cases" / "suites").mkdir(parents=True)
-    (folder / "references").mkdir()
+    (folder / "references" / "tolerances").mkdir(parents=True)
     (folder / "cases" / "strip.toml").write_text(strip.CASE, encoding="utf-8")
     (folder / "cases" / "suites" / "toys.toml").write_text(strip.SUITE, encoding="utf-8")
     (folder / "references" / "strip.toml").write_text(strip.REFERENCES, encoding="utf-8")
+    for solver, text in strip.TOLERANCES.items():
+        (folder / "references" / "tolerances" / f"{solver}.toml").write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(catalog, "data_folder", lambda name: folder / name)
+        forget()
+        write_lock()
         forget()
         yield folder
     forget()
@@ -86,8 +91,13 @@ def full(made_once: tuple[Path, Path], toys: Path, store: Store) -> Store:
 
 def forget() -> None:
     """Have the catalog read its files again."""
-    for cached in (catalog.named_case, catalog.find_suite, catalog.known_values):
+    for cached in (catalog.named_case, catalog.find_suite, catalog.known_values, catalog.tolerances):
         cached.cache_clear()
+
+
+def tolerances_of(solver: str) -> Path:
+    """The file of what the catalog allows a solver."""
+    return catalog.data_folder("references") / "tolerances" / f"{solver}.toml"
 
 
 @pytest.fixture

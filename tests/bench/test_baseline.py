@@ -42,7 +42,7 @@ def row_of(case_name: str, quantity_name: str, value: float | None, known: float
         origin="formula",
         source="series",
     )
-    return judged(with_known_values(row, KnownValues(values=(judge,)), case, quantity), quantity)
+    return judged(with_known_values(row, KnownValues(values=(judge,)), case, quantity))
 
 
 def remembered(*rows: Row) -> Baseline:

@@ -14,7 +14,7 @@ from shellbench.bench.current import current_runs
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from tests.bench import strip
-from tests.bench.conftest import forget
+from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
 
 CONTRACT = [
@@ -118,8 +118,7 @@ def test_a_value_of_another_theory_does_not_judge(store: Store) -> None:
 
 
 def test_an_open_finding_is_an_expected_failure_and_red_once_it_passes(store: Store) -> None:
-    case = catalog.data_folder("cases") / "strip.toml"
-    edit(case, "tolerance = { toy = 1e-9,", 'open_finding = { toy = "never right" }\ntolerance = { toy = 1e-9,')
+    edit(tolerances_of("toy"), "centre = 1e-9", 'centre = { relative = 1e-9, open_finding = "never right" }')
     run(store, "strip", solvers=("toy",))
     row = only(rows(store), quantity="centre")
     assert (row.passed, row.reason) == (False, "it passes, but is an open finding")
@@ -185,7 +184,7 @@ def test_a_changed_case_or_solver_makes_records_stale(recorded: Store, plugin: P
 
 
 def test_changed_tolerances_judge_old_records(recorded: Store) -> None:
-    edit(catalog.data_folder("cases") / "strip.toml", "toy = 1e-9", "toy = 1e-3")
+    edit(tolerances_of("toy"), "centre = 1e-9", "centre = 1e-3")
     assert only(rows(recorded), quantity="centre").tolerance == 1e-3
 
 

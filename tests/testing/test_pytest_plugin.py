@@ -14,14 +14,14 @@ from shellbench.bench.store import Store
 from shellbench.testing import pytest_gate  # noqa: F401 - imported once, for the runs within this process
 from shellbench.testing.pytest_plugin import REPEATABLE, SINGLE
 from tests.bench import strip
-from tests.bench.conftest import forget, plugin, toys  # noqa: F401 - fixtures
+from tests.bench.conftest import forget, plugin, tolerances_of, toys  # noqa: F401 - fixtures
 
 pytest_plugins = ["pytester"]
 ROOT = Path(__file__).resolve().parents[2]
 STRANGER = """
 
 class StrangerSolver(ExactSolver):
-    name = "stranger"  # no case freezes a tolerance for it
+    name = "stranger"  # shellbench freezes no tolerance for it
 """
 NEEDY = 'from shellbench.engine import need\n\nneed("kratos", ["NoSuchEngine"])\n'
 HEADLINE = "shellbench::toys::strip::{}::centre"
@@ -88,7 +88,7 @@ def test_an_exact_solver_passes_beside_ordinary_tests_and_is_solved_once(gate, p
 def test_a_wrong_answer_fails_with_one_sentence(gate) -> None:
     result = gate("toy", "--shellbench-set=toy.factor=1.02", "--shellbench-tolerance=0.5")
     assert result.ret == 1
-    result.assert_outcomes(passed=1, failed=1)  # no tolerance that is given widens what the case has frozen
+    result.assert_outcomes(passed=1, failed=1)  # no tolerance that is given widens what is frozen
     result.stdout.fnmatch_lines(
         [
             "centre is 0.006375 m, and its known value 0.00625 m (closed form [[]timoshenko[]],"
@@ -192,10 +192,9 @@ def test_a_known_value_of_another_theory_does_not_judge(gate, course: Path) -> N
 
 
 def test_an_open_finding_is_an_expected_failure_and_red_once_it_passes(gate, course: Path) -> None:
-    file = course / "cases" / "strip.toml"
-    frozen = "tolerance = { toy = 1e-9, toy-noisy = 1e-6 }"
+    file, frozen = tolerances_of("toy"), "centre = 1e-9"
     assert frozen in file.read_text()
-    file.write_text(file.read_text().replace(frozen, f'{frozen}\nopen_finding = {{ toy = "too stiff" }}'))
+    file.write_text(file.read_text().replace(frozen, 'centre = { relative = 1e-9, open_finding = "too stiff" }'))
     forget()
     gate("toy", "-k", "centre", "--shellbench-set=toy.factor=1.02").assert_outcomes(xfailed=1)
     result = gate("toy", "-k", "centre")

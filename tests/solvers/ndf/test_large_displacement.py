@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_bvp
 
-from shellbench.bench.catalog import known_values, named_case
+from shellbench.bench.catalog import known_values, named_case, tolerance
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.path import Path
@@ -366,9 +366,9 @@ def test_gated_quantities_are_within_their_tolerance(name):
     case = named_case(name)
     solution = solve(case, seed=1)
     for quantity in case.quantities:
-        if SOLVER.name in quantity.tolerance:
+        if allowed := tolerance(name, quantity.name, SOLVER.name):
             known = known_values(name).judge(quantity.name, case.theory).value
-            assert measure_all(solution)[quantity.name] == pytest.approx(known, rel=quantity.tolerance[SOLVER.name])
+            assert measure_all(solution)[quantity.name] == pytest.approx(known, rel=allowed.relative)
 
 
 @pytest.mark.parametrize("at", [1.0, 0.0, -1.0])

@@ -200,9 +200,9 @@ def test_accuracy_on_the_obstacle_course(name, seed):
     case = catalog.named_case(name)
     values = measure_all(SOLVER.solve(case, TrainerSettings(seed=seed)))
     for quantity in case.quantities:
-        if "ndf" in quantity.tolerance:
+        if allowed := catalog.tolerance(name, quantity.name, "ndf"):
             known = catalog.known_values(name).judge(quantity.name, case.theory)
-            assert values[quantity.name] == pytest.approx(known.value, rel=quantity.tolerance["ndf"])
+            assert values[quantity.name] == pytest.approx(known.value, rel=allowed.relative)
 
 
 @pytest.mark.parametrize("name", ["square_plate_nonlinear", "free_fall"])
