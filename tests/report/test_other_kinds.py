@@ -56,6 +56,8 @@ def known(case):
 @pytest.fixture
 def chain(tmp_path, monkeypatch):
     """Records and rows of two solvers of a chain; one kept the places of its masses."""
+    names = [*catalog.case_names(), NAME]
+    monkeypatch.setattr(catalog, "case_names", lambda: names)
     monkeypatch.setitem(portraits.KINDS, KIND, lambda data: Portrait(Chain()))
     folder = tmp_path / "runs"
     folder.mkdir()
