@@ -136,7 +136,8 @@ def write_report(
 
 def picture_run(drawn: Sequence[Exhibit], case: str) -> str:
     """Return the run that the still picture of a case shows; empty if there is none."""
-    return next((exhibit.run_ids[0] for exhibit in drawn if exhibit.name == f"{PICTURE}{case}"), "")
+    runs = (exhibit.run_ids for exhibit in drawn if exhibit.name == f"{PICTURE}{case}")
+    return next(iter(next(runs, ())), "")
 
 
 def _facts(
