@@ -95,7 +95,7 @@ def run_and_judge(
         session.run("shellbench", "run", "--suite", other, *arguments, success_codes=[0, 1])
     shown = [option for name in (suite, *beside) for option in ("--suite", name)]
     session.run("shellbench", "table", *shown)
-    session.run("shellbench", "report", *shown, "--out", REPORT)
+    session.run("shellbench", "report", *shown, "--no-print", "--out", REPORT)
     session.run("shellbench", "gate", "--suite", suite, *narrowed, *judged)
 
 
@@ -166,14 +166,13 @@ def example(session: nox.Session) -> None:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
     shown = [option for name in (*suites, "published") for option in ("--suite", name)]
-    session.run(
-        "python", "-m", "tests.solvers.ndf.kept_trainings"
-    )  # 50 iterations of each: are they still today's training?
+    # 50 iterations of each: are they still the training of today?
+    session.run("python", "-m", "tests.solvers.ndf.kept_trainings")
     shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
-    session.run("shellbench", "report", *shown, "--no-print", "--out", f"{PAGES}/example")
+    session.run("shellbench", "report", *shown, "--out", f"{PAGES}/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines
         cross_checked = ("--suite", "engines", "--suite", "motion_engines")
-        out = ("--no-print", "--out", f"{PAGES}/example_engines")
+        out = ("--out", f"{PAGES}/example_engines")
         session.run("shellbench", "report", "--store", ENGINES_STORE, *cross_checked, *out)
     session.run("python", "docs/evidence.py")
     session.log("tests/test_readme.py says which figures of README and docs have moved")

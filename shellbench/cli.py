@@ -352,7 +352,7 @@ def report(
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
-    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = False,
+    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = True,
     paper: Annotated[
         Path | None,
         typer.Option(
