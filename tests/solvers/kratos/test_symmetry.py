@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
+from shellbench.bench import catalog
 from shellbench.solvers.kratos.symmetry import part_of, point_forces
-from tests.solvers.kratos.iga_cases import CASES, LARGEST, RIM, known, plate, ring
+from tests.solvers.kratos.iga_cases import LARGEST, RIM, known, plate, ring
 
-STATIC = sorted(p.stem for p in CASES.glob("*.toml") if known(p.stem).dynamics is None)
+STATIC = sorted(name for name in catalog.case_names() if getattr(catalog.named_case(name), "dynamics", name) is None)
 
 
 @pytest.mark.parametrize("name", STATIC)
