@@ -264,6 +264,7 @@ def test_expected_failures_are_not_red_but_unexpected_passes_are(full: Store) ->
     assert colours(verdict) == ["green", "red"]
     assert "open finding" in verdict.accuracy[1].sentence
     edit(catalog.data_folder("references") / "strip.toml", "value = 0.0\n", "value = 1.0\n")
+    write_lock()
     verdict = gate(full, None, Scope(solvers=("toy",)))
     assert colours(verdict) == ["green", "expected failure"]
     assert verdict.good()

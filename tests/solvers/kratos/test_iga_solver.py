@@ -6,7 +6,7 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 from derivations.elastica import Cantilever, extensible
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.kratos import iga_declines, iga_solver
+from shellbench.solvers.kratos import iga_declines, iga_solving
 from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
 from shellbench.solvers.kratos.symmetry import part_of
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, STEEL, known, plate, ring, strip
@@ -241,14 +241,14 @@ def test_a_path_that_newton_can_not_follow_fails_with_what_was_reached(monkeypat
 def test_knot_lines_crowd_where_the_load_acts():
     case = known("pinched_cylinder_free")
     part = part_of(case)
-    even, graded = (iga_solver.knot_lines(part, KratosIgaSettings(cells=(4, 4), grading=g)) for g in (1.0, 2.0))
+    even, graded = (iga_solving.knot_lines(part, KratosIgaSettings(cells=(4, 4), grading=g)) for g in (1.0, 2.0))
     for lines, low, high in zip(even, part.lower, part.upper, strict=True):
         np.testing.assert_allclose(lines, np.linspace(low, high, 5))
     for lines in graded:  # the load is at the upper end of both
         np.testing.assert_allclose(np.diff(lines) / (lines[-1] - lines[0]), np.array([7, 5, 3, 1]) / 16)
     plate = part_of(known("square_plate"))
     for lines, low, high in zip(
-        iga_solver.knot_lines(plate, KratosIgaSettings(cells=(4, 4), grading=2.0)),
+        iga_solving.knot_lines(plate, KratosIgaSettings(cells=(4, 4), grading=2.0)),
         plate.lower,
         plate.upper,
         strict=True,
