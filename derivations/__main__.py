@@ -33,6 +33,7 @@ from . import (
     square_plate,
     square_plate_nonlinear,
 )
+from .discrete_catenary import hanging_chain
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
 TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
@@ -53,6 +54,7 @@ CASES = {
     "slit_annular_plate": slit_annular_plate,
     "cylinder_pull_out": cylinder_pull_out,
     "free_fall": free_fall,
+    "hanging_chain": hanging_chain,
     "napkin_plane": napkin_plane,
     "napkin_soft_pin": napkin_soft_pin,
     "napkin_corner": napkin_corner,

@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog, portraits
+from shellbench.bench.kinds import find_kind, problem_of
 from shellbench.bench.record import Measured
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.store import Store as Records
-from shellbench.portrait import Portrait
+from shellbench.problem import Kind, Problem
 from shellbench.report.page import write_report
 from shellbench.report.paper import write_paper
 from shellbench.report.tables import render
 from tests.report.conftest import record, refinement, row
 from tests.report.test_page import Page, pages_of
 
-NAME, KIND, THEORY, SUITE = "hanging_chain", "chain", "unstated", "ropes"
+NAME, KIND, THEORY, SUITE = "nailed_chain", "chain", "unstated", "ropes"
 TITLE = "Chain between two nails"
 SAG, PULL = 0.75, 12.5  # of the closed form: links, and N
 
@@ -35,6 +36,7 @@ class Chain:
     """A problem of another kind, as far as a report can see."""
 
     name: str = NAME
+    kind: str = KIND
     title: str = TITLE
     theory: str = THEORY
     suites: tuple[str, ...] = (SUITE,)
@@ -58,7 +60,9 @@ def chain(tmp_path, monkeypatch):
     """Records and rows of two solvers of a chain; one kept the places of its masses."""
     names = [*catalog.case_names(), NAME]
     monkeypatch.setattr(catalog, "case_names", lambda: names)
-    monkeypatch.setitem(portraits.KINDS, KIND, lambda data: Portrait(Chain()))
+    kind = Kind(problem=Problem, keep=lambda solution, case: None)
+    monkeypatch.setattr(portraits, "problem_of", lambda data: Chain() if data["kind"] == KIND else problem_of(data))
+    monkeypatch.setattr(portraits, "find_kind", lambda name: kind if name == KIND else find_kind(name))
     folder = tmp_path / "runs"
     folder.mkdir()
     records, rows = [], []

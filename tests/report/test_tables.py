@@ -35,6 +35,22 @@ def number(cell: str) -> tuple[float, float] | None:
     return float(found[1] + (found[2] or "")) * power, 0.5 * 10.0**-decimals * power
 
 
+COLUMNS = (
+    "Solution",
+    "Theory",
+    "Seeds",
+    "Value",
+    "Uncertainty",
+    "Error",
+    "Worst",
+    "Tolerance",
+    "Verdict",
+    "Unknowns",
+    "Time",
+    "Memory",
+)
+
+
 class Cells(HTMLParser):
     """Rows of cells of all tables in a page, markup of cells kept."""
 
@@ -68,6 +84,11 @@ def lines(text: str, format: str) -> list[list[str]]:
     if format == "html":
         parser = Cells()
         parser.feed(text)
+        heads = [head.strip() for head in next(row for row in parser.rows if "Error" in map(str.strip, row))]
+        absent = [number for number, name in enumerate(COLUMNS) if not any(head.startswith(name) for head in heads)]
+        for row in parser.rows:  # a page leaves out columns in which nothing stands
+            for number in absent if len(row) == len(heads) else ():
+                row.insert(number, "–")
         return parser.rows
     if format == "markdown":
         return [[c.strip() for c in line[1:-1].split(" | ")] for line in text.splitlines() if line.startswith("|")]
