@@ -84,11 +84,6 @@ def lines(text: str, format: str) -> list[list[str]]:
     if format == "html":
         parser = Cells()
         parser.feed(text)
-        heads = [head.strip() for head in next(row for row in parser.rows if "Error" in map(str.strip, row))]
-        absent = [number for number, name in enumerate(COLUMNS) if not any(head.startswith(name) for head in heads)]
-        for row in parser.rows:  # a page leaves out columns in which nothing stands
-            for number in absent if len(row) == len(heads) else ():
-                row.insert(number, "–")
         return parser.rows
     if format == "markdown":
         return [[c.strip() for c in line[1:-1].split(" | ")] for line in text.splitlines() if line.startswith("|")]
@@ -96,6 +91,16 @@ def lines(text: str, format: str) -> list[list[str]]:
         body = text.partition(r"\toprule")[2].partition(r"\bottomrule")[0]
         return [re.split(r"(?<!\\)&", line.rstrip("\\ ")) for line in body.splitlines() if line.strip().endswith(r"\\")]
     return [re.split(r"\s{2,}", line.strip()) for line in text.splitlines() if line.startswith("  ")]
+
+
+def whole(rows: list[list[str]], format: str) -> list[list[str]]:
+    """Rows of the course's table with the columns that a page leaves out, for nothing stands in them."""
+    heads = [head.strip() for head in rows[0]]
+    absent = [number for number, name in enumerate(COLUMNS) if not any(head.startswith(name) for head in heads)]
+    for line in rows if format == "html" else ():
+        for number in absent if len(line) == len(heads) else ():
+            line.insert(number, "–")
+    return rows
 
 
 def solver_lines(text: str, format: str) -> dict[tuple[str, str], list[str]]:
@@ -106,7 +111,7 @@ def solver_lines(text: str, format: str) -> dict[tuple[str, str], list[str]]:
         parts = [([line], not line.startswith(" ")) for line in text.splitlines()]
         rows = [([p[0]], True) if head else (re.split(r"\s{2,}", p[0].strip()), False) for p, head in parts]
     else:
-        rows = [(row, sum(bool(c.strip()) for c in row) == 1) for row in lines(text, format)]
+        rows = [(row, sum(bool(c.strip()) for c in row) == 1) for row in whole(lines(text, format), format)]
     for cells, heading in rows:
         if heading:
             case = next((name for words, name in titles.items() if words in " ".join(cells)), case)
