@@ -7,6 +7,7 @@ Every error is one sentence on standard error. Each command imports what it need
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from enum import StrEnum
 from pathlib import Path
@@ -191,15 +192,15 @@ def run(
     where = Store(store)
     contents = where.read()
     _warn(contents.damaged)
-    plan = make_plan(request, contents, force)
-    _warn(plan.notes)
-    for declined in plan.declined:
-        _say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
-    executor = _executor(scheduler, jobs, threads, timeout)
     outcomes: list[Outcome] = []
     try:
-        with display(Console(), len(plan.tasks)) as observer:
-            outcomes = execute(plan.tasks, where, observer, executor)
+        with contextlib.closing(_executor(scheduler, jobs, threads, timeout)) as executor:
+            plan = make_plan(request, contents, force, executor.expect)
+            _warn(plan.notes)
+            for declined in plan.declined:
+                _say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
+            with display(Console(), len(plan.tasks)) as observer:
+                outcomes = execute(plan.tasks, where, observer, executor)
     except KeyboardInterrupt:
         _say("interrupted: what had ended is kept, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None

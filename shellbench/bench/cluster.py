@@ -58,6 +58,12 @@ class DaskCluster:
     timeout: float | None
     say: Callable[[str], None]
 
+    def expect(self, task: Task) -> None:
+        """Do nothing: the workers get ready by themselves."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
         """Make runs; see `shellbench.bench.executor.Executor`.
 

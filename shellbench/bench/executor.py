@@ -58,6 +58,14 @@ Event = Started | Progressed | Ended
 class Executor(Protocol):
     """Makes runs."""
 
+    def expect(self, task: Task) -> None:
+        """Get ready for runs of the solver of a task, without waiting."""
+        ...
+
+    def close(self) -> None:
+        """End what was made ready and is not needed."""
+        ...
+
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
         """Make runs, in the order of `tasks` as far as it goes, each in a folder that the store begins.
 

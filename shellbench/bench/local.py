@@ -53,6 +53,16 @@ class LocalProcesses:
     idle: list[ServerProcess] = field(default_factory=list)
     keep: bool = False
 
+    def expect(self, task: Task) -> None:
+        """Start the server of a solver, if none stands by: it imports the solver while its runs are planned."""
+        if task.identity.solver not in {server.solver for server in self.idle}:
+            self.idle.append(ServerProcess.start(task.identity.solver, task.target, self.threads))
+
+    def close(self) -> None:
+        """End the servers that stand by."""
+        while self.idle:
+            self.idle.pop().end()
+
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
         """Make runs; see `shellbench.bench.executor.Executor`.
 
@@ -101,29 +111,24 @@ class _Runs:
 
     def stop(self) -> None:
         """End all processes that are not to be kept, and leave nothing of the runs that went on."""
-        for server in [*([] if self.how.keep else self.idle), *(r.server for r in self.running)]:
-            server.end()
+        if not self.how.keep:
+            self.how.close()
         for run in self.running:
+            run.server.end()
             self.store.discard(run.folder)
 
     def _warm_up(self, tasks: Sequence[Task]) -> None:
         """Start one server for each solver and wait for all: imports must not disturb runs that are timed."""
-        known = {server.solver for server in self.idle}
-        new = [
-            self._server(t) for t in {t.identity.solver: t for t in tasks}.values() if t.identity.solver not in known
-        ]
-        self.idle.extend(new)
-        for server in new:
+        for task in tasks:
+            self.how.expect(task)
+        for server in self.idle:
             self._until_ready(server)
-
-    def _server(self, task: Task) -> ServerProcess:
-        return ServerProcess.start(task.identity.solver, task.target, self.how.threads)
 
     def _until_ready(self, server: ServerProcess) -> None:
         """Wait until a server has imported its solver (or died, which its first run will say)."""
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
-            while not any(event["event"] in {"ready", "died"} for event in server.hear()):
+            while not server.ready and {"event": "died"} not in server.hear():
                 self._stop_if_unwanted()
                 selector.select(LONGEST_WAIT)
 
@@ -134,8 +139,8 @@ class _Runs:
     def _start(self, task: Task) -> Iterator[Event]:
         server = next((s for s in self.idle if s.solver == task.identity.solver), None)
         if server is None:
-            server = self._server(task)
-            self.idle.append(server)  # so that it is ended whatever happens
+            self.how.expect(task)
+            server = self.idle[-1]
             self._until_ready(server)
         folder = self.store.begin(task.run_id)
         self.idle.remove(server)

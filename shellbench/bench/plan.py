@@ -130,8 +130,12 @@ def _narrowed(runs: tuple[SuiteRun, ...], solvers: Sequence[str]) -> tuple[Suite
     return (*listed, *(SuiteRun(solver=name, seeds=(FIRST_SEED,)) for name in others))
 
 
-def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan:
+def make_plan(
+    request: Request, contents: Contents, force: bool = False, expect: Callable[[Task], None] = lambda task: None
+) -> Plan:
     """Make tasks of what was asked for.
+
+    A solver is asked whether it declines only where no record answers, for some import much before they can say.
 
     Parameters
     ----------
@@ -141,6 +145,8 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
         What the store holds: good records of the same identity are kept, failed ones are tried again.
     force
         Whether to run also what is kept.
+    expect
+        Told of each task before its solver is asked: what makes runs can get ready in the meantime.
 
     Raises
     ------
@@ -167,17 +173,19 @@ def make_plan(request: Request, contents: Contents, force: bool = False) -> Plan
     declined: dict[tuple[str, str], Declined] = {}
     for case, run in wanted:
         solver = solvers[run.solver]
-        reason = declines(solver, case)
-        if reason is not None:
-            declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
-            continue
+        made = {}
         for seed in request.seeds or run.seeds:
             task = _task(case, entries[run.solver], solver, run, request, seed, place)
-            key = run_key(task.case_name, task.own_case, task.identity)
-            if key in answered:
-                kept[key] = answered[key]
+            made[run_key(task.case_name, task.own_case, task.identity)] = task
+        kept |= {key: answered[key] for key in made if key in answered}
+        waiting = {key: task for key, task in made.items() if key not in answered}
+        if waiting:
+            expect(next(iter(waiting.values())))
+            reason = declines(solver, case)
+            if reason is None:
+                tasks = waiting | tasks
             else:
-                tasks.setdefault(key, task)
+                declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
     return Plan(tuple(tasks.values()), tuple(kept.values()), tuple(declined.values()), notes)
 
 

@@ -27,12 +27,15 @@ class ServerProcess:
         Name of the solver.
     run_pid
         Process of the run that goes on; None between runs.
+    ready
+        Whether it has imported its solver.
     """
 
     solver: str
     process: subprocess.Popen[bytes]
     errors: IO[bytes]
     run_pid: int | None = None
+    ready: bool = False
     _unread: bytes = field(default=b"", repr=False)
 
     @classmethod
@@ -82,6 +85,7 @@ class ServerProcess:
                 self.run_pid = event["pid"]
             elif event["event"] == "ended":
                 self.run_pid = None
+            self.ready = self.ready or event["event"] == "ready"
         return events if chunk else [*events, {"event": "died"}]
 
     def kill_run(self) -> None:
