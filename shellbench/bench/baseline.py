@@ -15,9 +15,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from shellbench.bench.finding import Finding
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
+from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import said_plainly
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name, one_sentence

@@ -72,6 +72,11 @@ def find_case(text: str) -> Problem:
     raise InputError(f"unknown case '{text}': name one of {', '.join(case_names())}, or a path to a .toml file")
 
 
+def is_own(case: Problem) -> bool:
+    """Whether a case is a user's own: none of the suite's has its name and its physics."""
+    return case.name not in case_names() or named_case(case.name).digest() != case.digest()
+
+
 @cache
 def find_suite(name: str) -> Suite:
     """Return the suite of this name; InputError if there is none."""

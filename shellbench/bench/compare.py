@@ -8,30 +8,23 @@ case, solvers are held against each other.
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import median
 from typing import Any, Literal
 
 from shellbench.bench import catalog
-from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs
-from shellbench.bench.identity import GATED_DTYPE, difference
-from shellbench.bench.marks import mark_of, telling_mark
-from shellbench.bench.plan import is_own
+from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs, overrides_of
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
-from shellbench.bench.tolerances import Tolerance
 from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE
 from shellbench.problem import Problem, Quantity
 
 SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
-
-__all__ = ["Row", "as_json", "near_zero", "rows", "rows_of", "verdict"]
 
 
 def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
@@ -82,9 +75,9 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     found = [catalog.find_case(text) for text in cases]
     members = {case.name for suite in suites for case in catalog.cases_of(suite)}
     for case in found if suites else ():
-        if is_own(case) or case.name not in members:
+        if catalog.is_own(case) or case.name not in members:
             raise InputError(f"case '{case.name}' is not in suite {' or '.join(map(repr, suites))}")
-    return {(case.name, is_own(case)) for case in found}
+    return {(case.name, catalog.is_own(case)) for case in found}
 
 
 def beyond(found: Sequence[Row]) -> str:
@@ -145,39 +138,24 @@ def planned_rows(task: Task) -> list[Row]:
     known = case_of_planned(task)
     if known is None:
         return []
-    case, declared_by = known
-    overrides = difference(task.defaults, task.identity.settings)
-    gated = [
-        quantity
-        for quantity in case.quantities
-        if not overrides and not task.own_case and gates(case, quantity, task.identity.solver)
-    ]
-    suites = tuple(declared_by) or (() if task.own_case else case.suites)
-    more = {
-        "settings": task.identity.settings,
-        "own_case": task.own_case,
-        "declared": bool(declared_by),
-        "solver_label": task.solver_label,
-        "label": next(filter(None, declared_by.values()), ""),
-        "overrides": overrides,
-        "default_settings": not overrides,
-        "device": task.identity.device,
-        "dtype": task.identity.dtype,
-    }
-    if task.own_case:  # what is frozen for a case of the suite does not hold for its namesake
-        more |= {"tolerance": None, "open_finding": None}
+    case, declared = known
+    judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
     return [
-        empty_row(case, quantity, task.identity.solver, task.identity.seed, suites, DID_NOT_END).model_copy(update=more)
-        for quantity in gated or [case.primary]
+        without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(
+            update=_about_run(task, case, declared)
+            # what is frozen for a case of the suite does not hold for its namesake
+            | ({"tolerance": None, "open_finding": None} if task.own_case else {})
+        )
+        for quantity in judged or [case.primary]
     ]
 
 
-def gates(case: Problem, quantity: Quantity, solver: str) -> bool:
-    """Whether a tolerance is frozen for a solver's answer to one of the suite's own cases."""
-    return catalog.tolerance(case.name, quantity.name, solver) is not None
+def gated_quantities(case: Problem, solver: str) -> list[Quantity]:
+    """Return what a tolerance is frozen for of a solver's answer to one of the suite's own cases."""
+    return [q for q in case.quantities if catalog.tolerance(case.name, q.name, solver) is not None]
 
 
-def empty_row(
+def without_record(
     case: Problem,
     quantity: Quantity,
     solver: str,
@@ -189,27 +167,55 @@ def empty_row(
     """Return a row that was asked for and has no record, which is red."""
     allowed = catalog.tolerance(case.name, quantity.name, solver)
     return Row(
-        case=case.name,
+        **_about_quantity(case, quantity),
         suite=suites[0] if suites else None,
+        suites=suites,
         solver=solver,
         settings={},
         seed=seed,
-        quantity=quantity.name,
-        primary=quantity.primary,
-        at=mark_of(quantity),
         value=None,
         status=status,
         tolerance=allowed.largest if allowed else None,
         passed=False,
-        case_title=case.title,
-        suites=suites,
         declared=True,
-        unit=quantity.unit,
-        description=quantity.description,
-        mark=telling_mark(case, quantity),
         open_finding=allowed.open_finding if allowed else None,
         reason=reason,
     )
+
+
+def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
+    """Return the fields of a row that say what was asked."""
+    return {
+        "case": case.name,
+        "case_title": case.title,
+        "quantity": quantity.name,
+        "primary": quantity.primary,
+        "at": quantity.mark,
+        "mark": case.telling_mark(quantity),
+        "unit": quantity.unit,
+        "description": quantity.description,
+    }
+
+
+def _about_run(run: Task | Record, case: Problem, declared: Mapping[str, str]) -> dict[str, Any]:
+    """Return the fields of a row that say whose answer it is; `declared` are the suites that declare the run."""
+    identity, overrides = run.identity, overrides_of(run)
+    suites = tuple(declared) or (() if run.own_case else case.suites)
+    return {
+        "suite": suites[0] if suites else None,
+        "suites": suites,
+        "declared": bool(declared),
+        "label": next(filter(None, declared.values()), ""),
+        "own_case": run.own_case,
+        "solver": identity.solver,
+        "solver_label": run.solver_label,
+        "settings": identity.settings,
+        "overrides": overrides,
+        "default_settings": not overrides,
+        "seed": identity.seed,
+        "device": identity.device,
+        "dtype": identity.dtype,
+    }
 
 
 def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, ...]:
@@ -222,49 +228,28 @@ def _position(row: Row, quantity: int, members: Sequence[str]) -> tuple[object, 
 def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     """Return one row of a run."""
     record = run.record
-    identity = record.identity
-    own = record.own_case
-    belongs = tuple(run.declared_by) or (() if own else run.case.suites)
     measured = record.values.get(quantity.name)
     gap = record.diagnostics.get("energy_gap")
     row = Row(
-        case=record.case_name,
-        suite=belongs[0] if belongs else None,
-        solver=identity.solver,
-        settings=identity.settings,
-        seed=identity.seed,
-        quantity=quantity.name,
-        primary=quantity.primary,
-        at=mark_of(quantity),
+        **_about_quantity(run.case, quantity) | _about_run(record, run.case, run.declared_by),
         value=measured.value if measured else None,
-        status=record.status,
-        seconds=record.seconds,
-        peak_memory_bytes=record.peak_memory_bytes,
-        parameters=record.parameters,
-        storage_bytes=record.storage_bytes,
-        run_id=record.run_id,
-        case_title=run.case.title,
-        own_case=own,
-        suites=belongs,
-        declared=bool(run.declared_by),
-        solver_label=record.solver_label,
-        label=next(filter(None, run.declared_by.values()), ""),
-        overrides=dict(run.overrides),
-        default_settings=not run.overrides,
-        device=identity.device,
-        dtype=identity.dtype,
-        unit=quantity.unit,
-        description=quantity.description,
-        mark=telling_mark(run.case, quantity),
         uncertainty=measured.uncertainty if measured else None,
         extrapolated=measured.extrapolated if measured else None,
         converged=_converged(record),
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
-        idle_memory_bytes=record.idle_memory_bytes,
+        status=record.status,
         reason=record.reason,
+        seconds=record.seconds,
+        peak_memory_bytes=record.peak_memory_bytes,
+        idle_memory_bytes=record.idle_memory_bytes,
+        parameters=record.parameters,
+        storage_bytes=record.storage_bytes,
+        run_id=record.run_id,
     )
-    known = KnownValues() if own else catalog.known_values(record.case_name)
-    return judged(with_known_values(row, known, run.case, quantity))
+    known = KnownValues() if record.own_case else catalog.known_values(record.case_name)
+    row = with_known_values(row, known, run.case, quantity)
+    allowed = catalog.tolerance(row.case, row.quantity, row.solver)
+    return row if run.overrides or record.own_case or allowed is None else row.judged(allowed)
 
 
 def _converged(record: Record) -> bool | None:
@@ -304,43 +289,6 @@ def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Qua
 def near_zero(judge: KnownValue, quantity: Quantity) -> bool:
     """Tell whether an error relative to the known value would say nothing."""
     return quantity.absolute or abs(judge.value) <= (judge.uncertainty or 0.0)
-
-
-def judged(row: Row) -> Row:
-    """Return the row with its tolerance and verdict, if it is gated."""
-    allowed = catalog.tolerance(row.case, row.quantity, row.solver)
-    if not row.default_settings or row.own_case or allowed is None:
-        return row
-    row = held_to(row, allowed)
-    holds, reason = verdict(row, row.tolerance)
-    passed: bool | None = holds
-    if allowed.open_finding is not None:
-        passed, reason = (False, "it passes, but is an open finding") if holds else (None, reason)
-    found = {"open_finding": allowed.open_finding, "passed": passed, "reason": row.reason or reason}
-    return row.model_copy(update=found)
-
-
-def held_to(row: Row, allowed: Tolerance) -> Row:
-    """Return the row with a tolerance."""
-    return row.model_copy(update={"tolerance": allowed.largest, "tolerance_is_absolute": allowed.is_absolute})
-
-
-def verdict(row: Row, tolerance: float | None) -> tuple[bool, str | None]:
-    """Return whether a row holds its tolerance, and if not, why not, as a clause."""
-    error = row.absolute_error if row.tolerance_is_absolute else row.relative_error
-    if row.status != "ok":
-        return False, row.reason or "the run failed"
-    if row.dtype != GATED_DTYPE:
-        return False, f"it was computed in {row.dtype}, and only {GATED_DTYPE} is gated"
-    if row.value is None or not math.isfinite(row.value):
-        return False, "the run left no finite value"
-    if row.reference is None:
-        return False, "no known value of its theory judges it"
-    if tolerance is None:
-        return False, "it has no tolerance"
-    if error is None or not abs(error) <= tolerance:
-        return False, f"its error is {error if error is None else format(error, '.2g')}, and {tolerance:g} is allowed"
-    return True, None
 
 
 def held_against_each_other(found: Iterable[Row]) -> list[Row]:

@@ -1,4 +1,8 @@
-"""Which records count: those that today's case, solver and settings would make again.
+"""Whether a record counts: whether today's case, solver and settings would make it again, and it is the newest.
+
+Three keys tell runs apart. Runs of one `run_key` answer for each other, and the newest of them counts. A `question` is
+a case, solver, settings and seed, whatever the code was then: an answer to it ends a plan. A line of a suite declares
+the runs that `is_answer` takes.
 
 Of a solver that is not installed nobody can tell whether it has changed. Its records are shown as they are, so that
 tables and figures can be made anew on any machine; no gate takes them. The same holds for a solver on an engine
@@ -7,6 +11,7 @@ tables and figures can be made anew on any machine; no gate takes them. The same
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,15 +23,40 @@ from shellbench.bench import catalog
 from shellbench.bench.environment import engine_distribution
 from shellbench.bench.identity import current_source, difference, with_overrides
 from shellbench.bench.kinds import kind_name, problem_of
-from shellbench.bench.plan import declared_runs
 from shellbench.bench.record import Record
 from shellbench.bench.registry import solver_entries
-from shellbench.bench.store import Contents, newest
+from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task
 from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError
 from shellbench.problem import Problem
+
+
+def run_key(run: Task | Record) -> str:
+    """Return text that is equal for runs that answer for each other: the same identity under the same name."""
+    return json.dumps([run.case_name, run.own_case, run.identity.model_dump(mode="json")], sort_keys=True)
+
+
+def question(run: Task | Record) -> str:
+    """Return text that is equal for runs of the same case, solver, settings and seed, whatever the code was then."""
+    identity = run.identity
+    return json.dumps([run.case_name, run.own_case, identity.solver, overrides_of(run), identity.seed], sort_keys=True)
+
+
+def overrides_of(run: Task | Record) -> dict[str, Any]:
+    """Return the settings of a run that differ from the defaults that its solver had then."""
+    return difference(run.defaults, run.identity.settings)
+
+
+def newest(contents: Contents) -> dict[str, Record]:
+    """Return the newest record of each run that was made more than once, by `run_key`, oldest first."""
+    latest: dict[str, Record] = {}
+    for record in contents.records:
+        key = run_key(record)
+        latest.pop(key, None)
+        latest[key] = record
+    return latest
 
 
 @dataclass(frozen=True)
@@ -135,7 +165,7 @@ def current_runs(contents: Contents) -> CurrentRuns:
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
     runs: dict[tuple[object, ...], CurrentRun] = {}
-    for record in newest(contents):
+    for record in newest(contents).values():
         identity = record.identity
         try:
             case = _todays_case(record)
@@ -150,11 +180,10 @@ def current_runs(contents: Contents) -> CurrentRuns:
         elif (changed := _changed_engine(identity.settings)) is not None:
             stale[record.run_id] = (record, changed)
         else:
-            overrides = difference(record.defaults, identity.settings)
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
-                runs[key] = CurrentRun(record, case, overrides, _declared_by(record, case), installed)
+                runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)
     return CurrentRuns(tuple(runs.values()), stale, contents.damaged)
 
 
@@ -194,17 +223,11 @@ def _changed_engine(settings: Mapping[str, Any]) -> str | None:
     return f"its engine has changed since: {settings[ENGINE]}, now {installed.removeprefix(f'{engine} ')}"
 
 
-def _declared_by(record: Record | Task, case: Problem) -> dict[str, str]:
-    if record.own_case:
-        return {}
-    found: dict[str, str] = {}
-    for name in case.suites:
-        if name not in catalog.suite_names():
-            continue
-        for run in declared_runs(catalog.find_suite(name).runs, case):
-            if is_answer(record, run):
-                found[name] = run.label
-    return found
+def declared_by(run: Record | Task, case: Problem) -> dict[str, str]:
+    """Return the suites that declare a run of a case, with what each calls it."""
+    known = [] if run.own_case else [name for name in case.suites if name in catalog.suite_names()]
+    lines = [(name, line) for name in known for line in catalog.find_suite(name).runs_for(case.name)]
+    return {name: line.label for name, line in lines if is_answer(run, line)}
 
 
 def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:
@@ -213,7 +236,7 @@ def case_of_planned(task: Task) -> tuple[Problem, dict[str, str]] | None:
         case = _todays_case(task)
     except (ValidationError, InputError):
         return None
-    return case, _declared_by(task, case)
+    return case, declared_by(task, case)
 
 
 def is_answer(record: Record | Task, run: SuiteRun) -> bool:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
 from rich.text import Text
 
-from shellbench import problem as solution
+from shellbench import problem
 from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.kinds import problem_of
 from shellbench.bench.task import Task
@@ -25,7 +25,7 @@ class Silent:
     def started(self, task: Task) -> None:
         """Show nothing."""
 
-    def progressed(self, task: Task, progress: solution.Progress) -> None:
+    def progressed(self, task: Task, progress: problem.Progress) -> None:
         """Show nothing."""
 
     def ended(self, outcome: Outcome) -> None:
@@ -41,7 +41,7 @@ class Lines:
     def started(self, task: Task) -> None:
         """Print nothing."""
 
-    def progressed(self, task: Task, progress: solution.Progress) -> None:
+    def progressed(self, task: Task, progress: problem.Progress) -> None:
         """Print nothing."""
 
     def ended(self, outcome: Outcome) -> None:
@@ -63,7 +63,7 @@ class Bars:
         """Add a bar."""
         self.lines[task.run_id] = self.bars.add_task(escape(run_name(task)), total=None)
 
-    def progressed(self, task: Task, progress: solution.Progress) -> None:
+    def progressed(self, task: Task, progress: problem.Progress) -> None:
         """Move the bar."""
         line = self.lines[task.run_id]
         said = f"{run_name(task)}  {progress.message}" if progress.message else run_name(task)

@@ -15,19 +15,17 @@ from typing import Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import asked_cases, beyond, empty_row, gates, held_to, row_of, rows_and_notes, verdict
-from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, is_answer
-from shellbench.bench.finding import Finding
-from shellbench.bench.identity import difference
+from shellbench.bench.compare import asked_cases, beyond, gated_quantities, row_of, rows_and_notes, without_record
+from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, declared_by, overrides_of
 from shellbench.bench.lock import LockCheck, check_lock
-from shellbench.bench.plan import declared_runs, declines
+from shellbench.bench.plan import declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
-from shellbench.bench.row import Row
+from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import Store
 from shellbench.bench.tolerances import Tolerances, claimed
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.problem import Problem, Quantity
+from shellbench.problem import Problem
 
 Lack = tuple[Literal["missing", "declined"], str]
 NOTHING_LACKS: Lack = ("missing", "")
@@ -119,7 +117,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         others = [row for expected in _expected(scope, current) for row in expected.rows()]
     else:
         known = {run.record.run_id for run in current.runs if run.installed}
-        others = [row for row in found if _is_gated(row) and row.run_id in known]
+        others = [row for row in found if row.gated and row.run_id in known]
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
@@ -127,7 +125,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
     return Verdict(
-        accuracy=tuple(map(accuracy_finding, rows)),
+        accuracy=tuple(row.finding() for row in rows),
         regression=tuple(f for row in rows if baseline and (f := regression_finding(baseline, row))),
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
@@ -154,9 +152,9 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
         claim = claims[row.solver].get(row.case, {}).get(row.quantity)
         if claim is None or row.own_case or not row.default_settings or row.run_id is None:
             continue
-        held = held_to(row, claim)
-        good, reason = verdict(held, held.tolerance)
-        findings.append(Finding(held, "green" if good else "red", reason or f"claims {claim}"))
+        held = row.held_to(claim)
+        why_not = held.why_short(held.tolerance)
+        findings.append(Finding(held, "red" if why_not else "green", why_not or f"claims {claim}"))
     return findings, unread
 
 
@@ -180,10 +178,6 @@ def _is_unfinished(row: Row) -> bool:
     return row.run_id is None and row.reason == DID_NOT_END
 
 
-def _is_gated(row: Row) -> bool:
-    return row.passed is not None or row.open_finding is not None
-
-
 def _question(row: Row) -> tuple[object, ...]:
     return row.case, row.own_case, row.solver, repr(sorted(row.overrides.items()))
 
@@ -205,20 +199,13 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
-        own = record.own_case or record.case_name not in catalog.case_names()
-        if own or difference(record.defaults, record.identity.settings):
+        if record.own_case or record.case_name not in catalog.case_names() or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)
-        suites = tuple(
-            name
-            for name in case.suites
-            if name in catalog.suite_names()
-            and any(is_answer(record, run) for run in declared_runs(catalog.find_suite(name).runs, case))
-        )
+        suites = tuple(declared_by(record, case)) or case.suites
         rows[case.name, solver, seed] = [
-            empty_row(case, quantity, solver, seed, suites or case.suites, f"no record that counts: {reason}")
-            for quantity in case.quantities
-            if gates(case, quantity, solver)
+            without_record(case, quantity, solver, seed, suites, f"no record that counts: {reason}")
+            for quantity in gated_quantities(case, solver)
         ]
     return [row for of_run in rows.values() for row in of_run]
 
@@ -260,19 +247,6 @@ def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]
             raise InputError(f"{begin} of seed {seed}: no run of it is gated")
 
 
-def accuracy_finding(row: Row) -> Finding:
-    """Say what the accuracy gate makes of a gated row."""
-    colour: Literal["green", "red", "expected failure"] = "green" if row.passed else "red"
-    sentence = row.reason or ""
-    if row.passed is None:
-        colour, sentence = "expected failure", f"open finding: {row.open_finding}"
-    elif row.passed and row.relative_error is not None and not row.tolerance_is_absolute:
-        sentence = f"error {row.relative_error:+.2e}, {row.tolerance:g} allowed"
-    elif row.passed and row.absolute_error is not None:
-        sentence = f"error {row.absolute_error:+.2e} {row.unit}, {row.tolerance:g} allowed"
-    return Finding(row=row, colour=colour, sentence=sentence)
-
-
 def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
     """Return gated rows without a record that counts, beside the rows of a report.
 
@@ -305,7 +279,7 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
     check_filled(store)
     runs = list(_expected(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
-    red = [finding for finding in map(accuracy_finding, rows) if finding.colour == "red"]
+    red = [finding for row in rows if (finding := row.finding()).colour == "red"]
     if red:
         first = red[0].row
         raise ShellbenchError(
@@ -331,13 +305,12 @@ class _Expected:
     lack: Lack = NOTHING_LACKS
 
     def rows(self) -> Iterator[Row]:
-        for quantity in self.case.quantities:
-            if gates(self.case, quantity, self.solver):
-                yield row_of(self.run, quantity) if self.run else self._empty(quantity)
-
-    def _empty(self, quantity: Quantity) -> Row:
         status, reason = self.lack
-        return empty_row(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
+        for quantity in gated_quantities(self.case, self.solver):
+            if self.run:
+                yield row_of(self.run, quantity)
+            else:
+                yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
 
 
 def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[_Expected]:
@@ -346,10 +319,9 @@ def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[
         find_solver(solver)
     seen: set[tuple[str, str, int | None]] = set()
     for suite in scope.suites or _suites_that_compare():
-        runs = [run for run in catalog.find_suite(suite).runs if not run.settings]
         for case in catalog.cases_of(suite):
-            for run in declared_runs(runs, case):
-                if scope.solvers and run.solver not in scope.solvers:
+            for run in catalog.find_suite(suite).runs_for(case.name):
+                if run.settings or (scope.solvers and run.solver not in scope.solvers):
                     continue
                 for seed in scope.seeds or run.seeds:
                     found = current.find(case.name, run.solver, {}, seed, installed=ask)

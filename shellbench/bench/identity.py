@@ -62,11 +62,6 @@ def make_identity(case: Problem, entry: SolverEntry, settings: Settings) -> Iden
         raise InputError(f"settings of solver '{entry.name}': {one_sentence(error)}") from None
 
 
-def run_key(case_name: str, own_case: bool, identity: Identity) -> str:
-    """Return text that is equal for runs that answer for each other: the same identity under the same name."""
-    return json.dumps([case_name, own_case, identity.model_dump(mode="json")], sort_keys=True)
-
-
 def dump_settings(settings: Settings) -> dict[str, Any]:
     """Return all settings but for seed and device, as JSON data."""
     return plain(settings.model_dump(mode="json", exclude=APART))

@@ -17,11 +17,12 @@ from functools import cache
 from typing import Any
 
 from shellbench.bench import catalog
+from shellbench.bench.current import newest, run_key
 from shellbench.bench.environment import engine_distribution, environment
-from shellbench.bench.identity import dump_settings, make_identity, make_settings, run_key
+from shellbench.bench.identity import dump_settings, make_identity, make_settings
 from shellbench.bench.record import Environment
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
-from shellbench.bench.store import Contents, newest
+from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
 from shellbench.errors import InputError
@@ -92,32 +93,22 @@ def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     for name in dict.fromkeys(request.suites):
         suite = catalog.find_suite(name)
         members = catalog.cases_of(name)
-        strangers = [c.name for c in cases if c not in members and not is_own(c)]
+        strangers = [c.name for c in cases if c not in members and not catalog.is_own(c)]
         if strangers:
             raise InputError(f"case '{strangers[0]}' is not in suite '{name}': {_names(members)}")
         for case in cases or members:
-            yield from ((case, run) for run in _narrowed(declared_runs(suite.runs, case), request.solvers))
+            yield from ((case, run) for run in _narrowed(suite.runs_for(case.name), request.solvers))
     if not request.suites:
         for case in cases:
             yield from ((case, run) for run in _runs_of(case, request.solvers))
-
-
-def declared_runs(runs: Sequence[SuiteRun], case: Problem) -> tuple[SuiteRun, ...]:
-    """Return the lines of a suite that are for a case."""
-    return tuple(run for run in runs if not run.cases or case.name in run.cases)
-
-
-def is_own(case: Problem) -> bool:
-    """Tell whether a case is a user's own: none of the suite's has its name and its physics."""
-    return case.name not in catalog.case_names() or catalog.named_case(case.name).digest() != case.digest()
 
 
 def _runs_of(case: Problem, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:
     if solvers:
         return tuple(SuiteRun(solver=solver, seeds=(FIRST_SEED,)) for solver in dict.fromkeys(solvers))
     known = [name for name in case.suites if name in catalog.suite_names()]
-    if known and not is_own(case):
-        return declared_runs(catalog.find_suite(known[0]).runs, case)
+    if known and not catalog.is_own(case):
+        return catalog.find_suite(known[0]).runs_for(case.name)
     runs = catalog.find_suite(DEFAULT_SUITE).runs
     return tuple(run.model_copy(update={"seeds": (FIRST_SEED,)}) for run in runs if not run.settings)
 
@@ -162,11 +153,7 @@ def make_plan(
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
     solvers = {name: load_solver(entry) for name, entry in entries.items()}
     notes = _check_device(request, solvers)
-    answered = (
-        {run_key(r.case_name, r.own_case, r.identity): r.run_id for r in newest(contents) if r.status == "ok"}
-        if not force
-        else {}
-    )
+    answered = {} if force else {key: r.run_id for key, r in newest(contents).items() if r.status == "ok"}
     place = cache(environment)  # looked at once a plan: git is asked each time
     tasks: dict[str, Task] = {}
     kept: dict[str, str] = {}
@@ -176,14 +163,14 @@ def make_plan(
         made = {}
         for seed in request.seeds or run.seeds:
             task = _task(case, entries[run.solver], solver, run, request, seed, place)
-            made[run_key(task.case_name, task.own_case, task.identity)] = task
+            made[run_key(task)] = task
         kept |= {key: answered[key] for key in made if key in answered}
         waiting = {key: task for key, task in made.items() if key not in answered}
         if waiting:
             expect(next(iter(waiting.values())))
             reason = declines(solver, case)
             if reason is None:
-                tasks = waiting | tasks
+                tasks |= waiting
             else:
                 declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
     return Plan(tuple(tasks.values()), tuple(kept.values()), tuple(declined.values()), notes)
@@ -229,7 +216,7 @@ def _task(
         target=entry.target,
         case_name=case.name,
         case=case_data(case),
-        own_case=is_own(case),
+        own_case=catalog.is_own(case),
         settings={**overrides, **apart},
         defaults=defaults,
         solver_label=solver.capabilities.label,

@@ -7,13 +7,12 @@ A file that is older than an answer to the same question says nothing any more.
 from __future__ import annotations
 
 import contextlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pydantic import ValidationError
 
-from shellbench.bench.identity import difference
+from shellbench.bench.current import question
 from shellbench.bench.record import Record
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
@@ -37,13 +36,6 @@ class PlannedRuns:
 
     tasks: tuple[Task, ...] = ()
     damaged: tuple[str, ...] = ()
-
-
-def question(run: Task | Record) -> str:
-    """Return text that is equal for runs of the same case, solver, settings and seed, whatever the code was then."""
-    identity = run.identity
-    overrides = difference(run.defaults, identity.settings)
-    return json.dumps([run.case_name, run.own_case, identity.solver, overrides, identity.seed], sort_keys=True)
 
 
 def note_planned(tasks: Sequence[Task], store: Store) -> None:

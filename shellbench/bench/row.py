@@ -1,13 +1,18 @@
-"""Rows: one comparable figure each, the common currency of tables, gates and reports."""
+"""Rows: one comparable figure each, the common currency of tables, gates and reports; and the verdict on one."""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from pydantic import Field
 
+from shellbench.bench.identity import GATED_DTYPE
+from shellbench.bench.tolerances import Tolerance
 from shellbench.model import Model
 
+Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
 RowStatus = Literal["ok", "failed", "timeout", "missing", "declined"]
 
 
@@ -123,3 +128,62 @@ class Row(Model):
     energy_gap: float | None = None
     idle_memory_bytes: int | None = None
     reason: str | None = None
+
+    @property
+    def gated(self) -> bool:
+        """Whether a gate judges it."""
+        return self.passed is not None or self.open_finding is not None
+
+    @property
+    def judged_error(self) -> float | None:
+        """Signed error that a tolerance is held against: relative, or absolute where the tolerance is."""
+        return self.absolute_error if self.tolerance_is_absolute else self.relative_error
+
+    def held_to(self, allowed: Tolerance) -> Row:
+        """Return the row with a tolerance."""
+        return self.model_copy(update={"tolerance": allowed.largest, "tolerance_is_absolute": allowed.is_absolute})
+
+    def judged(self, allowed: Tolerance) -> Row:
+        """Return the row held to the tolerance that is frozen for it, with its verdict."""
+        row = self.held_to(allowed)
+        why_not = row.why_short(row.tolerance)
+        passed: bool | None = why_not is None
+        if allowed.open_finding is not None:
+            passed, why_not = (None, why_not) if why_not else (False, "it passes, but is an open finding")
+        found = {"open_finding": allowed.open_finding, "passed": passed, "reason": row.reason or why_not}
+        return row.model_copy(update=found)
+
+    def why_short(self, tolerance: float | None) -> str | None:
+        """Return why the row falls short of a tolerance, as a clause; None if it holds it."""
+        error = self.judged_error
+        if self.status != "ok":
+            return self.reason or "the run failed"
+        if self.dtype != GATED_DTYPE:
+            return f"it was computed in {self.dtype}, and only {GATED_DTYPE} is gated"
+        if self.value is None or not math.isfinite(self.value):
+            return "the run left no finite value"
+        if self.reference is None:
+            return "no known value of its theory judges it"
+        if tolerance is None:
+            return "it has no tolerance"
+        if error is None or not abs(error) <= tolerance:
+            return f"its error is {error if error is None else format(error, '.2g')}, and {tolerance:g} is allowed"
+        return None
+
+    def finding(self) -> Finding:
+        """Say what the accuracy gate makes of a gated row."""
+        if self.passed is None:
+            return Finding(self, "expected failure", f"open finding: {self.open_finding}")
+        if not self.passed or self.judged_error is None:
+            return Finding(self, "green" if self.passed else "red", self.reason or "")
+        unit = f" {self.unit}" if self.tolerance_is_absolute else ""
+        return Finding(self, "green", f"error {self.judged_error:+.2e}{unit}, {self.tolerance:g} allowed")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a gate says of one row, in one clause."""
+
+    row: Row
+    colour: Colour
+    sentence: str

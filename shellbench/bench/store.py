@@ -20,7 +20,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from shellbench.bench import catalog
-from shellbench.bench.identity import run_key
 from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable, too_large
 from shellbench.errors import InputError, ShellbenchError
 
@@ -63,16 +62,6 @@ class Contents:
 
     records: tuple[Record, ...]
     damaged: tuple[str, ...] = ()
-
-
-def newest(contents: Contents) -> list[Record]:
-    """Return the newest record of each run that was made more than once, oldest first."""
-    latest: dict[str, Record] = {}
-    for record in contents.records:
-        key = run_key(record.case_name, record.own_case, record.identity)
-        latest.pop(key, None)
-        latest[key] = record
-    return list(latest.values())
 
 
 @dataclass(frozen=True)

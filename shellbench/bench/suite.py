@@ -64,6 +64,10 @@ class Suite(Model):
     turned: Name | None = None
     runs: Annotated[tuple[SuiteRun, ...], Field(min_length=1)]
 
+    def runs_for(self, case: str) -> tuple[SuiteRun, ...]:
+        """Return the lines that are for a case."""
+        return tuple(run for run in self.runs if not run.cases or case in run.cases)
+
 
 def read_suite(path: Path) -> Suite:
     """Read a suite file; InputError in one sentence if it is malformed."""

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from shellbench.bench.baseline import Baseline
-from shellbench.bench.finding import Finding
 from shellbench.bench.gate import Verdict
 from shellbench.bench.lock import LockCheck
-from shellbench.bench.row import Row
+from shellbench.bench.row import Finding, Row
 
 MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
 

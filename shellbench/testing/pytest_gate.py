@@ -14,10 +14,9 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.testing.pytest_judging import Judgement, Question, questions
+from shellbench.testing.pytest_judging import Judgement, Question, questions, table
 from shellbench.testing.pytest_options import GateOptions
 from shellbench.testing.pytest_solving import Answers
-from shellbench.testing.pytest_summary import table
 
 ROOT = "shellbench"  # first part of the names of all items
 PROPERTY = "shellbench"  # of a report
@@ -36,13 +35,13 @@ class QuantityItem(pytest.Item):
         """Judge the quantity."""
         found = self.question.judged(self.answers, self.options.tolerances)
         self.user_properties.append((PROPERTY, found.plain()))
-        match found.colour:
+        match found.finding.colour:
             case "red":
-                pytest.fail(found.sentence, pytrace=False)
+                pytest.fail(found.finding.sentence, pytrace=False)
             case "expected failure":
-                pytest.xfail(found.sentence)
+                pytest.xfail(found.finding.sentence)
             case "not judged":
-                pytest.skip(found.sentence)
+                pytest.skip(found.finding.sentence)
 
     def reportinfo(self) -> tuple[Any, int | None, str]:
         """Return where the item is; it is in no file."""
@@ -135,8 +134,9 @@ class Gate:
 
     def unjudged(self) -> list[str]:
         """Return a sentence for each solver and suite of which items ran and none was judged."""
-        asked = dict.fromkeys((j.suite, j.solver) for j in self.found)
-        judged = {(j.suite, j.solver) for j in self.found if j.colour in JUDGED}
+        findings = [judgement.finding for judgement in self.found]
+        asked = dict.fromkeys((finding.row.suite, finding.row.solver) for finding in findings)
+        judged = {(finding.row.suite, finding.row.solver) for finding in findings if finding.colour in JUDGED}
         return [
             f"shellbench: nothing was judged: no case of suite '{suite}' that was asked for applies to '{solver}'"
             for suite, solver in asked

@@ -1,64 +1,46 @@
-"""What the gate of the pytest plug-in judges, and what it says of each answer."""
+"""What the gate of the pytest plug-in judges, by the gate's own rows and verdicts, and the table of what it found."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import gates, row_of, verdict
+from shellbench.bench.compare import gated_quantities, row_of, without_record
 from shellbench.bench.current import CurrentRun
-from shellbench.bench.plan import FIRST_SEED, declared_runs
+from shellbench.bench.plan import FIRST_SEED
+from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue
-from shellbench.bench.row import Row
+from shellbench.bench.row import Colour, Finding, Row
 from shellbench.problem import Problem, Quantity
 from shellbench.testing.pytest_options import Tolerances
 from shellbench.testing.pytest_solving import Answers
 
 DIGITS = ".9g"  # of a value and of the known value beside it
-Colour = Literal["green", "red", "expected failure", "not judged"]
+HEAD = ("case", "solver", "quantity", "value", "known", "error", "tolerance", "seconds", "verdict")
+LEFT = {"case", "solver", "quantity", "verdict"}  # columns of words
+NOTHING = "-"
+VERDICTS = {"green": "pass", "red": "FAIL", "expected failure": "expected failure", "not judged": "skipped"}
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What came of one quantity.
+    """What came of one item: its finding, the item's name, and whether an earlier session made the run."""
 
-    Attributes
-    ----------
-    sentence
-        Why it is red, expected to fail, or not judged; what was found where it is green.
-    value, known
-        In the quantity's unit.
-    error
-        Signed, of the value; relative unless `absolute`.
-    seconds
-        Wall time of the run; `kept` if an earlier session made it.
-    """
-
-    suite: str
-    case: str
-    solver: str
-    quantity: str
-    colour: Colour
-    sentence: str
-    unit: str
-    value: float | None = None
-    known: float | None = None
-    error: float | None = None
-    absolute: bool = False
-    tolerance: float | None = None
-    seconds: float | None = None
-    kept: bool = False
+    finding: Finding
+    name: str
+    kept: bool
 
     def plain(self) -> dict[str, Any]:
         """Return it as data that goes from one process to another."""
-        return asdict(self)
+        row = self.finding.row.model_dump(mode="json")
+        return {"row": row, "finding": (self.finding.colour, self.finding.sentence), "about": (self.name, self.kept)}
 
     @classmethod
     def read(cls, data: Any) -> Judgement:
         """Make it of what `plain` has returned."""
-        return cls(**data)
+        return cls(Finding(Row.model_validate(data["row"]), *data["finding"]), *data["about"])
 
 
 @dataclass(frozen=True)
@@ -79,87 +61,116 @@ class Question:
 
     def judged(self, answers: Answers, tolerances: Tolerances) -> Judgement:
         """Solve the case, unless that was done, and judge the quantity."""
-        solver, case, quantity = self.solver, self.case, self.quantity
+        case, quantity = self.case, self.quantity
         known = catalog.known_values(case.name)
         judge = known.judge(quantity.name, case.theory)
         if judge is None:
             others = sorted({v.theory for v in known.of(quantity.name, "judge")})
             only = f" (only one of {', '.join(others)})" if others else ""
-            return self._says("red", f"no known value of its theory, {case.theory}, judges {quantity.name}{only}")
-        answer = answers.of(case.name, solver, self.seeds)
+            return self._unanswered("red", f"no known value of its theory, {case.theory}, judges {quantity.name}{only}")
+        answer = answers.of(case.name, self.solver, self.seeds)
         if answer.declined is not None:
-            return self._says("not judged", f"not applicable: {answer.declined}")
+            return self._unanswered("not judged", f"not applicable: {answer.declined}")
         record = answer.record(self.seed)
         if record is None:
-            return self._says("red", answer.trouble or f"solver '{solver}' left no record")
-        row = row_of(CurrentRun(record, case, {}), quantity)
-        tolerance = tolerances.of(case, quantity, solver)
-        colour, sentence = self._verdict(row, judge, tolerance)
-        return self._of(row, colour, sentence, tolerance, kept=not answers.is_new(record))
+            return self._unanswered("red", answer.trouble or f"solver '{self.solver}' left no record")
+        return Judgement(self._finding(record, judge, tolerances), self.name, kept=not answers.is_new(record))
 
-    def _verdict(self, row: Row, judge: KnownValue, tolerance: float | None) -> tuple[Colour, str]:
-        """Return what a row of a run comes to, and why."""
-        finding = row.open_finding
-        if tolerance is None and row.status == "ok":
-            option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
-            why = f"no relative tolerance can judge it, its known value being {judge.value:g} {row.unit}: give {option}"
-            return ("red" if row.primary else "not judged"), why
-        holds, reason = verdict(row, tolerance)
-        if finding is not None:
-            why = "it passes, but is an open finding" if holds else "open finding"
-            return ("red" if holds else "expected failure"), f"{why}: {finding}"
-        if row.status != "ok" or row.value is None:
-            return "red", f"the run failed: {reason}"
-        error, relative = _error(row)
-        unit = "" if relative else f" {row.unit}"
+    def _finding(self, record: Record, judge: KnownValue, tolerances: Tolerances) -> Finding:
+        """Return the finding on a run: by what is frozen for its solver, or else by what was given."""
+        row = row_of(CurrentRun(record, self.case, {}), self.quantity).model_copy(update={"suite": self.suite})
+        if not row.gated:
+            allowed = tolerances.of(self.case, self.quantity, self.solver)
+            if allowed is None and row.status == "ok":
+                option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
+                near_zero = f"its known value being {judge.value:g} {row.unit}"
+                why = f"no relative tolerance can judge it, {near_zero}: give {option}"
+                return Finding(row, "red" if row.primary else "not judged", why)
+            row = row.judged(allowed) if allowed else row
+        found = row.finding()
+        if row.open_finding is not None:
+            return Finding(
+                row, found.colour, f"{row.reason if row.passed is False else 'open finding'}: {row.open_finding}"
+            )
+        if row.status != "ok" or row.value is None or row.tolerance is None or row.judged_error is None:
+            return Finding(row, "red", f"the run failed: {row.reason}")
+        unit = f" {row.unit}" if row.tolerance_is_absolute else ""
         words = (
             f"{row.quantity} is {row.value:{DIGITS}} {row.unit}, and its known value {judge.value:{DIGITS}} {row.unit} "
-            f"({judge.origin} [{judge.source}], {judge.theory}): error {error:+.2e}{unit}, {tolerance:g} allowed"
+            f"({judge.origin} [{judge.source}], {judge.theory}): error {row.judged_error:+.2e}{unit}, "
+            f"{row.tolerance:g} allowed"
         )
-        outside = error is None or tolerance is None or not abs(error) <= tolerance
-        return ("green" if holds else "red"), (words if holds or outside else f"{words}, but {reason}")
+        within = abs(row.judged_error) <= row.tolerance
+        return Finding(row, found.colour, words if row.passed or not within else f"{words}, but {row.reason}")
 
-    def _says(self, colour: Colour, sentence: str) -> Judgement:
-        return Judgement(self.suite, self.case.name, self.solver, self.name, colour, sentence, self.quantity.unit)
-
-    def _of(self, row: Row, colour: Colour, sentence: str, tolerance: float | None, kept: bool) -> Judgement:
-        error, relative = _error(row)
-        return Judgement(
-            suite=self.suite,
-            case=self.case.name,
-            solver=self.solver,
-            quantity=self.name,
-            colour=colour,
-            sentence=sentence,
-            unit=row.unit,
-            value=row.value,
-            known=row.reference,
-            error=error,
-            absolute=not relative,
-            tolerance=tolerance,
-            seconds=row.seconds,
-            kept=kept,
-        )
+    def _unanswered(self, colour: Colour, sentence: str) -> Judgement:
+        row = without_record(self.case, self.quantity, self.solver, self.seed, (self.suite,), sentence)
+        return Judgement(Finding(row, colour, sentence), self.name, kept=False)
 
 
 def questions(suite: str, case: Problem, solver: str) -> Iterator[Question]:
     """Yield what is judged: the headline, what has a known value of the case's theory, and what is gated."""
     seeds = seeds_of(suite, case, solver)
-    known = catalog.known_values(case.name)
+    known, gated = catalog.known_values(case.name), gated_quantities(case, solver)
     for quantity in case.quantities:
-        if quantity.primary or gates(case, quantity, solver) or known.judge(quantity.name, case.theory):
+        if quantity.primary or quantity in gated or known.judge(quantity.name, case.theory):
             for seed in seeds:
                 yield Question(suite, case, solver, quantity, seed, seeds)
 
 
 def seeds_of(suite: str, case: Problem, solver: str) -> tuple[int, ...]:
     """Return the seeds that a suite declares for a solver with default settings; one if it declares none."""
-    declared = [run for run in declared_runs(catalog.find_suite(suite).runs, case) if run.solver == solver]
+    declared = [run for run in catalog.find_suite(suite).runs_for(case.name) if run.solver == solver]
     seeds = dict.fromkeys(seed for run in declared if not run.settings for seed in run.seeds)
     return tuple(seeds) or (FIRST_SEED,)
 
 
-def _error(row: Row) -> tuple[float | None, bool]:
-    """Return the error by which a row is judged, and whether it is relative."""
-    relative = not row.tolerance_is_absolute
-    return (row.relative_error if relative else row.absolute_error), relative
+def table(found: Sequence[Judgement]) -> list[str]:
+    """Return the lines of the table, and below it why something was not judged; of a declined case once."""
+    rows: list[tuple[str, ...]] = [HEAD]
+    unjudged: dict[tuple[str, ...], str] = {}
+    for judgement in found:
+        row, colour = judgement.finding.row, judgement.finding.colour
+        answered = row.value is not None
+        if colour != "not judged" or answered:
+            rows.append(_cells(judgement))
+        if colour == "not judged":
+            where = (row.case, row.solver, judgement.name) if answered else (row.case, row.solver)
+            unjudged[where] = judgement.finding.sentence
+    lines = _aligned(rows) if len(rows) > 1 else []
+    lines += [f"{' '.join(where)}: {sentence}" for where, sentence in unjudged.items()]
+    if any(judgement.kept for judgement in found):
+        lines.append("(k) kept from an earlier session: solver, settings and case are the same")
+    return lines
+
+
+def _cells(judgement: Judgement) -> tuple[str, ...]:
+    row = judgement.finding.row
+    unit = f" {row.unit}" if row.tolerance_is_absolute else ""
+    answered = row.value is not None
+    return (
+        row.case,
+        row.solver,
+        judgement.name,
+        _figure(row.value, ".7g"),
+        _figure(row.reference, ".7g"),
+        _figure(row.judged_error, "+.1e", unit),
+        _figure(row.tolerance if answered or row.seconds is not None else None, ".1e", unit),
+        _figure(row.seconds, ".2f", " (k)" if judgement.kept else ""),
+        VERDICTS[judgement.finding.colour],
+    )
+
+
+def _figure(value: float | None, form: str, unit: str = "") -> str:
+    return NOTHING if value is None else f"{value:{form}}{unit}"
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.ljust(width) if name in LEFT else cell.rjust(width)
+            for cell, width, name in zip(row, widths, HEAD, strict=True)
+        ).rstrip()
+        for row in rows
+    ]

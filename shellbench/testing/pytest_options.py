@@ -15,6 +15,7 @@ from shellbench.bench.compare import near_zero
 from shellbench.bench.identity import make_settings, parse_setting
 from shellbench.bench.plan import FIRST_SEED
 from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.tolerances import Tolerance
 from shellbench.errors import InputError
 from shellbench.problem import Problem, Quantity
 
@@ -53,27 +54,33 @@ class Tolerances:
                 general = tolerance
                 continue
             case = catalog.find_case(case_name)
-            names = [q.name for q in case.quantities]
-            if quantity and quantity not in names:
-                raise InputError(f"--shellbench-tolerance={text}: quantities of {case.name} are {', '.join(names)}")
+            asked = next((q for q in case.quantities if q.name == quantity), None)
+            if quantity and asked is None:
+                names = ", ".join(q.name for q in case.quantities)
+                raise InputError(f"--shellbench-tolerance={text}: quantities of {case.name} are {names}")
+            if asked and tolerance >= WHOLE and not is_absolute(case, asked):
+                raise InputError(f"--shellbench-tolerance={text}: a relative tolerance is below 1, or 0 would pass")
             narrower[case.name, quantity or None] = tolerance
         return cls(general, narrower)
 
-    def of(self, case: Problem, quantity: Quantity, solver: str) -> float | None:
+    def of(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
         """Return the largest admissible error; what shellbench has frozen for the solver wins.
 
         None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
         """
         frozen = catalog.tolerance(case.name, quantity.name, solver)
-        if frozen is not None:
-            return frozen.largest
         own = self.narrower.get((case.name, quantity.name))
-        if own is not None:
-            return own
-        judge = catalog.known_values(case.name).judge(quantity.name, case.theory)
-        if quantity.absolute or (judge is not None and near_zero(judge, quantity)):
-            return None
-        return self.narrower.get((case.name, None), self.general)
+        if frozen is not None:
+            return frozen
+        if is_absolute(case, quantity):
+            return None if own is None else Tolerance(absolute=own)
+        return Tolerance(relative=own or self.narrower.get((case.name, None), self.general))
+
+
+def is_absolute(case: Problem, quantity: Quantity) -> bool:
+    """Whether errors of a quantity are given in its unit, because relative ones would say nothing."""
+    judge = catalog.known_values(case.name).judge(quantity.name, case.theory)
+    return quantity.absolute or (judge is not None and near_zero(judge, quantity))
 
 
 @dataclass(frozen=True)

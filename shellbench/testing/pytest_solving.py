@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from shellbench.bench.current import newest, run_key
 from shellbench.bench.display import Silent
 from shellbench.bench.environment import cores, threads
 from shellbench.bench.execute import execute
-from shellbench.bench.identity import run_key
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.record import Record
-from shellbench.bench.store import Store, newest, said_plainly
+from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
 from shellbench.errors import ShellbenchError
 
@@ -98,11 +98,11 @@ class Answers:
         plan = make_plan(request, contents)
         if plan.declined:
             return Answer(declined=plan.declined[0].reason)
-        past = {run_key(r.case_name, r.own_case, r.identity): r for r in newest(contents)}
+        past = newest(contents)
         kept = [record for record in past.values() if record.run_id in plan.kept]
         waiting: list[Task] = []
         for task in plan.tasks:
-            failed = past.get(run_key(task.case_name, task.own_case, task.identity))
+            failed = past.get(run_key(task))
             if failed is not None and self.is_new(failed):
                 kept.append(failed)
             else:

@@ -8,8 +8,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import REPEATS, Baseline, BaselineValue, make_baseline, read_baseline, regression_finding
-from shellbench.bench.compare import judged, with_known_values
-from shellbench.bench.marks import mark_of
+from shellbench.bench.compare import with_known_values
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.errors import InputError
@@ -27,7 +26,7 @@ def row_of(case_name: str, quantity_name: str, value: float | None, known: float
         seed=None,
         quantity=quantity_name,
         primary=quantity.primary,
-        at=mark_of(quantity),
+        at=quantity.mark,
         value=value,
         status="ok",
         unit=quantity.unit,
@@ -42,7 +41,9 @@ def row_of(case_name: str, quantity_name: str, value: float | None, known: float
         origin="formula",
         source="series",
     )
-    return judged(with_known_values(row, KnownValues(values=(judge,)), case, quantity))
+    allowed = catalog.tolerance(case_name, quantity_name, solver)
+    assert allowed is not None
+    return with_known_values(row, KnownValues(values=(judge,)), case, quantity).judged(allowed)
 
 
 def remembered(*rows: Row) -> Baseline:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from pathlib import Path
 
@@ -214,6 +215,28 @@ def test_interrupt_stops_all_and_keeps_what_had_ended(store: Store) -> None:
         execute(tasks, store, Interrupter(), LocalProcesses(2, 1))
     assert [record.status for record in store.read().records] == ["ok"]
     assert list(store.folder.glob(".*.partial")) == []
+    assert psutil.Process().children(recursive=True) == []
+
+
+def test_what_was_made_ready_and_is_not_needed_is_ended(store: Store) -> None:
+    (task,) = make_plan(Request(("strip",), (), ("toy",)), store.read()).tasks
+    with contextlib.closing(LocalProcesses(2, 1)) as executor:
+        for _ in range(2):
+            executor.expect(task)
+        assert len(executor.idle) == 1
+        assert executor.idle[0].process.poll() is None
+    assert psutil.Process().children(recursive=True) == []
+
+
+def test_a_process_that_was_made_ready_makes_the_run(store: Store) -> None:
+    (task,) = make_plan(Request(("strip",), (), ("toy",)), store.read()).tasks
+    with contextlib.closing(LocalProcesses(1, 1, timeout=GUARD)) as executor:
+        executor.expect(task)
+        (server,) = executor.idle
+        (outcome,) = execute([task], store, Silent(), executor)
+        assert server.ready
+    assert outcome.record is not None
+    assert outcome.record.status == "ok"
     assert psutil.Process().children(recursive=True) == []
 
 

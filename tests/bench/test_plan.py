@@ -11,7 +11,7 @@ import pytest
 from shellbench.bench import catalog, environment
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import problem_of
-from shellbench.bench.plan import Plan, Request, is_own, make_plan
+from shellbench.bench.plan import Plan, Request, make_plan
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.store import Contents, Store
 from shellbench.bench.task import Task
@@ -70,8 +70,8 @@ def test_an_own_case_is_told_from_the_suites_by_its_physics(toys: Path, tmp_path
     other.parent.mkdir()
     same.write_text(text.replace("Strip", "My strip"), encoding="utf-8")
     other.write_text(text.replace("thickness = 0.1", "thickness = 0.2"), encoding="utf-8")
-    assert not is_own(read_case(same))
-    assert is_own(read_case(other))
+    assert not catalog.is_own(read_case(same))
+    assert catalog.is_own(read_case(other))
     assert [t.own_case for t in plan(str(other), solvers=("toy",)).tasks] == [True]
 
 
@@ -141,6 +141,24 @@ def test_what_does_not_apply_is_no_failure(toys: Path, tmp_path: Path) -> None:
     made = plan(str(path), solvers=("toy", "toy-noisy"))
     assert runs(made) == [("tube", "toy-noisy", 0)]
     assert [(d.case, d.solver, d.reason) for d in made.declined] == [("tube", "toy", "it solves planes only")]
+
+
+def test_a_solver_is_asked_only_where_no_record_answers_and_is_expected_first(
+    toys: Path, store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[str] = []
+    solver = load_solver(find_solver("toy"))
+    monkeypatch.setattr(type(solver), "declines", lambda self, case: heard.append(f"asked {case.name}"))
+    request = Request(cases=("strip",), solvers=("toy",))
+    for force, words in ((False, ["expected", "asked strip"]), (True, ["expected", "asked strip"])):
+        heard.clear()
+        make_plan(request, store.read(), force, lambda task: heard.append("expected"))
+        assert heard == words
+        run(store, "strip", solvers=("toy",))
+    heard.clear()
+    kept = make_plan(request, store.read(), expect=lambda task: heard.append("expected"))
+    assert len(kept.kept) == 1
+    assert heard == []
 
 
 def test_another_theory_is_declined(toys: Path, tmp_path: Path) -> None:

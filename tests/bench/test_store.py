@@ -18,9 +18,10 @@ import psutil
 import pytest
 
 from shellbench.bench import store as stores
+from shellbench.bench.current import newest
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.record import Record, document
-from shellbench.bench.store import Store, StoreError, newest
+from shellbench.bench.store import Store, StoreError
 from shellbench.errors import InputError
 from tests.bench.running import run, run_here
 from tests.patience import GUARD
@@ -83,7 +84,7 @@ def test_a_folder_that_can_not_be_made_is_said(tmp_path: Path) -> None:
 
 def test_newest_of_an_identity_counts(record: Record, store: Store) -> None:
     again = run(store, "strip", solvers=("toy",), force=True)[0].record
-    assert newest(store.read()) == [again]
+    assert [*newest(store.read()).values()] == [again]
     assert len(store.read().records) == 2
 
 
@@ -218,7 +219,7 @@ def kill_runs_at_random(own_case: Path, plugin: Path, store: Store, times: int) 
                 assert store.file(record.solution_file)
     command.remove("--force")
     assert subprocess.run(command, env=environment, check=False, capture_output=True).returncode == 0
-    latest = {r.identity.seed: r for r in newest(store.read())}
+    latest = {r.identity.seed: r for r in newest(store.read()).values()}
     assert {seed: record.status for seed, record in latest.items()} == dict.fromkeys(range(6), "ok")
     assert not any(path.name.endswith(".partial") for path in store.folder.iterdir())
     stems = {name.partition(".")[0] for name in names(store)}
