@@ -20,6 +20,7 @@ from typing import Any
 from shellbench.bench.environment import engine_distribution, environment, threads
 from shellbench.bench.executor import Ended, Progressed, Started
 from shellbench.bench.identity import current_source
+from shellbench.bench.kinds import kind_name
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.process import ServerProcess
 from shellbench.bench.record import document
@@ -155,7 +156,7 @@ def unfit(task: Task) -> str | None:
     name = task.identity.solver
     try:
         with PARSING:
-            source = current_source(find_solver(name))
+            source = current_source(find_solver(name), kind_name(task.case))
     except (InputError, OSError, SyntaxError) as error:
         return f"{error}; install there what is installed here"
     if source != task.identity.source:

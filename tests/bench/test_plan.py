@@ -13,6 +13,7 @@ from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import problem_of
 from shellbench.bench.plan import Plan, Request, make_plan
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
+from shellbench.bench.remote import unfit
 from shellbench.bench.store import Contents, Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
@@ -266,3 +267,9 @@ def test_the_version_of_an_engine_is_in_identity_and_environment(toys: Path, plu
     (task,) = plan("strip", solvers=("toy",), settings={"toy": {"factor": 2.0}}).tasks
     assert task.identity.settings["engine"] == f"psutil {version('psutil')}"
     assert task.environment.versions["psutil"] == version("psutil")
+
+
+@pytest.mark.parametrize(("case", "solver"), [("hanging_chain", "chain"), ("square_plate", "fem")])
+def test_a_worker_with_the_same_source_fits_whatever_the_kind_of_problem(case: str, solver: str) -> None:
+    (task,) = plan(case, solvers=(solver,)).tasks
+    assert unfit(task) is None
