@@ -65,13 +65,13 @@ def ndf_strain(name):
 
 def never_lowered(patch):
     """Leave bbar (1 - a3 . n) out of the bending strains of the field."""
-    original = strain_measures.Turned.of.__func__
+    original = strain_measures.Turned.by_slopes.__func__
 
     def level(cls, *args):
         found = original(cls, *args)
         return replace(found, lowered=0 * found.lowered)
 
-    patch.setattr(strain_measures.Turned, "of", classmethod(level))
+    patch.setattr(strain_measures.Turned, "by_slopes", classmethod(level))
 
 
 def halved_moments(module):
@@ -96,8 +96,8 @@ def quadratic_loads(patch):
 
 def too_early(patch):
     """Take each state of equilibrium of the field for the one at one percent more load."""
-    original = equilibrium.Problem._forces
-    patch.setattr(equilibrium.Problem, "_forces", lambda self, t: original(self, 1.01 * t))
+    original = equilibrium.PathProblem._forces
+    patch.setattr(equilibrium.PathProblem, "_forces", lambda self, t: original(self, 1.01 * t))
 
 
 FAULTS = [

@@ -85,7 +85,7 @@ def run_order(text: str) -> dict[str, Any]:
         worker.log_event(order.topic, {"key": key, **event})
 
     tell(environment=task.environment.model_dump_json())
-    standing_by = StandingBy.of(worker, task)
+    standing_by = StandingBy.for_task(worker, task)
     processes = LocalProcesses(1, task.environment.threads, order.timeout, wanted, standing_by.take(), keep=True)
     with (
         standing_by.taking_back(processes.idle),
@@ -109,7 +109,7 @@ class StandingBy:
     loop: Any
 
     @classmethod
-    def of(cls, worker: Any, task: Task) -> StandingBy:
+    def for_task(cls, worker: Any, task: Task) -> StandingBy:
         """Return those of a worker, of which it is an attribute, that have imported what a task needs."""
         identity = task.identity
         key = (identity.solver, identity.source, identity.settings.get(ENGINE), task.target, task.environment.threads)

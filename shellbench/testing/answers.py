@@ -7,7 +7,7 @@ import numpy as np
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, apart, grid, scattered
-from shellbench.testing.subject import Answer, Lost, Trouble, UnknownName
+from shellbench.testing.subject import Answer, Lost, NoAnswer, UnknownName
 from shellbench.testing.verdict import Findings, Verdict
 
 ROUNDING = 1e-9  # relative: what another order of summation may do, in single precision within a field too
@@ -74,7 +74,7 @@ def _shape_fault(answer: Answer, what: str, points: np.ndarray, expected: tuple[
         values = answer.ask("evaluate", what, points) if what in FIELDS else answer.ask(what, points)
     except Lost:
         raise
-    except Trouble as trouble:
+    except NoAnswer as trouble:
         return f"at points {points.shape}: {trouble}"
     if not isinstance(values, np.ndarray | np.generic):
         return f"answers with a {type(values).__name__}, not an array"

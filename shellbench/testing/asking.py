@@ -9,7 +9,7 @@ from shellbench.bench.task import case_data
 from shellbench.engine import ENGINE
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, shells
-from shellbench.testing.subject import Lost, Raised, Refused, SolveFailed, Trouble, UnknownName
+from shellbench.testing.subject import Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName
 from shellbench.testing.verdict import Findings, Verdict
 
 SLOW = 10.0  # seconds to decline a case: it is asked of every pair of a table
@@ -75,7 +75,7 @@ def _not_refused(exam: Examination, setting: Mapping[str, Any], what: str) -> st
         exam.subject.call("settings", dict(setting))
     except Refused:
         return None
-    except Trouble as trouble:
+    except NoAnswer as trouble:
         return f"{what}: {trouble}"
     return f"its settings take {what}"
 

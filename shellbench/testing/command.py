@@ -15,7 +15,7 @@ from shellbench.bench.identity import parse_setting
 from shellbench.bench.registry import find_solver
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.testing.suite import Line, Wish, examine
+from shellbench.testing.suite import CheckOptions, Line, examine
 from shellbench.testing.verdict import Status
 
 COLOURS: dict[Status, str] = {"passed": "green", "failed": "red", "not applicable": "dim", "not shown": "yellow"}
@@ -47,17 +47,19 @@ def check_solver(
         If the solver, a case or a setting is unknown, or an extra is missing.
     """
     entry = find_solver(name)
-    wish = Wish(tuple(map(_shell, cases)), given_settings(name, settings), given_refinements(refine), seconds)
+    options = CheckOptions(
+        tuple(map(_shell, cases)), given_settings(name, settings), given_refinements(refine), seconds
+    )
     out = console or Console(highlight=False, soft_wrap=True)
     lines: list[Line] = []
     if as_json:
-        lines = list(examine(entry, wish))
+        lines = list(examine(entry, options))
         out.out(json.dumps({"solver": name, "checks": [as_data(line) for line in lines]}, indent=2), highlight=False)
     elif out.is_terminal:
         with out.status(name) as spinner:
-            lines = [_shown(out, line) for line in examine(entry, wish, lambda word: _turn(spinner, name, word))]
+            lines = [_shown(out, line) for line in examine(entry, options, lambda word: _turn(spinner, name, word))]
     else:
-        lines = [_shown(out, line) for line in examine(entry, wish)]
+        lines = [_shown(out, line) for line in examine(entry, options)]
     if not as_json:
         out.out(summary(name, lines))
     return BAD if any(line.verdict.status == "failed" for line in lines) else GOOD

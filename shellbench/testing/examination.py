@@ -16,7 +16,7 @@ from shellbench.bench.catalog import case_names, named_case
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
 from shellbench.problems.shell.case import Case
-from shellbench.testing.subject import Answer, Respondent, Trouble, solve_in
+from shellbench.testing.subject import Answer, NoAnswer, Respondent, solve_in
 
 Array = NDArray[np.float64]
 Setting = Mapping[str, Any]
@@ -59,7 +59,7 @@ class Examination:
     refinements: tuple[Setting, ...] = ()
     _subject: Respondent | None = None
     _answers: dict[str, Answer] = field(default_factory=dict)
-    _troubles: dict[str, Trouble] = field(default_factory=dict)
+    _troubles: dict[str, NoAnswer] = field(default_factory=dict)
     _refusals: dict[str, tuple[str, Any, float]] = field(default_factory=dict)
 
     @property
@@ -84,27 +84,27 @@ class Examination:
 
         Raises
         ------
-        Trouble
-            If there is none. `KnownTrouble` where that was met before: it is one finding, not several.
+        NoAnswer
+            If there is none. `AlreadyReported` where that was met before: it is one finding, not several.
         """
         chosen = {**self.settings, **(settings or {})}
         key = json.dumps([case.name, case.digest(), chosen], sort_keys=True)
         if key in self._troubles:
-            raise KnownTrouble(f"its solve of {case.name} has no answer, as said above")
+            raise AlreadyReported(f"its solve of {case.name} has no answer, as said above")
         subject = self.subject
         if key not in self._answers:
             try:
                 self._answers[key] = solve_in(subject, key, case, chosen)
-            except Trouble as trouble:
+            except NoAnswer as trouble:
                 self._troubles[key] = trouble
                 raise
         return self._answers[key]
 
     def declined(self, case: Case) -> str | None:
-        """Return why the solver declines a case, or None; raises `Trouble` if it can't be asked."""
+        """Return why the solver declines a case, or None; raises `NoAnswer` if it can't be asked."""
         kind, answer, _ = self.refusals((case,))[0]
         if kind != "ok":
-            raise Trouble(f"declines {answer}")
+            raise NoAnswer(f"declines {answer}")
         return None if answer is None else str(answer)
 
     def refusals(self, cases: tuple[Case, ...]) -> list[tuple[str, Any, float]]:
@@ -123,7 +123,7 @@ class Examination:
             self._subject.stop()
 
 
-class KnownTrouble(Trouble):
+class AlreadyReported(NoAnswer):
     """A trouble that an earlier check has told of already."""
 
 

@@ -11,7 +11,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
 from shellbench.testing.examination import Examination, apart, grid, scattered
 from shellbench.testing.files import REALS, Part, altered, compressed_size, pickled, read_arrays, what_matters
-from shellbench.testing.subject import Answer, Lost, Respondent, Trouble, load_in
+from shellbench.testing.subject import Answer, Lost, NoAnswer, Respondent, load_in
 from shellbench.testing.verdict import Findings, Verdict, not_shown
 
 SAME = 1e-12  # relative difference of a displacement that was saved and loaded
@@ -53,7 +53,7 @@ def _refuses(found: Findings, subject: Respondent, case: Case, path: object) -> 
         found.faults.append("it loads a file that no solver wrote")
     except Lost as trouble:
         found.faults.append(f"given a file that no solver wrote: {trouble}")
-    except Trouble:
+    except NoAnswer:
         pass
 
 
@@ -104,7 +104,7 @@ def storage(exam: Examination, case: Case) -> Verdict:
                 least = what_matters(array, matters)
             except Lost:
                 raise
-            except Trouble:
+            except NoAnswer:
                 untold.append(name)
                 unknown += compressed_size(array) if array.dtype.kind in REALS else 0
                 continue

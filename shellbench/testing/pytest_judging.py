@@ -68,7 +68,7 @@ class Question:
             others = sorted({v.theory for v in known.of(quantity.name, "judge")})
             only = f" (only one of {', '.join(others)})" if others else ""
             return self._unanswered("red", f"no known value of its theory, {case.theory}, judges {quantity.name}{only}")
-        answer = answers.of(case.name, self.solver, self.seeds)
+        answer = answers.answer(case.name, self.solver, self.seeds)
         if answer.declined is not None:
             return self._unanswered("not judged", f"not applicable: {answer.declined}")
         record = answer.record(self.seed)
@@ -80,7 +80,7 @@ class Question:
         """Return the finding on a run: by what is frozen for its solver, or else by what was given."""
         row = row_of(CurrentRun(record, self.case, {}), self.quantity).model_copy(update={"suite": self.suite})
         if not row.gated:
-            allowed = tolerances.of(self.case, self.quantity, self.solver)
+            allowed = tolerances.allowed(self.case, self.quantity, self.solver)
             if allowed is None and row.status == "ok":
                 option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
                 near_zero = f"its known value being {judge.value:g} {row.unit}"

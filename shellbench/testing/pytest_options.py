@@ -63,7 +63,7 @@ class Tolerances:
             narrower[case.name, quantity or None] = tolerance
         return cls(general, narrower)
 
-    def of(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
+    def allowed(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
         """Return the largest admissible error; what shellbench has frozen for the solver wins.
 
         None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
@@ -103,7 +103,7 @@ class GateOptions:
     timeout: float | None
 
     @classmethod
-    def of(
+    def checked(
         cls,
         config: pytest.Config,
         *,

@@ -60,7 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
     from shellbench.testing.pytest_gate import Gate
     from shellbench.testing.pytest_options import GateOptions
 
-    options = GateOptions.of(
+    options = GateOptions.checked(
         config,
         suites=_values(config, SUITE),
         solvers=_values(config, SOLVER),

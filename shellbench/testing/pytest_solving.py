@@ -74,7 +74,7 @@ class Answers:
         """Whether a record was made by this session, or beside it."""
         return (record.sequence or 0) > self.began
 
-    def of(self, case: str, solver: str, seeds: Sequence[int]) -> Answer:
+    def answer(self, case: str, solver: str, seeds: Sequence[int]) -> Answer:
         """Return the answer of a solver to a case, solving it if need be."""
         key = (case, solver, tuple(seeds))
         if key not in self.known:

@@ -25,31 +25,31 @@ from shellbench.problems.shell.case import Case
 Array = NDArray[np.float64]
 
 
-class Trouble(Exception):
+class NoAnswer(Exception):
     """What a solver did instead of answering, in one clause; a check that meets it unprepared has failed."""
 
 
-class Refused(Trouble):
+class Refused(NoAnswer):
     """It raised InputError."""
 
 
-class SolveFailed(Trouble):
+class SolveFailed(NoAnswer):
     """It raised SolveFailure."""
 
 
-class UnknownName(Trouble):
+class UnknownName(NoAnswer):
     """It raised KeyError."""
 
 
-class Raised(Trouble):
+class Raised(NoAnswer):
     """It raised something else."""
 
 
-class Lost(Trouble):
+class Lost(NoAnswer):
     """Its process died, or did not answer in time."""
 
 
-KINDS: dict[str, tuple[type[Trouble], str]] = {
+KINDS: dict[str, tuple[type[NoAnswer], str]] = {
     "refused": (Refused, "refused: "),
     "failed": (SolveFailed, "failed: "),
     "unknown": (UnknownName, "raised "),
@@ -58,7 +58,7 @@ KINDS: dict[str, tuple[type[Trouble], str]] = {
 
 
 def outcome(operation: str, kind: str, result: Any) -> Any:
-    """Return the result of what a solver was asked for, or raise the `Trouble` that it was."""
+    """Return the result of what a solver was asked for, or raise the `NoAnswer` that it was."""
     if kind == "ok":
         return result
     trouble, prefix = KINDS[kind]
@@ -103,7 +103,7 @@ class Subject:
 
         Raises
         ------
-        Trouble
+        NoAnswer
             If it can't be imported: `Refused` with the reason, as a rule.
         """
         ours, theirs = socket.socketpair()
@@ -123,7 +123,7 @@ class Subject:
         subject = cls(process, Connection(ours.detach()), errors, seconds)
         try:
             subject._hear("the import")
-        except Trouble:
+        except NoAnswer:
             subject.stop()
             raise
         return subject
@@ -138,7 +138,7 @@ class Subject:
 
         Raises
         ------
-        Trouble
+        NoAnswer
             The kind says whether it refused, failed, raised or was lost.
         """
         what = str(arguments[1]) if operation == "ask" else operation
@@ -229,11 +229,11 @@ class Answer:
 
 
 def solve_in(subject: Respondent, key: str, case: Case, settings: Mapping[str, Any]) -> Answer:
-    """Have a subject solve a case; raises `Trouble`."""
+    """Have a subject solve a case; raises `NoAnswer`."""
     data = {**case_data(case), "name": case.name}
     return Answer(subject, key, case, subject.call("solve", key, data, dict(settings)))
 
 
 def load_in(subject: Respondent, key: str, case: Case, path: Path) -> Answer:
-    """Have a subject load a saved solution; raises `Trouble`."""
+    """Have a subject load a saved solution; raises `NoAnswer`."""
     return Answer(subject, key, case, subject.call("load", key, str(path)))

@@ -22,9 +22,9 @@ from shellbench.testing import (
     records,
     repeatability,
 )
-from shellbench.testing.examination import Examination, KnownTrouble, shells
+from shellbench.testing.examination import AlreadyReported, Examination, shells
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
-from shellbench.testing.subject import Refused, Respondent, Subject, Trouble
+from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
 from shellbench.testing.verdict import Verdict, failed, not_applicable, not_shown
 
 Ask = Callable[[Examination], Verdict]
@@ -70,7 +70,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Wish:
+class CheckOptions:
     """What is to be examined.
 
     Attributes
@@ -94,7 +94,9 @@ class Wish:
     checks: tuple[str, ...] = ()
 
 
-def examine(entry: SolverEntry, wish: Wish, tell: Tell = lambda _: None, start: Start | None = None) -> Iterator[Line]:
+def examine(
+    entry: SolverEntry, options: CheckOptions, tell: Tell = lambda _: None, start: Start | None = None
+) -> Iterator[Line]:
     """Go through the checks of a solver, one line each.
 
     Parameters
@@ -111,54 +113,54 @@ def examine(entry: SolverEntry, wish: Wish, tell: Tell = lambda _: None, start: 
     """
     with tempfile.TemporaryDirectory(prefix="shellbench-") as folder:
         tell("import")
-        exam = _begun(entry, wish, Path(folder), start or (lambda: Subject.start(entry, wish.seconds)))
+        exam = _begun(entry, options, Path(folder), start or (lambda: Subject.start(entry, options.seconds)))
         try:
             for name, ask in OF_SOLVER.items():
-                if _wanted(wish, name):
+                if _wanted(options, name):
                     tell(name)
                     yield Line(name, "", _asked(lambda ask=ask: ask(exam)))  # type: ignore[misc]
-            yield from _of_cases(exam, wish, tell)
+            yield from _of_cases(exam, options, tell)
         finally:
             exam.close()
 
 
-def _wanted(wish: Wish, check: str) -> bool:
-    return not wish.checks or check in wish.checks
+def _wanted(options: CheckOptions, check: str) -> bool:
+    return not options.checks or check in options.checks
 
 
-def _begun(entry: SolverEntry, wish: Wish, folder: Path, start: Start) -> Examination:
+def _begun(entry: SolverEntry, options: CheckOptions, folder: Path, start: Start) -> Examination:
     try:
         subject = start()
-    except Trouble as trouble:
+    except NoAnswer as trouble:
         raise InputError(str(trouble).removeprefix("the import refused: ")) from None
-    exam = Examination(entry, start, {}, dict(wish.settings or {}), folder, wish.refinements, subject)
+    exam = Examination(entry, start, {}, dict(options.settings or {}), folder, options.refinements, subject)
     try:
         exam.facts = subject.call("describe")
         subject.call("settings", dict(exam.settings))
-        for refinement in wish.refinements:
+        for refinement in options.refinements:
             subject.call("settings", dict(refinement))
     except Refused as trouble:
         exam.close()
         reason = str(trouble).removeprefix("settings refused: ")
         raise InputError(f"settings of solver '{entry.name}': {reason}") from None
-    except Trouble as trouble:
+    except NoAnswer as trouble:
         exam.close()
         raise InputError(f"solver '{entry.name}' can't be described: {trouble}") from None
     return exam
 
 
-def _of_cases(exam: Examination, wish: Wish, tell: Tell) -> Iterator[Line]:
-    cases = wish.cases or _cheap(exam)
+def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[Line]:
+    cases = options.cases or _cheap(exam)
     for case in cases:
         try:
             reason = exam.declined(case)
-        except Trouble as trouble:
+        except NoAnswer as trouble:
             reason = f"{trouble}"
         for name, ask in OF_CASE.items():
-            if not _wanted(wish, name):
+            if not _wanted(options, name):
                 continue
             asked_of = case
-            if name == "seam" and not any(case.surface.domain.periodic) and not wish.cases:
+            if name == "seam" and not any(case.surface.domain.periodic) and not options.cases:
                 asked_of = _closed(exam) or case
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
@@ -173,9 +175,9 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
     """Return a check's verdict; a solver that does not answer has failed it."""
     try:
         return ask()
-    except KnownTrouble as trouble:
+    except AlreadyReported as trouble:
         return not_shown(str(trouble))
-    except Trouble as trouble:
+    except NoAnswer as trouble:
         return failed(str(trouble))
 
 
@@ -195,5 +197,5 @@ def _closed(exam: Examination) -> Case | None:
 def _takes(exam: Examination, case: Case) -> bool:
     try:
         return exam.declined(case) is None
-    except Trouble:
+    except NoAnswer:
         return False

@@ -5,8 +5,8 @@ import pytest
 from shellbench.bench.catalog import named_case
 from shellbench.bench.registry import SolverEntry
 from shellbench.errors import InputError
-from shellbench.testing.subject import Lost, Subject, Trouble, solve_in
-from shellbench.testing.suite import Wish, examine
+from shellbench.testing.subject import Lost, NoAnswer, Subject, solve_in
+from shellbench.testing.suite import CheckOptions, examine
 from tests.patience import GUARD
 
 PLATE = named_case("square_plate")
@@ -26,7 +26,7 @@ def entry_of(attribute, module="tests.testing.naughty"):
 )
 def test_a_solve_that_does_not_answer_says_how_it_ended(attribute, words):
     subject = Subject.start(entry_of(attribute), seconds=GUARD)
-    with pytest.raises(Trouble, match=words):
+    with pytest.raises(NoAnswer, match=words):
         solve_in(subject, "plate", PLATE, {})
     subject.stop()
 
@@ -47,7 +47,9 @@ def test_what_a_solver_prints_does_not_disturb_its_answers():
 
 
 def test_a_crash_is_one_finding_and_not_several():
-    lines = list(examine(entry_of("CRASH"), Wish(seconds=GUARD, checks=("declining", "answers", "fields", "units"))))
+    lines = list(
+        examine(entry_of("CRASH"), CheckOptions(seconds=GUARD, checks=("declining", "answers", "fields", "units")))
+    )
     by_check = {line.check: line.verdict for line in lines}
     assert by_check["declining"].status == "passed"
     assert by_check["answers"].status == "failed"
@@ -58,9 +60,9 @@ def test_a_crash_is_one_finding_and_not_several():
 
 def test_a_solver_that_can_not_be_imported_is_bad_usage():
     with pytest.raises(InputError, match=r"^solver 'navier' can't be used: .*no_such_module"):
-        list(examine(entry_of("X", "no_such_module"), Wish()))
+        list(examine(entry_of("X", "no_such_module"), CheckOptions()))
 
 
 def test_settings_that_are_refused_are_bad_usage():
     with pytest.raises(InputError, match="field 'terms'"):
-        list(examine(entry_of("NAVIER", "tests.testing.navier"), Wish(settings={"terms": 0})))
+        list(examine(entry_of("NAVIER", "tests.testing.navier"), CheckOptions(settings={"terms": 0})))

@@ -6,7 +6,7 @@ from shellbench.bench.catalog import named_case
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.testing.child import Child, answer
 from shellbench.testing.subject import outcome
-from shellbench.testing.suite import OF_CASE, OF_SOLVER, Wish, examine
+from shellbench.testing.suite import OF_CASE, OF_SOLVER, CheckOptions, examine
 from tests.testing import falling
 from tests.testing.navier import FAULTS
 
@@ -28,7 +28,7 @@ class InProcess:
 
 def examined(attribute, module="navier", **wish):
     entry = SolverEntry(module, f"tests.testing.{module}:{attribute}", "", "")
-    return list(examine(entry, Wish(**wish), start=lambda: InProcess(entry)))
+    return list(examine(entry, CheckOptions(**wish), start=lambda: InProcess(entry)))
 
 
 NOT_OF_STATICS = {"course"}

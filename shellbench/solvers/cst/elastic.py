@@ -34,11 +34,11 @@ class Elastic:
     linear: bool
 
     @classmethod
-    def of(cls, case: Case, mesh: TriangleMesh) -> Elastic:
+    def from_case(cls, case: Case, mesh: TriangleMesh) -> Elastic:
         """Put a mesh on a case's midsurface."""
         rest = case.surface.position(mesh.domain.wrap(mesh.points))
-        membrane = Membrane.of(mesh, rest, case.material)
-        return cls(rest, membrane, Hinges.of(mesh, rest, membrane, case.material), case.linear)
+        membrane = Membrane.from_mesh(mesh, rest, case.material)
+        return cls(rest, membrane, Hinges.from_mesh(mesh, rest, membrane, case.material), case.linear)
 
     def strain(self, displacement: Array) -> Array:
         """Return the membrane strain (t, 3) of vertex displacements (v, 3)."""
@@ -119,7 +119,7 @@ class Pattern:
     starts: Integers
 
     @classmethod
-    def of(cls, elastic: Elastic, free: Integers) -> Pattern:
+    def from_elastic(cls, elastic: Elastic, free: Integers) -> Pattern:
         """Find the pattern of the matrix of free unknowns."""
         number = np.full(elastic.rest.size, -1)
         number[free] = np.arange(len(free))

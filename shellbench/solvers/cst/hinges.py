@@ -54,7 +54,7 @@ class Hinges:
     rest: Array
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: Material) -> Hinges:
+    def from_mesh(cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: Material) -> Hinges:
         """Make the hinges between vertices at rest (v, 3)."""
         vertices, sides = mesh.hinges
         squared = np.sum((rest[vertices[:, 1]] - rest[vertices[:, 0]]) ** 2, axis=1)

@@ -44,7 +44,7 @@ class Loading:
     springs: Array
 
     @classmethod
-    def of(cls, case: Case, mesh: TriangleMesh, elastic: Elastic) -> Loading:
+    def from_case(cls, case: Case, mesh: TriangleMesh, elastic: Elastic) -> Loading:
         """Lump areas and springs."""
         still = cls(case, mesh, elastic, np.zeros(mesh.vertex_count), np.zeros((mesh.vertex_count, 3)))
         areas = still._lumped(np.ones((len(still._area_points()[0]), 1)))[:, 0]

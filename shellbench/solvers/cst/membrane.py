@@ -48,7 +48,7 @@ class Membrane:
     elasticity: Array
 
     @classmethod
-    def of(cls, mesh: TriangleMesh, rest: Array, material: Material) -> Membrane:
+    def from_mesh(cls, mesh: TriangleMesh, rest: Array, material: Material) -> Membrane:
         """Make the triangles between vertices at rest (v, 3)."""
         corners = rest[mesh.triangles]
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]

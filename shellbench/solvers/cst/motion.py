@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.cst.problem import Problem, minimise
+from shellbench.solvers.cst.problem import TriangleProblem, minimise
 
 Array = NDArray[np.float64]
 
@@ -52,7 +52,7 @@ def step_count(until: float, time_step: float) -> int:
     return max(1, math.ceil(steps))
 
 
-def march(problem: Problem, until: float, steps: int, tolerance: float, tell: Callable[[Frame], None]) -> None:
+def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, tell: Callable[[Frame], None]) -> None:
     """Follow the motion from rest by equal steps in time.
 
     Parameters

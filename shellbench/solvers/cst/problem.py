@@ -26,7 +26,7 @@ ROUNDING = 1e-13  # of the energies that are added: a difference that says nothi
 
 
 @dataclass(frozen=True)
-class Problem:
+class TriangleProblem:
     """All that is fixed while a case is solved on a mesh."""
 
     case: Case
@@ -37,16 +37,18 @@ class Problem:
     loose: Loose
 
     @classmethod
-    def of(cls, case: Case, mesh: TriangleMesh) -> Problem:
+    def from_case(cls, case: Case, mesh: TriangleMesh) -> TriangleProblem:
         """Put a case on a mesh; InputError if it does not fit it."""
-        elastic = Elastic.of(case, mesh)
-        supports = Supports.of(case, mesh)
-        return cls(case, mesh, elastic, Loading.of(case, mesh, elastic), supports, Loose.of(case, supports))
+        elastic = Elastic.from_case(case, mesh)
+        supports = Supports.from_case(case, mesh)
+        return cls(
+            case, mesh, elastic, Loading.from_case(case, mesh, elastic), supports, Loose.from_case(case, supports)
+        )
 
     @cached_property
     def pattern(self) -> Pattern:
         """Of the matrices of what is neither held nor pinned."""
-        return Pattern.of(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
+        return Pattern.from_elastic(self.elastic, np.setdiff1d(self.supports.free, self.loose.pins))
 
     def internal(self, displacement: Array) -> Array:
         """Return the forces (v, 3) that triangles, hinges and springs need to be held so, N."""
@@ -89,7 +91,7 @@ def factorised(matrix: csc_array) -> Callable[[Array], Array]:
 
 
 def minimise(
-    problem: Problem, start: Array, force: Array, inertia: Array, target: Array, smallest: float, most: int
+    problem: TriangleProblem, start: Array, force: Array, inertia: Array, target: Array, smallest: float, most: int
 ) -> Minimum:
     """Minimise W(u) - f.u + 1/2 sum of m_i |u_i - target_i|^2 over the free vertices by Newton's method.
 
@@ -149,7 +151,7 @@ def minimise(
     raise SolveFailure(f"Newton's method did not converge in {most} steps")
 
 
-def _newton_step(problem: Problem, u: Array, g: Array, diagonal: Array) -> Array:
+def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array) -> Array:
     for definite in (False, True):
         matrix = problem.pattern.matrix(problem.elastic.tangent_values(u, definite), diagonal)
         try:

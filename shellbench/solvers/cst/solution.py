@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import SLACK, Arrays, ShellSolution, Words, state_number, time_reached
 from shellbench.solvers.cst.mesh import TriangleMesh
-from shellbench.solvers.cst.problem import Problem
+from shellbench.solvers.cst.problem import TriangleProblem
 
 Array = NDArray[np.float64]
 
@@ -47,9 +47,9 @@ class CstSolution(ShellSolution):
     parameters: int
 
     @cached_property
-    def problem(self) -> Problem:
+    def problem(self) -> TriangleProblem:
         """The case on the mesh, made anew where strains, energies or forces are asked for."""
-        return Problem.of(self.case, self.mesh)
+        return TriangleProblem.from_case(self.case, self.mesh)
 
     def _span(self, at: float | None) -> tuple[int, int, float]:
         """Return the frames before and after a mark, and the weight of the second; InputError for a wrong mark."""

@@ -17,7 +17,7 @@ from shellbench.problems.shell.history import displacements, failing_with, with_
 from shellbench.problems.shell.places import Point
 from shellbench.solvers.cst import motion, static
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
-from shellbench.solvers.cst.problem import Problem
+from shellbench.solvers.cst.problem import TriangleProblem
 from shellbench.solvers.cst.solution import CstSolution
 from shellbench.solvers.cst.solver import CstSettings
 
@@ -49,7 +49,7 @@ def usual_cells(case: Case) -> tuple[int, int]:
 class _Course:
     """What is known of a solve so far."""
 
-    problem: Problem
+    problem: TriangleProblem
     settings: CstSettings
     progress: ProgressCallback
     began: float = field(default_factory=time.perf_counter)
@@ -78,7 +78,7 @@ class _Course:
         """Return what was reached, or None before the first state."""
         return self.solution() if self.history else None
 
-    def add_state(self, state: static.State) -> None:
+    def add_state(self, state: static.TriangleState) -> None:
         """Keep a state of a static case, with the displacements that are asked for."""
         self.marks.append(state.at)
         self.frames.append(state.displacement)
@@ -109,7 +109,7 @@ def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSol
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
         course: _Course | None = None
         with failing_with(lambda: course.partial() if course else None, "the mesh"):
-            course = _Course(Problem.of(case, mesh_of(case, chosen)), chosen, progress)
+            course = _Course(TriangleProblem.from_case(case, mesh_of(case, chosen)), chosen, progress)
             return _solve(course)
 
 

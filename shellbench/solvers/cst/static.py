@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.cst.problem import Problem, factorised, minimise
+from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
 
 Array = NDArray[np.float64]
 
@@ -20,7 +20,7 @@ SHORTEST = 2.0**-8  # of the way to the next state: the smallest increment of th
 
 
 @dataclass(frozen=True)
-class State:
+class TriangleState:
     """One state of equilibrium.
 
     Attributes
@@ -44,7 +44,7 @@ class State:
     residual: float
 
 
-def solve_linear(problem: Problem, states: tuple[float, ...]) -> list[State]:
+def solve_linear(problem: TriangleProblem, states: tuple[float, ...]) -> list[TriangleState]:
     """Solve a linear case at each load factor.
 
     Raises
@@ -66,7 +66,9 @@ def solve_linear(problem: Problem, states: tuple[float, ...]) -> list[State]:
     return found
 
 
-def follow_path(problem: Problem, states: tuple[float, ...], tolerance: float, tell: Callable[[State], None]) -> None:
+def follow_path(
+    problem: TriangleProblem, states: tuple[float, ...], tolerance: float, tell: Callable[[TriangleState], None]
+) -> None:
     """Find the equilibrium at each load factor, from the one before it.
 
     Parameters
@@ -105,7 +107,7 @@ def follow_path(problem: Problem, states: tuple[float, ...], tolerance: float, t
         tell(_state(problem, t, u, force, iterations))
 
 
-def _state(problem: Problem, t: float, u: Array, force: Array, iterations: int) -> State:
+def _state(problem: TriangleProblem, t: float, u: Array, force: Array, iterations: int) -> TriangleState:
     internal = problem.internal(u)
     gap = (internal - force).ravel()
     acting = float(np.abs(force).sum())
@@ -116,4 +118,4 @@ def _state(problem: Problem, t: float, u: Array, force: Array, iterations: int) 
     if len(problem.loose.pins):
         u = problem.loose.removed(u, problem.loading.areas)
     energy = problem.strain_energy(u) - float(np.sum(force * u))
-    return State(t, u, energy, iterations, float(np.abs(gap[problem.pattern.free]).max(initial=0.0)) / scale)
+    return TriangleState(t, u, energy, iterations, float(np.abs(gap[problem.pattern.free]).max(initial=0.0)) / scale)

@@ -37,7 +37,7 @@ class Supports:
     holds: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, case: Case, mesh: TriangleMesh) -> Supports:
+    def from_case(cls, case: Case, mesh: TriangleMesh) -> Supports:
         """Find the held vertices.
 
         Raises
@@ -131,7 +131,7 @@ class Loose:
     pins: Integers
 
     @classmethod
-    def of(cls, case: Case, supports: Supports) -> Loose:
+    def from_case(cls, case: Case, supports: Supports) -> Loose:
         """Choose the pins among the free unknowns."""
         names = [RIGID_MOTIONS.index(name) for name in case.remove_rigid_motions]
         modes = rigid_modes(case.surface, supports.mesh.points)[0, 0].reshape(-1, len(RIGID_MOTIONS))[:, names]

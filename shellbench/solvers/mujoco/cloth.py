@@ -46,7 +46,7 @@ class Cloth:
     masses: Array
 
     @classmethod
-    def of(cls, grid: Grid, loading: Loading, integrator: Integrator, time_step: float, damping: float) -> Cloth:
+    def from_grid(cls, grid: Grid, loading: Loading, integrator: Integrator, time_step: float, damping: float) -> Cloth:
         """Build and compile the model.
 
         Raises

@@ -43,7 +43,7 @@ class Pace:
     steps: int
 
     @classmethod
-    def of(cls, until: float, frame_rate: float, time_step: float) -> Pace:
+    def from_rates(cls, until: float, frame_rate: float, time_step: float) -> Pace:
         """Return the pace whose frames and steps are as long as asked for, or a little shorter.
 
         Raises

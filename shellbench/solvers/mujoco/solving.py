@@ -99,7 +99,7 @@ def _follow(case: Case, settings: FlexSettings, tell: ProgressCallback) -> FlexS
     grid = Grid(case, settings.cells)
     loading = Loading(grid)
     wanted = settings.time_step or usual_step(Elasticity(grid), loading, settings.damping)
-    pace = Pace.of(case.dynamics.until, settings.frame_rate, wanted)
+    pace = Pace.from_rates(case.dynamics.until, settings.frame_rate, wanted)
     size = 2 * (pace.frames + 1) * grid.rest.nbytes
     if size > MOST_BYTES:
         raise InputError(
@@ -108,7 +108,7 @@ def _follow(case: Case, settings: FlexSettings, tell: ProgressCallback) -> FlexS
     staggered = settings.staggered and settings.integrator == "Euler"
     figures = {"cells": list(settings.cells), "integrator": settings.integrator, "staggered": staggered}
     course = _Course(grid, pace, tell, figures, began)
-    cloth = Cloth.of(grid, loading, settings.integrator, pace.time_step, settings.damping)
+    cloth = Cloth.from_grid(grid, loading, settings.integrator, pace.time_step, settings.damping)
     for frame in march(cloth, loading, settings.integrator, staggered, pace):
         if not course.keep(frame):
             break

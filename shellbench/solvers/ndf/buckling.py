@@ -22,8 +22,8 @@ from shellbench.solvers.ndf.continuation import (
     PathEndsError,
     landing,
 )
-from shellbench.solvers.ndf.equilibrium import NotConvergedError, Problem
-from shellbench.solvers.ndf.newton import State, equilibrium
+from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.relaxation import NEUTRAL, relaxed
 
 LOCATED = 1e-4  # of the critical load factor: how well it is found
@@ -35,7 +35,7 @@ SECANTS = 40  # trials of a critical load; bisections alone need some ten
 ABOUT_TO_BUCKLE = 0.1  # eigenvalue, of 1 at rest, above which it is Newton's method that fails and not the shell
 
 
-def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
+def follow_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield stable states from rest to the last of increasing load factors, and the first critical one.
 
     Raises
@@ -43,16 +43,16 @@ def follow_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
     PathEndsError
         If no stable state is found, however short the step.
     """
-    state = State.rest(problem)
+    state = PathState.rest(problem)
     for state in _to_buckling(problem, marks):
         yield state
     if state.critical:
         yield from _beyond_buckling(problem, state, marks)
 
 
-def _to_buckling(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
+def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield the states up to the last mark, or to the first critical one."""
-    state, end = State.rest(problem), marks[-1]
+    state, end = PathState.rest(problem), marks[-1]
     step, foretold = FIRST_STEP * end, end
     for mark in marks:
         while state.t < mark:
@@ -76,7 +76,7 @@ def _to_buckling(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
             yield state
 
 
-def _beyond_buckling(problem: Problem, state: State, marks: Sequence[float]) -> Iterator[State]:
+def _beyond_buckling(problem: PathProblem, state: PathState, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield stable states from a critical one to the last mark."""
     end, step = marks[-1], LEFT * state.t
     for mark in marks:
@@ -101,7 +101,7 @@ def _beyond_buckling(problem: Problem, state: State, marks: Sequence[float]) -> 
             yield state
 
 
-def _critical(problem: Problem, stable: State, unstable: State | None, beyond: float) -> State:
+def _critical(problem: PathProblem, stable: PathState, unstable: PathState | None, beyond: float) -> PathState:
     """Return the last stable state before a load factor at which there is an unstable one, or none.
 
     A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
@@ -128,17 +128,17 @@ def _critical(problem: Problem, stable: State, unstable: State | None, beyond: f
     return stable
 
 
-def _zero(before: State, after: State) -> float | None:
+def _zero(before: PathState, after: PathState) -> float | None:
     """Return the load factor where the smallest eigenvalue vanishes if it goes on to fall as between two states."""
     fall = _lowest(before) - _lowest(after)
     return after.t + _lowest(after) / fall * (after.t - before.t) if fall > 0 else None
 
 
-def _lowest(state: State) -> float:
+def _lowest(state: PathState) -> float:
     return 1.0 if state.tangent is None else state.tangent.lowest
 
 
-def _stepped(problem: Problem, state: State, t: float, straight: bool = True) -> State | None:
+def _stepped(problem: PathProblem, state: PathState, t: float, straight: bool = True) -> PathState | None:
     """Return the state at a load factor by Newton's method, None if it does not converge.
 
     Nor if it must be `straight` and leads elsewhere than it set out to, as a step over a bifurcation to the buckled

@@ -75,13 +75,13 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     """Return the input coordinates."""
     around = foci(case, spec.layer)
     edges = edge_layers(case) if spec.edge_stretched and not around else None
-    return Inputs.of(case, spec.periodic_input, around if spec.stretched else (), edges)
+    return Inputs.from_case(case, spec.periodic_input, around if spec.stretched else (), edges)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
     mirrored = mirrored_axes(case.surface.domain, spec.periodic_input)
-    fixed = FixedFeatures.of(case, foci(case, spec.layer), spec.multipliers, mirrored)
+    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored)
     return Features(inputs, network, fixed, placement)
 
 

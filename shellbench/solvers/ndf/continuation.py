@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.equilibrium import NotConvergedError, Problem
-from shellbench.solvers.ndf.newton import Constraint, State, drift, equilibrium, on_path
+from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
+from shellbench.solvers.ndf.newton import Constraint, PathState, drift, equilibrium, on_path
 
 EASY = 6  # iterations after which the next step may be longer
 GROWTH, CUT = 2.0, 0.5
@@ -37,7 +37,7 @@ class PathEndsError(Exception):
     """The path can't be followed further; the message is a clause that says why."""
 
 
-def load_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
+def load_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield the states from rest to the last of increasing load factors.
 
     Raises
@@ -45,7 +45,7 @@ def load_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
     PathEndsError
         If a step can't be cut further.
     """
-    state, end = State.rest(problem), marks[-1]
+    state, end = PathState.rest(problem), marks[-1]
     step = FIRST_STEP * end
     for mark in marks:
         while state.t < mark:
@@ -66,7 +66,7 @@ def load_steps(problem: Problem, marks: Sequence[float]) -> Iterator[State]:
             yield state
 
 
-def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[State]:
+def displacement_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[PathState]:
     """Yield the states at increasing values of the displacement row . w, the load factor unknown.
 
     Raises
@@ -74,7 +74,7 @@ def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], en
     PathEndsError
         If the loads do not move it, a step can't be cut further, or the path has passed a branch.
     """
-    state, value = State.rest(problem), 0.0
+    state, value = PathState.rest(problem), 0.0
     first = _first_rate(row, drift(problem, state))
     step = longest = end / PATH_STEPS
     rising = True
@@ -98,7 +98,7 @@ def displacement_steps(problem: Problem, row: Tensor, marks: Sequence[float], en
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
 
 
-def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[State]:
+def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], end: float) -> Iterator[PathState]:
     """Yield the states along the path by arc length, until the displacement row . w first reaches `end`.
 
     An arc is the root mean square of the displacement's change over a grid.
@@ -110,7 +110,7 @@ def arc_length_steps(problem: Problem, row: Tensor, marks: Sequence[float], end:
         not get there.
     """
     measured = _samples(problem)
-    state, value, highest = State.rest(problem), 0.0, 0.0
+    state, value, highest = PathState.rest(problem), 0.0, 0.0
     waiting = sorted({*marks, end})
     tangent = drift(problem, state)
     first = _first_rate(row, tangent)
@@ -167,7 +167,7 @@ def _first_rate(row: Tensor, tangent: Tensor) -> float:
     return rate
 
 
-def _check_branch(found: State, rises: bool) -> None:
+def _check_branch(found: PathState, rises: bool) -> None:
     """Check that only limit points were passed: there the tangent's determinant changes sign with the load's rate."""
     if found.tangent is not None and found.tangent.positive != rises:
         raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
@@ -179,7 +179,7 @@ def landing(value: float, mark: float, step: float) -> float:
     return mark if parts <= 1 else value + (mark - value) / parts
 
 
-def _to_displacement(problem: Problem, state: State, row: Tensor, value: float, target: float) -> State:
+def _to_displacement(problem: PathProblem, state: PathState, row: Tensor, value: float, target: float) -> PathState:
     tangent = drift(problem, state)
     rate = float(row @ tangent)
     if rate == 0.0:
@@ -188,7 +188,7 @@ def _to_displacement(problem: Problem, state: State, row: Tensor, value: float, 
     return on_path(problem, state, Constraint(row, target), (change * tangent, change))
 
 
-def _samples(problem: Problem) -> Tensor:
+def _samples(problem: PathProblem) -> Tensor:
     """Return the rows (3 n, 3 M) of the displacement on a grid of n points, divided by the root of n."""
     points = problem.ansatz.case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
     rows = [problem.row(points[[k]], np.eye(3)[[c]]) for k in range(len(points)) for c in range(3)]

@@ -24,7 +24,7 @@ from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.network import Network, deep_random_features
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.resolution import rung, rung_count
-from shellbench.solvers.ndf.training import Plan, Problem, Quadratures, train, trusted
+from shellbench.solvers.ndf.training import Plan, Quadratures, TrainingProblem, train, trusted
 
 WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
 
@@ -50,11 +50,13 @@ def follow(
     """
     full = case.path.until if case.path.control == "load" else 1.0
     linear = case.model_copy(update={"theory": "kirchhoff-love-linear"})
-    problem = Problem.of(linear, spec.model_copy(update={"strain": "linear", "t": full}), placement, constraints)
+    problem = TrainingProblem.from_case(
+        linear, spec.model_copy(update={"strain": "linear", "t": full}), placement, constraints
+    )
 
     def build(number: int, width: int) -> Rung:
         chosen = rung(case, number)
-        points = Quadratures.of(problem, width)
+        points = Quadratures.for_width(problem, width)
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
         drawn = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
@@ -83,7 +85,7 @@ def may_be_trained(case: Case, width: int) -> bool:
     return width <= WIDEST_TRAINED and not prescribed and not moments and not buckles
 
 
-def _trained(problem: Problem, plan: Plan, network: Network, points: Quadratures) -> Network:
+def _trained(problem: TrainingProblem, plan: Plan, network: Network, points: Quadratures) -> Network:
     """Return a better network, or the same one if no step is certified."""
     try:
         state, points = trusted(problem, plan, points.evaluate(problem, network), points)

@@ -85,7 +85,7 @@ class Basis:
     held: Tensor
 
     @classmethod
-    def of(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
+    def from_stiffness(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
         """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held."""
         combine = independent(stiffness)
         if not len(constraints):
@@ -101,7 +101,7 @@ class Basis:
 
 
 @dataclass(frozen=True)
-class Problem:
+class PathProblem:
     """A case with its features on one quadrature.
 
     Attributes
@@ -116,7 +116,7 @@ class Problem:
     rule_spec: RuleSpec
     focal: Array
 
-    def independent(self) -> Problem:
+    def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
         matrix = self._stiffness
         blocks = matrix.view(3, self.features.count, 3, self.features.count)
@@ -139,7 +139,7 @@ class Problem:
     def sampled(self) -> Sampled:
         """The area rule's points."""
         rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
-        return Sampled.of(self.ansatz_at(0.0), self.features, rule.points)
+        return Sampled.at_points(self.ansatz_at(0.0), self.features, rule.points)
 
     @cached_property
     def sampled_at(self) -> Callable[[float], Sampled]:
@@ -262,7 +262,7 @@ class Problem:
     @cached_property
     def basis(self) -> Basis:
         """The unknowns."""
-        return Basis.of(self._stiffness, self.constraints)
+        return Basis.from_stiffness(self._stiffness, self.constraints)
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""

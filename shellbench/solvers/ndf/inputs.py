@@ -75,7 +75,7 @@ class Inputs:
     kept: tuple[int, ...]
 
     @classmethod
-    def of(
+    def from_case(
         cls,
         case: Case,
         periodic: PeriodicInput = "both",

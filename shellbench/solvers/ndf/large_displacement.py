@@ -25,11 +25,11 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.certificate import rigid_part
 from shellbench.solvers.ndf.combined import Combined
 from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
-from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, Problem
+from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.newton import State, equilibrium
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.solution import NdfSolution
@@ -143,14 +143,14 @@ class _Run:
         rule = area_rule(case.surface.domain, rung.focal, rung.rule)
         for t in case.states if case.path.quantity is None else (1.0,):
             check_balance(case, rule, rung.rule, rung.focal, t)
-        problem = Problem(spec, ansatz, rung.features, rung.rule, rung.focal)
+        problem = PathProblem(spec, ansatz, rung.features, rung.rule, rung.focal)
         self.problem = problem if self.prescribed else problem.independent()
         self.quantities = {q.name: q for q in case.quantities if isinstance(q, DisplacementQuantity)}
         self.rows = self._rows(0.0)
         self.controlled = self.rows.get(case.path.quantity or "")
 
     def solve(self) -> PathSolution:
-        states: list[State] = []
+        states: list[PathState] = []
         seconds: list[float] = []
         reason: str | None = None
         try:
@@ -189,16 +189,16 @@ class _Run:
             quantities=last.quantities,
         )
 
-    def _states(self) -> Iterator[State]:
+    def _states(self) -> Iterator[PathState]:
         case, problem = self.case, self.problem
         if self.prescribed:
-            rest = State.rest(problem)
+            rest = PathState.rest(problem)
             for t in case.states:
-                yield State(t, rest.weights, problem.deform(rest.weights, t))
+                yield PathState(t, rest.weights, problem.deform(rest.weights, t))
             return
         if case.linear:
             for t in case.states:
-                yield equilibrium(problem, State.rest(problem), t)
+                yield equilibrium(problem, PathState.rest(problem), t)
             return
         match case.path.control:
             case "load" if case.path.after_buckling == "follow":
@@ -220,7 +220,7 @@ class _Run:
         assert self.controlled is not None
         return self.controlled
 
-    def _kept(self, states: Sequence[State], seconds: Sequence[float], complete: bool) -> PathSolution:
+    def _kept(self, states: Sequence[PathState], seconds: Sequence[float], complete: bool) -> PathSolution:
         case = self.case
         marks = [s.t if self.controlled is None else float(self.controlled @ s.weights) for s in states]
         kept = []
@@ -255,7 +255,7 @@ class _Run:
             },
         )
 
-    def _certified(self, fine: Problem, state: State) -> Deformed:
+    def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
         """Return what a state does on the finer rule, its normals having turned as on the other one."""
         near = [
             known.spread(angles, other)
@@ -268,7 +268,7 @@ class _Run:
         magnitude = certified.membrane + certified.bending + abs(certified.work)
         return abs(trained.potential - certified.potential) / max(magnitude, self.problem.unstrained)
 
-    def _step(self, number: int, state: State, seconds: float, gap: float | None) -> Step:
+    def _step(self, number: int, state: PathState, seconds: float, gap: float | None) -> Step:
         return Step(
             iteration=number,
             seconds=seconds,
@@ -284,7 +284,7 @@ class _Run:
             iterations=state.iterations,
         )
 
-    def _state(self, state: State, certified: Deformed) -> NdfSolution:
+    def _state(self, state: PathState, certified: Deformed) -> NdfSolution:
         features, combined = self.rung.features, self.problem.features
         output = state.weights.view(3, -1)
         if isinstance(combined, Combined):

@@ -83,7 +83,7 @@ def _stiffness(case: Case, spec: RuleSpec) -> Array:
 def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Combined:
     """Return combinations of features up to a degree, orthonormal in the area, the boundary matrix taken in."""
     domain, placement = ansatz.case.surface.domain, features.placement
-    jacobian = Undeformed.of(ansatz.case.surface, rule.points, placement).geometry.jacobian
+    jacobian = Undeformed.at_points(ansatz.case.surface, rule.points, placement).geometry.jacobian
     held = ansatz.factors.matrix(rule.points, placement)[VALUE]
     weights = placement.tensor(rule.weights) * jacobian * (held * held).sum(dim=(1, 2)) / 3
     jets = features.jets(rule.points)

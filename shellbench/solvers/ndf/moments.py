@@ -68,7 +68,7 @@ class EdgeMoment:
         if not self.finite:
             return (self.rows(gradients) * gradients[:, :2].flatten(1)).sum(-1)
         e, before = self._axis, self.sampled.undeformed.reference.normal
-        after = Turned.of(self.sampled.undeformed.reference, gradients[:, :2]).normal
+        after = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]).normal
         p, q = (v - (v @ e)[:, None] * e for v in (before, after))
         angle = torch.atan2(torch.linalg.cross(p, q, dim=-1) @ e, (p * q).sum(-1))
         return angle + TURN * torch.round((near - angle) / TURN)
@@ -91,12 +91,12 @@ class EdgeMoment:
         """Return the first variation (N, 6) of the angles on du,1 and du,2."""
         if not self.finite:
             gradients = torch.zeros_like(gradients)
-        turned, e = Turned.of(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
+        turned, e = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
         n = turned.normal
         return turned.turning(torch.linalg.cross(e.expand_as(n), n, dim=-1)) / (1 - (n @ e) ** 2)[:, None]
 
     def _form(self, gradients: Tensor) -> Tensor:
-        turned, e = Turned.of(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
+        turned, e = Turned.by_slopes(self.sampled.undeformed.reference, gradients[:, :2]), self._axis
         n = turned.normal
         along, lean = n @ e, torch.linalg.cross(e.expand_as(n), n, dim=-1)
         across = (1 - along**2)[:, None, None]
@@ -117,4 +117,4 @@ def edge_moments(
                     rule = edge_rule(case.surface.domain, place, focal, spec)
                     tangent = case.surface.derivatives(rule.points, 1)[(0, 1) if place.axis == 0 else (1, 0)]
                     lengths = rule.weights * np.linalg.norm(tangent, axis=-1)
-                    yield EdgeMoment(case, load, Sampled.of(ansatz, features, rule.points), lengths, finite)
+                    yield EdgeMoment(case, load, Sampled.at_points(ansatz, features, rule.points), lengths, finite)

@@ -100,7 +100,7 @@ class Motion:
     def sampled(self) -> Sampled:
         """The rule's points."""
         rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
-        return Sampled.of(self.ansatz(0.0), self.features, rule.points)
+        return Sampled.at_points(self.ansatz(0.0), self.features, rule.points)
 
     @cached_property
     def _alike(self) -> bool:
@@ -164,7 +164,7 @@ class Motion:
     @cached_property
     def basis(self) -> Basis:
         """The unknowns, orthonormal in mass."""
-        return Basis.of(self.mass, self._rows)
+        return Basis.from_stiffness(self.mass, self._rows)
 
     def targets(self, t: float) -> Tensor:
         """Return what the point supports prescribe (k,) at a time, metres, less the lift."""

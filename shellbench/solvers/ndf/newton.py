@@ -14,12 +14,12 @@ from shellbench.solvers.ndf.equilibrium import (
     MOST_ITERATIONS,
     Deformed,
     NotConvergedError,
-    Problem,
+    PathProblem,
 )
 
 
 @dataclass(frozen=True)
-class State:
+class PathState:
     """A state of equilibrium.
 
     Attributes
@@ -42,7 +42,7 @@ class State:
     critical: bool = False
 
     @classmethod
-    def rest(cls, problem: Problem) -> State:
+    def rest(cls, problem: PathProblem) -> PathState:
         """Return the state that nothing loads."""
         weights = problem.weights.new_zeros(3 * problem.features.count)
         return cls(0.0, weights, problem.deform(weights, 0.0))
@@ -61,7 +61,7 @@ class Constraint:
     value: float
 
 
-def equilibrium(problem: Problem, start: State, t: float, neutral: float = 0.0) -> State:
+def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float = 0.0) -> PathState:
     """Return the state at a load factor, from another one; it is stable if its tangent is positive definite.
 
     Modes whose eigenvalue is less than `neutral` of the stiffness at rest are left as they are.
@@ -76,7 +76,7 @@ def equilibrium(problem: Problem, start: State, t: float, neutral: float = 0.0) 
     return _newton(problem, start, t, change, None, neutral)
 
 
-def on_path(problem: Problem, start: State, constraint: Constraint, guess: tuple[Tensor, float]) -> State:
+def on_path(problem: PathProblem, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
     """Return the state that satisfies a constraint, from another one and a guess (dw, dt) of the step to it.
 
     Raises
@@ -87,7 +87,7 @@ def on_path(problem: Problem, start: State, constraint: Constraint, guess: tuple
     return _newton(problem, start, start.t + guess[1], guess[0], constraint)
 
 
-def drift(problem: Problem, state: State) -> Tensor:
+def drift(problem: PathProblem, state: PathState) -> Tensor:
     """Return dw/dt (3 M,) along the path at a state.
 
     Raises
@@ -108,7 +108,7 @@ class Tangent:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: PathProblem,
         deformed: Deformed,
         t: float,
         weights: Tensor,
@@ -155,8 +155,13 @@ class Tangent:
 
 
 def _newton(
-    problem: Problem, start: State, t: float, step: Tensor, constraint: Constraint | None, neutral: float = 0.0
-) -> State:
+    problem: PathProblem,
+    start: PathState,
+    t: float,
+    step: Tensor,
+    constraint: Constraint | None,
+    neutral: float = 0.0,
+) -> PathState:
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     if bool(step.any()):
         geometric = problem.predicted(deformed, step)
@@ -185,5 +190,5 @@ def _newton(
         if not scale < float("inf") or decrement > HOPELESS * first:
             break
         if decrement <= CONVERGED * scale:
-            return State(t, weights, deformed, iteration, tangent)
+            return PathState(t, weights, deformed, iteration, tangent)
     raise NotConvergedError

@@ -118,9 +118,9 @@ def solve(
     """Train a field; see `shellbench.solvers.ndf.published_solver.PublishedSolver`."""
     training: Training
     if case.dynamics is None:
-        training = _Training.of(case, settings)
+        training = _Training.from_case(case, settings)
     else:
-        training = MotionTraining.of(case, settings, PublishedSolver.name)
+        training = MotionTraining.from_case(case, settings, PublishedSolver.name)
     own = own_checkpoint(case, settings)
     plan = Plan(settings.iterations, settings.learning_rate, own, settings.checkpoint_every)
     begin = start if start is not None or own is None or not own.exists() else own
@@ -173,7 +173,7 @@ class _Training:
     sampler: Sampler
 
     @classmethod
-    def of(cls, case: Case, settings: PublishedSettings) -> _Training:
+    def from_case(cls, case: Case, settings: PublishedSettings) -> _Training:
         if settings.strain not in (None, "linear"):
             raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
@@ -181,7 +181,7 @@ class _Training:
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
         edges = resolution(case).rule
         check_balance(case, area_rule(case.surface.domain, focal, edges), edges, focal)
-        scale = InputScale.of(inputs, placement)
+        scale = InputScale.from_inputs(inputs, placement)
         factor = settings.modulus_factor or usual_modulus_factor(ansatz)
         shape = (inputs.count, settings.layers, settings.width, settings.omega0)
         return cls(

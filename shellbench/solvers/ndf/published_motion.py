@@ -55,13 +55,13 @@ def why_no_motion(case: Case) -> str | None:
     for quantity in case.quantities:
         if isinstance(quantity, ReactionQuantity | TorqueQuantity) and len(case.supports) > 1:
             return f"it can't tell the reaction of support '{quantity.support}' from that of others"
-    return Ansatz.of(case, "both").supports.why_not_held() or why_not_sampled(case)
+    return Ansatz.from_case(case, "both").supports.why_not_held() or why_not_sampled(case)
 
 
 def load_motion(path: Path, solver: str) -> TrainedMotion:
     """Read what `TrainedMotion.save` wrote; InputError in one sentence if it is no motion of this solver."""
     header, case, siren = read_motion(path, solver)
-    ansatz = Ansatz.of(case, header.periodic_input)
+    ansatz = Ansatz.from_case(case, header.periodic_input)
     if siren.weights[0].shape[1] != ansatz.count:
         raise InputError(f"{path}: is damaged: its weights do not fit its case")
     return TrainedMotion(
@@ -82,12 +82,12 @@ class MotionTraining:
     sampler: MotionSampler
 
     @classmethod
-    def of(cls, case: Case, settings: PublishedSettings, solver: str) -> MotionTraining:
+    def from_case(cls, case: Case, settings: PublishedSettings, solver: str) -> MotionTraining:
         """Begin a training; InputError if the settings do not fit a motion."""
         if settings.modulus_factor is not None:
             raise InputError("setting modulus_factor belongs to the linear theory; in motion the modulus is the case's")
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
-        ansatz = Ansatz.of(case, settings.periodic_input)
+        ansatz = Ansatz.from_case(case, settings.periodic_input)
         shape = (ansatz.count, settings.layers, settings.width, settings.omega0)
         siren = initial_siren(*shape, settings.seed, placement)
         strain = settings.strain or "published"
@@ -152,7 +152,7 @@ class MotionTraining:
         for first in range(0, FINE_TIMES, BATCH_TIMES):
             part = slice(first, first + BATCH_TIMES)
             share = np.outer(w[part] / 2, rule.weights)
-            yield SpaceTime.of(ansatz, strain, rule.points, times[part], share, placement)
+            yield SpaceTime.at_points(ansatz, strain, rule.points, times[part], share, placement)
 
 
 def _silent(siren: Siren) -> Siren:

@@ -44,7 +44,7 @@ class Ansatz:
     supports: SoftSupports
 
     @classmethod
-    def of(cls, case: Case, periodic_input: PeriodicInput) -> Ansatz:
+    def from_case(cls, case: Case, periodic_input: PeriodicInput) -> Ansatz:
         """Derive it from a case."""
         spec = FieldSpec(periodic_input=periodic_input, stretched=False, multipliers=0)
         return cls(case, build_inputs(case, spec), SoftSupports(case))
@@ -62,7 +62,7 @@ class Ansatz:
 
     def space(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, n) of the published inputs of space at points (N, 2)."""
-        return InputScale.of(self.inputs, placement).apply(self.inputs.jets(points, placement))
+        return InputScale.from_inputs(self.inputs, placement).apply(self.inputs.jets(points, placement))
 
     def seen(self, space: Tensor, times: Tensor) -> Tensor:
         """Return all inputs (7, T N, n + 1) of T times (T,) at the N points of `space`; times vary slowest."""

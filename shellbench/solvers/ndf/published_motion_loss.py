@@ -83,12 +83,12 @@ class SpaceTime:
     strain: StrainName
 
     @classmethod
-    def of(
+    def at_points(
         cls, ansatz: Ansatz, strain: StrainName, points: Array, times: Array, share: Array, placement: Placement
     ) -> SpaceTime:
         """Tabulate in float64 at points (N, 2) and times (T,), whose parametric areas are `share` (T, N)."""
         case, exact = ansatz.case, placement._replace(dtype=torch.float64)
-        surface = Undeformed.of(case.surface, points, exact)
+        surface = Undeformed.at_points(case.surface, points, exact)
         to, many = placement.dtype, len(times)
 
         def repeated(tensor: Tensor) -> Tensor:
@@ -134,7 +134,7 @@ class SpaceTime:
     def strain_energy(self, jets: Tensor) -> Tensor:
         """Return the strain energy density W (T, N), N/m, from the jets (6, T, N, 3) of a displacement."""
         gradients = self.gradients @ jets.permute(1, 2, 0, 3)
-        strains = MEASURES[self.strain].of(self.reference, gradients.flatten(0, 1)).strains
+        strains = MEASURES[self.strain].from_gradients(self.reference, gradients.flatten(0, 1)).strains
         strains = strains.view(*self.weights.shape, 2, 3, 1)
         density: Tensor = 0.5 * (strains * (self.elasticity @ strains)).sum((-3, -2, -1))
         return density
@@ -172,7 +172,7 @@ class MotionSampler:
         for iteration in range(start, stop):
             points = stratified_samples(case, self.cells, self.seed, iteration)
             times = stratified_times(self.ansatz.until, self.times, self.seed, iteration)
-            yield SpaceTime.of(self.ansatz, self.strain, points, times, share, self.placement)
+            yield SpaceTime.at_points(self.ansatz, self.strain, points, times, share, self.placement)
 
 
 def why_not_sampled(case: Case) -> str | None:

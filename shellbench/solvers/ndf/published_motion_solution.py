@@ -74,7 +74,7 @@ class TrainedMotion(FieldSolution):
         t, part = self._time(at), slice(0, 3) if name.startswith("membrane") else slice(3, 6)
 
         def strain(xi: Array) -> Tensor:
-            surface = Undeformed.of(self.case.surface, xi, self.field.placement)
+            surface = Undeformed.at_points(self.case.surface, xi, self.field.placement)
             gradients = surface.gradients(self.field.planes(xi, t)[:6])
             strains = surface.strained(self.strain, gradients).strains
             if name.endswith("strain"):

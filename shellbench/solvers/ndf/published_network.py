@@ -39,7 +39,7 @@ class InputScale:
     shift: Tensor
 
     @classmethod
-    def of(cls, inputs: Inputs, placement: Placement) -> InputScale:
+    def from_inputs(cls, inputs: Inputs, placement: Placement) -> InputScale:
         """Return the map for the inputs of a case."""
         half: list[bool] = []
         for periodic in inputs.case.surface.domain.periodic:

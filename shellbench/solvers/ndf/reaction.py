@@ -90,7 +90,7 @@ def edge_reaction(
     total = placement.tensor(np.zeros(6))
     for start in range(0, len(rule.points), BATCH):
         points = rule.points[start : start + BATCH]
-        surface = Undeformed.of(case.surface, points, placement)
+        surface = Undeformed.at_points(case.surface, points, placement)
         weights = placement.tensor(rule.weights[start : start + BATCH]) * surface.geometry.jacobian
         density = force_density(case, points, t)
         force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]

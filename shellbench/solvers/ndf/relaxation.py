@@ -17,8 +17,8 @@ import math
 import torch
 from torch import Tensor
 
-from shellbench.solvers.ndf.equilibrium import CONVERGED, Deformed, NotConvergedError, Problem
-from shellbench.solvers.ndf.newton import State
+from shellbench.solvers.ndf.equilibrium import CONVERGED, Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.newton import PathState
 
 NEUTRAL = 1e-4
 """Eigenvalue of a tangent, relative to the stiffness at rest, that is called zero.
@@ -35,7 +35,7 @@ MOST_STEPS = 400
 SECULAR = 100  # bisections of the shift
 
 
-def relaxed(problem: Problem, start: State, t: float) -> State:
+def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
     """Return a stable state at load factor t of no more energy than the start has there.
 
     Raises
@@ -64,7 +64,7 @@ def relaxed(problem: Problem, start: State, t: float) -> State:
             if float(left[neutral].sum()) <= IMMATERIAL * scale:  # the field's own doing: nothing to run after
                 gradient, left = gradient.masked_fill(neutral, 0.0), left.masked_fill(neutral, 0.0)
             if float(left.sum()) <= CONVERGED * scale:
-                return State(t, weights, deformed, iteration)
+                return PathState(t, weights, deformed, iteration)
         step = trust_region_step(values, gradient, radius)
         foretold = -float(gradient @ step + (values * step * step).sum() / 2)
         change = basis.combine @ (vectors @ step)

@@ -145,9 +145,9 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
     check_balance(case, rule, chosen.rule, focal)
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
     weight = settings.penalty or PENALTY
-    springs = Springs.of(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
+    springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
     if springs:
-        equations = Springs.of(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
     progress(Progress(1, 3, "solving for the output layer"))
     widths = sorted({math.ceil(share * chosen.neurons) for share in NESTED})
     layers = [solve_nested(ansatz, features, equations, width) for width in widths]

@@ -42,7 +42,7 @@ class Sample:
     fixed: Tensor
 
     @classmethod
-    def of(cls, ansatz: Ansatz, features: Features, rule: Rule) -> Sample:
+    def from_rule(cls, ansatz: Ansatz, features: Features, rule: Rule) -> Sample:
         """Tabulate a rule."""
         placement = features.placement
         table = tabulate(ansatz, rule, placement, surface_area(ansatz, rule))
@@ -77,7 +77,7 @@ class Tips:
     fixed: Tensor
 
     @classmethod
-    def of(cls, features: Features, forces: Concentrated) -> Tips:
+    def at_forces(cls, features: Features, forces: Concentrated) -> Tips:
         """Tabulate edge and point loads."""
         inputs = features.inputs.jets(forces.points, features.placement)
         return cls(forces.force, forces.work, inputs, features.fixed.jets(forces.points, features.placement))

@@ -41,10 +41,10 @@ class Sampled:
     undeformed: Undeformed
 
     @classmethod
-    def of(cls, ansatz: Ansatz, features: FeatureSet, points: Array) -> Sampled:
+    def at_points(cls, ansatz: Ansatz, features: FeatureSet, points: Array) -> Sampled:
         """Tabulate points (N, 2)."""
         placement, surface = features.placement, ansatz.case.surface
-        undeformed = Undeformed.of(surface, points, placement)
+        undeformed = Undeformed.at_points(surface, points, placement)
         matrix = ansatz.factors.matrix(points, placement)
         through = gradients_through(undeformed.geometry, matrix)
         jets = features.jets(points).permute(1, 0, 2).contiguous()

@@ -46,7 +46,7 @@ class FixedFeatures:
     kept: tuple[int, ...]
 
     @classmethod
-    def of(
+    def from_case(
         cls,
         case: Case,
         around: tuple[Focus, ...] = (),

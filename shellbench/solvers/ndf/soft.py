@@ -92,7 +92,7 @@ class Springs:
     at_points: int
 
     @classmethod
-    def of(cls, ansatz: Ansatz, spec: RuleSpec, focal: Array, weight: float) -> Springs:
+    def from_spec(cls, ansatz: Ansatz, spec: RuleSpec, focal: Array, weight: float) -> Springs:
         """Put springs at the held places of a case, along edges by an edge rule as fine as `spec`."""
         case, domain = ansatz.case, ansatz.case.surface.domain
         length = surface_area(ansatz, area_rule(domain, focal, spec)) ** 0.5

@@ -100,7 +100,7 @@ class NdfSolution(FieldSolution):
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
-        surface = Undeformed.of(self.case.surface, xi, self.field.features.placement)
+        surface = Undeformed.at_points(self.case.surface, xi, self.field.features.placement)
         strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
         return strains, 0.5 * strains * stresses(surface.elasticity(self.case.material), strains)
 

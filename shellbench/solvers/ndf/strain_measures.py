@@ -112,7 +112,7 @@ class Turned:
     lowered: Tensor
 
     @classmethod
-    def of(cls, reference: Reference, slopes: Tensor) -> Turned:
+    def by_slopes(cls, reference: Reference, slopes: Tensor) -> Turned:
         """Turn the normal by slopes u,a (N, 2, 3)."""
         a, u = reference.base, slopes
         base = a + u
@@ -178,9 +178,9 @@ class Exact:
     turned: Turned
 
     @classmethod
-    def of(cls, reference: Reference, gradients: Tensor) -> Exact:
+    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Exact:
         """Strain by gradients (N, 5, 3)."""
-        return cls(reference, gradients, Turned.of(reference, gradients[:, :2]))
+        return cls(reference, gradients, Turned.by_slopes(reference, gradients[:, :2]))
 
     @property
     def strains(self) -> Tensor:
@@ -228,7 +228,7 @@ class Published:
     gradients: Tensor
 
     @classmethod
-    def of(cls, reference: Reference, gradients: Tensor) -> Published:
+    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Published:
         """Strain by gradients (N, 5, 3)."""
         return cls(reference, gradients)
 
@@ -284,7 +284,7 @@ class Linear:
     gradients: Tensor
 
     @classmethod
-    def of(cls, reference: Reference, gradients: Tensor) -> Linear:
+    def from_gradients(cls, reference: Reference, gradients: Tensor) -> Linear:
         """Strain by gradients (N, 5, 3)."""
         return cls(reference, gradients)
 

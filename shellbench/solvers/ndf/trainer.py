@@ -43,9 +43,9 @@ from shellbench.solvers.ndf.training import (
     CERTIFICATE,
     FINAL_ORDER,
     Plan,
-    Problem,
     Quadratures,
-    State,
+    Trained,
+    TrainingProblem,
     default_plan_widths,
     first_state,
     train,
@@ -137,7 +137,7 @@ class _Run:
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
         self.spec = field_spec(settings, "linear")
-        self.problem = Problem.of(case, self.spec, Placement.on(settings.device), point_constraints)
+        self.problem = TrainingProblem.from_case(case, self.spec, Placement.on(settings.device), point_constraints)
         widths, scales = default_plan_widths(case, self.problem.singular)
         self.plan = training_plan(settings, settings.widths or widths, scales)
         self.history: list[Step] = []
@@ -157,20 +157,20 @@ class _Run:
         except SolveFailure as failure:
             raise SolveFailure(f"training broke down: {failure}", failure.partial or self.last) from None
 
-    def _first(self, start: Solution | None) -> tuple[State, Quadratures]:
+    def _first(self, start: Solution | None) -> tuple[Trained, Quadratures]:
         if start is None:
             return first_state(self.problem, self.plan)
         inputs = self.problem.features.inputs.count
         if not isinstance(start, NdfSolution) or start.field.features.network.weights[0].shape[1] != inputs:
             raise InputError(f"the start is no solution of '{NdfSolver.name}' with the {inputs} inputs of this case")
         network = start.field.features.network
-        points = Quadratures.of(self.problem, network.width)
+        points = Quadratures.for_width(self.problem, network.width)
         return points.evaluate(self.problem, network), points
 
     def _tell(self, step: int, message: str) -> None:
         self.progress(Progress(step, self.plan.iterations + 1, message))
 
-    def _report(self, iteration: int, state: State) -> None:
+    def _report(self, iteration: int, state: Trained) -> None:
         solution = self._solution(state, 1.0)
         quantities = [q for q in self.case.quantities if isinstance(q, DisplacementQuantity)]
         step = Step(
@@ -186,7 +186,7 @@ class _Run:
         self.last = replace(solution, history=tuple(self.history))
         self._tell(iteration, f"{solution.parameters} weights, energy {state.check.potential:.9g} J")
 
-    def _solution(self, state: State, share: float) -> NdfSolution:
+    def _solution(self, state: Trained, share: float) -> NdfSolution:
         field = Field(
             self.problem.ansatz,
             self.problem.with_network(state.network),
@@ -207,7 +207,7 @@ class _Run:
             point_forces=tuple((share * state.reactions).tolist()),
         )
 
-    def _certified(self, state: State, points: Quadratures, ending: str) -> NdfSolution:
+    def _certified(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
         problem, domain = self.problem, self.case.surface.domain
         spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
         rule = area_rule(domain, problem.focal, spec)

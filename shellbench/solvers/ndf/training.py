@@ -71,7 +71,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class State:
+class Trained:
     """Weights, and their energy on the training and on the check points.
 
     Attributes
@@ -95,7 +95,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Problem:
+class TrainingProblem:
     """What training asks of a case."""
 
     ansatz: Ansatz
@@ -105,13 +105,13 @@ class Problem:
     constraints: Callable[[Features], tuple[Tensor, Tensor]]
 
     @classmethod
-    def of(
+    def from_case(
         cls,
         case: Case,
         spec: FieldSpec,
         placement: Placement,
         constraints: Callable[[Ansatz, Features], tuple[Tensor, Tensor]],
-    ) -> Problem:
+    ) -> TrainingProblem:
         """Prepare a case; `constraints` gives rows and targets that hold point supports."""
         ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
         ones = placement.tensor(np.ones(inputs.count))
@@ -137,12 +137,14 @@ class Problem:
 
     def sample(self, spec: RuleSpec) -> Sample:
         """Tabulate a rule."""
-        return Sample.of(self.ansatz, self.features, area_rule(self.ansatz.case.surface.domain, self.focal, spec))
+        return Sample.from_rule(
+            self.ansatz, self.features, area_rule(self.ansatz.case.surface.domain, self.focal, spec)
+        )
 
     def tips(self, spec: RuleSpec) -> Tips:
         """Tabulate edge and point loads."""
         placement = self.features.placement
-        return Tips.of(self.features, concentrated(self.ansatz, spec, self.focal, placement))
+        return Tips.at_forces(self.features, concentrated(self.ansatz, spec, self.focal, placement))
 
 
 @dataclass(frozen=True)
@@ -156,14 +158,14 @@ class Quadratures:
     refinement: float
 
     @classmethod
-    def of(cls, problem: Problem, width: int, refinement: float = 1.0) -> Quadratures:
+    def for_width(cls, problem: TrainingProblem, width: int, refinement: float = 1.0) -> Quadratures:
         """Take as many points as a width asks for."""
         each = SINGULAR_POINTS if problem.singular else POINTS
         count = refinement * max(LEAST_POINTS, each * width)
         spec, check = problem.rule_spec(count, ORDER), problem.rule_spec(CHECK * count, ORDER, more=1)
         return cls(spec, problem.sample(spec), problem.sample(check), problem.tips(check), refinement)
 
-    def evaluate(self, problem: Problem, network: Network) -> State:
+    def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points and measure both energies."""
         equations = normal_equations_on(self.train, self.tips, network)
         rows, targets = problem.constraints(problem.with_network(network))
@@ -171,13 +173,13 @@ class Quadratures:
         layer = solve_output(equations, rows, targets, stiffness)
         output = layer.weights.view(3, -1)
         train, check = (energy_on(sample, self.tips, network, output) for sample in (self.train, self.check))
-        return State(network, output, layer.reactions, train, check)
+        return Trained(network, output, layer.reactions, train, check)
 
 
-Report = Callable[[int, State], None]
+Report = Callable[[int, Trained], None]
 
 
-def first_state(problem: Problem, plan: Plan) -> tuple[State, Quadratures]:
+def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratures]:
     """Return starting features of the width and scale that certified energy asks for, and their points.
 
     Raises
@@ -185,12 +187,12 @@ def first_state(problem: Problem, plan: Plan) -> tuple[State, Quadratures]:
     SolveFailure
         If no start agrees with itself on two quadratures.
     """
-    best: tuple[State, Quadratures] | None = None
+    best: tuple[Trained, Quadratures] | None = None
     scales: Sequence[tuple[float, float]] = plan.scales
     for width in plan.widths:
         found, refinement = None, 1.0
         while found is None and refinement < MOST_REFINED:
-            points = Quadratures.of(problem, width, refinement)
+            points = Quadratures.for_width(problem, width, refinement)
             found = _best_start(problem, plan, points, width, scales)
             refinement *= REFINE
         if found is None:
@@ -206,8 +208,8 @@ def first_state(problem: Problem, plan: Plan) -> tuple[State, Quadratures]:
 
 
 def _best_start(
-    problem: Problem, plan: Plan, points: Quadratures, width: int, scales: Sequence[tuple[float, float]]
-) -> tuple[State, tuple[float, float]] | None:
+    problem: TrainingProblem, plan: Plan, points: Quadratures, width: int, scales: Sequence[tuple[float, float]]
+) -> tuple[Trained, tuple[float, float]] | None:
     found = None
     stretched = np.asarray(problem.features.inputs.stretched)
     for pair in scales:
@@ -221,20 +223,22 @@ def _best_start(
     return found
 
 
-def refined(problem: Problem, state: State, points: Quadratures) -> tuple[State, Quadratures]:
+def refined(problem: TrainingProblem, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
     """Take more points, and the output layer anew."""
-    more = Quadratures.of(problem, state.network.width, points.refinement * REFINE)
+    more = Quadratures.for_width(problem, state.network.width, points.refinement * REFINE)
     return more.evaluate(problem, state.network), more
 
 
-def trusted(problem: Problem, plan: Plan, state: State, points: Quadratures) -> tuple[State, Quadratures]:
+def trusted(problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures) -> tuple[Trained, Quadratures]:
     """Refine the points until the gap leaves room to grow."""
     while state.gap > plan.gap / 4 and points.refinement * REFINE < MOST_REFINED:
         state, points = refined(problem, state, points)
     return state, points
 
 
-def train(problem: Problem, plan: Plan, state: State, points: Quadratures, report: Report) -> tuple[State, str]:
+def train(
+    problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures, report: Report
+) -> tuple[Trained, str]:
     """Train all weights; return the last certified state and why training ended.
 
     `report` is called with each certified state; whatever fails later, that one stands.
@@ -258,8 +262,8 @@ def train(problem: Problem, plan: Plan, state: State, points: Quadratures, repor
 
 
 def _search(
-    problem: Problem, plan: Plan, state: State, points: Quadratures, local: Quadratic, damping: float
-) -> tuple[State | None, bool, float]:
+    problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures, local: Quadratic, damping: float
+) -> tuple[Trained | None, bool, float]:
     """Return the first certified state as damping rises, whether the point sets disagreed, and the next damping."""
     theta, exploited = flatten(state.network), False
     for attempt in range(plan.attempts):
@@ -275,14 +279,14 @@ def _search(
     return None, exploited, damping / HARDEN
 
 
-def _attempt(problem: Problem, points: Quadratures, network: Network) -> State | None:
+def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
     try:
         return points.evaluate(problem, network)
     except SolveFailure:  # the step went too far: a shorter one is tried
         return None
 
 
-def agree(new: State, old: State) -> bool:
+def agree(new: Trained, old: Trained) -> bool:
     """Tell whether both point sets see a gain, and about the same one."""
     seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
     return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)

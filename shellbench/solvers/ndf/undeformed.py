@@ -24,7 +24,7 @@ class Undeformed:
     reference: Reference
 
     @classmethod
-    def of(cls, surface: Surface, points: Array, placement: Placement) -> Undeformed:
+    def at_points(cls, surface: Surface, points: Array, placement: Placement) -> Undeformed:
         """Look at points (N, 2) of a surface."""
         found = geometry(surface, points, placement)
         jet = from_derivatives(surface.derivatives(points, 2), placement)
@@ -38,7 +38,7 @@ class Undeformed:
 
     def strained(self, measure: StrainName, gradients: Tensor) -> Strained:
         """Return the strains that displacement gradients (N, 5, 3) make."""
-        return MEASURES[measure].of(self.reference, gradients)
+        return MEASURES[measure].from_gradients(self.reference, gradients)
 
     def elasticity(self, material: Material) -> Tensor:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""

@@ -74,16 +74,16 @@ def test_a_server_stands_by_for_the_same_source_and_is_ended_when_it_is_not_used
     other = task.model_copy(update={"identity": task.identity.model_copy(update={"source": "other"})})
     server = ServerProcess.start("toy", task.target, 1)
     try:
-        with StandingBy.of(worker, task).taking_back([server]):
+        with StandingBy.for_task(worker, task).taking_back([server]):
             pass
-        assert StandingBy.of(worker, other).take() == []
-        assert StandingBy.of(worker, task).take() == [server]
+        assert StandingBy.for_task(worker, other).take() == []
+        assert StandingBy.for_task(worker, task).take() == [server]
         worker.loop.later.pop()()  # its time is over, but it is in use
         assert server.process.poll() is None
-        with StandingBy.of(worker, task).taking_back([server]):
+        with StandingBy.for_task(worker, task).taking_back([server]):
             pass
         worker.loop.later.pop()()
         assert server.process.poll() is not None
-        assert StandingBy.of(worker, task).take() == []
+        assert StandingBy.for_task(worker, task).take() == []
     finally:
         server.end()

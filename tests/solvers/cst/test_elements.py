@@ -14,7 +14,7 @@ STEP = 1e-6
 
 def made(case, cells=(5, 4), diagonal="alternating"):
     mesh = TriangleMesh(case.surface.domain, cells, diagonal)
-    return mesh, Elastic.of(case, mesh)
+    return mesh, Elastic.from_case(case, mesh)
 
 
 def crumpled(elastic, amount=0.05):
@@ -58,7 +58,7 @@ def test_the_tangent_is_that_of_the_gradient(make):
     _, elastic = made(make())
     u = crumpled(elastic)
     free = np.arange(u.size)
-    matrix = Pattern.of(elastic, free).matrix(elastic.tangent_values(u), np.zeros(u.size))
+    matrix = Pattern.from_elastic(elastic, free).matrix(elastic.tangent_values(u), np.zeros(u.size))
     direction = np.random.default_rng(4).normal(size=u.shape)
     numeric = (elastic.gradient(u + STEP * direction) - elastic.gradient(u - STEP * direction)) / (2 * STEP)
     np.testing.assert_allclose(
@@ -70,7 +70,7 @@ def test_the_tangent_is_that_of_the_gradient(make):
 def test_the_definite_tangent_has_no_negative_curvature_where_the_exact_one_has():
     _, elastic = made(cloth())
     squeezed = -0.3 * elastic.rest + crumpled(elastic, 1e-3)
-    pattern = Pattern.of(elastic, np.arange(squeezed.size))
+    pattern = Pattern.from_elastic(elastic, np.arange(squeezed.size))
 
     def lowest(definite):
         values = elastic.tangent_values(squeezed, definite)

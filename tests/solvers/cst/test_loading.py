@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 
 from shellbench.solvers.cst.mesh import TriangleMesh
-from shellbench.solvers.cst.problem import Problem
+from shellbench.solvers.cst.problem import TriangleProblem
 from tests.solvers.cst.shells import RIM, cloth, cylinder, plate
 
 PIN = {"name": "pin", "stiffness": "100*(1 + xi1)", "components": ["x", "z"]}
 
 
 def problem(case, cells=(5, 4), diagonal="alternating"):
-    return Problem.of(case, TriangleMesh(case.surface.domain, cells, diagonal))
+    return TriangleProblem.from_case(case, TriangleMesh(case.surface.domain, cells, diagonal))
 
 
 def test_an_area_load_that_varies_has_its_force_and_its_moment():

@@ -28,7 +28,7 @@ def shaken(grid, size=0.02):
 @pytest.mark.parametrize("factor", [1.0, 400.0])
 def test_the_engines_forces_are_the_derivative_of_this_energy(factor):
     grid = Grid(cloth(material=CLOTH | {"bending_factor": factor}), (6, 4))
-    model = Cloth.of(grid, Loading(grid), "Euler", 1e-3, 0.0)
+    model = Cloth.from_grid(grid, Loading(grid), "Euler", 1e-3, 0.0)
     displacement = shaken(grid)
     model.data.qpos[:] = displacement.ravel()
     mujoco.mj_forward(model.model, model.data)

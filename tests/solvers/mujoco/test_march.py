@@ -101,10 +101,10 @@ def test_a_motion_that_is_lost_within_a_frame_leaves_nothing_and_writes_no_file(
 
 
 def test_pace():
-    pace = Pace.of(0.5, 240, 0.001)
+    pace = Pace.from_rates(0.5, 240, 0.001)
     assert (pace.frames, pace.steps) == (120, 5)
     assert pace.time_step <= 0.001
     assert pace.time(600) == 0.5
-    assert Pace.of(0.1, 1, 1.0).time_step == 0.1
+    assert Pace.from_rates(0.1, 1, 1.0).time_step == 0.1
     with pytest.raises(InputError, match="makes more than"):
-        Pace.of(1.0, 240, 1e-12)
+        Pace.from_rates(1.0, 240, 1e-12)

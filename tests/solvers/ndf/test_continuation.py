@@ -9,7 +9,7 @@ import torch
 from shellbench.problems.load_curve import Curve
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
-from shellbench.solvers.ndf.equilibrium import Problem
+from shellbench.solvers.ndf.equilibrium import PathProblem
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
@@ -26,7 +26,7 @@ def problem_of(case, width=24, scale=2.0):
     network = random_features(PLACEMENT.tensor(np.full(inputs.count, scale)), width, 0)
     features = build_features(case, spec, network, PLACEMENT, inputs)
     rule = RuleSpec((4, 3), 5)
-    return Problem(spec, build_ansatz(case, spec), features, rule, graded_points(case, spec)).independent()
+    return PathProblem(spec, build_ansatz(case, spec), features, rule, graded_points(case, spec)).independent()
 
 
 @pytest.fixture(scope="module")

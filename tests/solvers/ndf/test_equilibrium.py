@@ -8,11 +8,11 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
-from shellbench.solvers.ndf.equilibrium import Basis, NotConvergedError, Problem
+from shellbench.solvers.ndf.equilibrium import Basis, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.newton import Constraint, State, Tangent, drift, equilibrium, on_path
+from shellbench.solvers.ndf.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from tests.solvers.ndf.shells import FREE, inner_points, shell, support
 
@@ -61,7 +61,7 @@ def problem_for(case, strain="exact", width=10):
     inputs = build_inputs(case, spec)
     network = random_features(PLACEMENT.tensor(np.full(inputs.count, 2.0)), width, 0)
     features = build_features(case, spec, network, PLACEMENT, inputs)
-    return Problem(spec, build_ansatz(case, spec), features, RULE, graded_points(case, spec))
+    return PathProblem(spec, build_ansatz(case, spec), features, RULE, graded_points(case, spec))
 
 
 def drawn(problem, size=1.0, seed=0):
@@ -160,8 +160,8 @@ def test_the_rate_of_the_forces_is_their_derivative(name):
 def test_unknowns_are_of_unit_stiffness_and_keep_what_is_held(name):
     problem = problem_of(name, width=40)  # nearly dependent features
     for chosen in (problem, problem.independent()):
-        stiffness = chosen.tangent(State.rest(chosen).deformed, 0.0)
-        basis, held = Basis.of(stiffness, chosen.constraints), chosen.constraints
+        stiffness = chosen.tangent(PathState.rest(chosen).deformed, 0.0)
+        basis, held = Basis.from_stiffness(stiffness, chosen.constraints), chosen.constraints
         identity = torch.eye(basis.size, dtype=torch.float64)
         torch.testing.assert_close(basis.combine.T @ stiffness @ basis.combine, identity, rtol=0, atol=1e-3)
         size = float(basis.combine.abs().max() * held.abs().max()) if len(held) else 1.0
@@ -173,7 +173,7 @@ def test_unknowns_are_of_unit_stiffness_and_keep_what_is_held(name):
 def test_independent_combinations_are_as_good_as_the_features():
     """The state is the same, whichever basis the unknowns are in."""
     problem = problem_of("hypar", width=16)
-    states = [equilibrium(p, State.rest(p), 0.5) for p in (problem, problem.independent())]
+    states = [equilibrium(p, PathState.rest(p), 0.5) for p in (problem, problem.independent())]
     first, second = (s.deformed for s in states)
     assert first.potential == pytest.approx(second.potential, rel=1e-9)
     torch.testing.assert_close(
@@ -235,7 +235,7 @@ def test_predicted_stresses_make_thin_shells_take_large_steps():
 
 def test_equilibrium_holds_on_the_path():
     problem = problem_of("plate on a foot", width=16)
-    state = State.rest(problem)
+    state = PathState.rest(problem)
     for t in (0.3, 0.6, 1.0):
         state = equilibrium(problem, state, t)
         assert state.t == t
@@ -252,7 +252,7 @@ def test_feet_stand_where_they_are_put_though_the_wall_moves():
     case = shell("plane", theory=NONLINEAR, points={"p": [1.5, 0.5]}, supports=[wall, foot])
     problem = problem_for(case)
     for t in (0.5, 1.0):
-        state = equilibrium(problem, State.rest(problem), t)
+        state = equilibrium(problem, PathState.rest(problem), t)
         field = Field(problem.ansatz_at(t), problem.features, state.weights.view(3, -1), torch.zeros(6).double())
         u = field.displacement(np.array([[1.5, 0.5], [0.0, 0.3]])).numpy()
         np.testing.assert_allclose(u[0, 1:], [0, -0.05 * t], atol=1e-10)
@@ -262,7 +262,7 @@ def test_feet_stand_where_they_are_put_though_the_wall_moves():
 def test_the_drift_is_the_slope_of_the_path():
     problem = problem_of("hypar", width=16)
     before, here, after = (
-        equilibrium(problem, equilibrium(problem, State.rest(problem), 0.25), t) for t in (0.299, 0.3, 0.301)
+        equilibrium(problem, equilibrium(problem, PathState.rest(problem), 0.25), t) for t in (0.299, 0.3, 0.301)
     )
     slope = (after.weights - before.weights) / 0.002
     moved = problem.sampled.gradients
@@ -273,9 +273,9 @@ def test_the_drift_is_the_slope_of_the_path():
 def test_a_state_is_found_by_its_displacement_as_by_its_load():
     problem = problem_of("strip with a moment", width=16)
     row = problem.row(np.array([[2.0, 0.0]]), np.array([[0.0, 0.0, 1.0]]))
-    known = equilibrium(problem, State.rest(problem), 0.2)
+    known = equilibrium(problem, PathState.rest(problem), 0.2)
     value = float(row @ known.weights)
-    start = equilibrium(problem, State.rest(problem), 0.15)
+    start = equilibrium(problem, PathState.rest(problem), 0.15)
     rate = drift(problem, start)
     change = (value - float(row @ start.weights)) / float(row @ rate)
     found = on_path(problem, start, Constraint(row, value), (change * rate, change))
@@ -286,7 +286,7 @@ def test_a_state_is_found_by_its_displacement_as_by_its_load():
 def test_rigid_motions_that_nothing_holds_cost_loads_in_balance_nothing():
     problem = problem_of("roof that slides", width=30)
     assert len(problem.anchor) == 1
-    state = equilibrium(problem, State.rest(problem), 1.0)
+    state = equilibrium(problem, PathState.rest(problem), 1.0)
     scale = state.deformed.membrane + state.deformed.bending
     assert float((problem.anchor @ state.weights).square().sum()) < 1e-12 * scale
 
@@ -294,4 +294,4 @@ def test_rigid_motions_that_nothing_holds_cost_loads_in_balance_nothing():
 def test_a_step_that_is_too_long_is_told():
     problem = problem_of("hypar", width=16)
     with pytest.raises(NotConvergedError):
-        equilibrium(problem, State.rest(problem), 3e4)
+        equilibrium(problem, PathState.rest(problem), 3e4)

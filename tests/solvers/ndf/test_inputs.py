@@ -40,7 +40,7 @@ CASES = {
 @pytest.mark.parametrize("periodic", ["both", "cosine", "none"])
 def test_jets_of_inputs_match_differences(name, periodic):
     case = CASES[name]
-    inputs = Inputs.of(case, periodic, foci(case), edge_layers(case))
+    inputs = Inputs.from_case(case, periodic, foci(case), edge_layers(case))
     points = inner_points(case)
     expected = differences(lambda p: inputs.jets(p, PLACEMENT)[0].numpy(), points, 2e-4)
     np.testing.assert_allclose(inputs.jets(points, PLACEMENT).numpy(), expected, atol=2e-5 * np.abs(expected).max())
@@ -49,7 +49,7 @@ def test_jets_of_inputs_match_differences(name, periodic):
 @pytest.mark.parametrize("name", ["loaded roof", "loaded torus"])
 def test_jets_of_singular_features_match_differences(name):
     case = CASES[name]
-    features = FixedFeatures.of(case, foci(case), 6)
+    features = FixedFeatures.from_case(case, foci(case), 6)
     focus = np.asarray(foci(case)[0].xi)
     points = focus + 0.1 * np.random.default_rng(0).uniform(0.5, 1, (20, 2))
     expected = differences(lambda p: features.jets(p, PLACEMENT)[0].numpy(), points, 2e-4)
@@ -60,7 +60,7 @@ def test_singular_feature_is_that_of_a_plate():
     """On a plane r^2 log r^2 in units of the reach, whose Laplacian is 4 log r^2 + 8."""
     case = loaded("plane", (1.2, 0.1))
     focus = foci(case)[0]
-    features = FixedFeatures.of(case, (focus,), 1)
+    features = FixedFeatures.from_case(case, (focus,), 1)
     points = inner_points(case)
     jet = features.jets(points, PLACEMENT)[..., 1].numpy()
     square = ((points - focus.xi) ** 2).sum(1) / focus.reach**2
@@ -74,7 +74,7 @@ def test_singular_feature_is_that_of_a_plate():
 def test_inputs_and_features_close_on_periodic_surfaces(name):
     case = CASES[name]
     domain = case.surface.domain
-    inputs, features = Inputs.of(case, "both", foci(case)), FixedFeatures.of(case, foci(case))
+    inputs, features = Inputs.from_case(case, "both", foci(case)), FixedFeatures.from_case(case, foci(case))
     for axis in range(2):
         if domain.periodic[axis]:
             here = inner_points(case)
@@ -89,7 +89,7 @@ def test_without_periodic_inputs_the_shell_is_slit():
     case = CASES["loaded tube"]
     domain = case.surface.domain
     ends = np.array([[domain.lower[0], 1.0], [domain.upper[0], 1.0]])
-    values = Inputs.of(case, "none", foci(case)).jets(ends, PLACEMENT)[0]
+    values = Inputs.from_case(case, "none", foci(case)).jets(ends, PLACEMENT)[0]
     assert (values[0] - values[1]).abs().max() > 0.5
 
 
@@ -99,14 +99,17 @@ def test_inputs_and_features_are_even_at_planes_of_symmetry(name):
     for edge in edge_supports(case):
         if edge.even:
             points = edge_samples(case, edge.edge)[1:-1]
-            for made in (Inputs.of(case, "both", foci(case), edge_layers(case)), FixedFeatures.of(case, foci(case))):
+            for made in (
+                Inputs.from_case(case, "both", foci(case), edge_layers(case)),
+                FixedFeatures.from_case(case, foci(case)),
+            ):
                 assert made.jets(points, PLACEMENT)[D1 + edge.edge.axis].abs().max() < 1e-9
 
 
 def test_singular_features_that_are_not_even_are_left_out():
     on_the_planes, inside = (CASES[name] for name in ("quarter roof", "quarter roof, load inside"))
-    assert FixedFeatures.of(on_the_planes, foci(on_the_planes), 1).count == 2
-    assert FixedFeatures.of(inside, foci(inside), 1).count == 1
+    assert FixedFeatures.from_case(on_the_planes, foci(on_the_planes), 1).count == 2
+    assert FixedFeatures.from_case(inside, foci(inside), 1).count == 1
 
 
 def test_inputs_are_independent_of_each_other():
@@ -114,7 +117,7 @@ def test_inputs_are_independent_of_each_other():
     points = {"p": [90, 2.5], "q": [270, 2.5]}
     forces = [{"kind": "point", "on": [n], "force": [0, 0, f]} for n, f in (("p", 1), ("q", -1))]
     case = shell("tube", points=points, loads=forces)
-    inputs = Inputs.of(case, "both", foci(case))
+    inputs = Inputs.from_case(case, "both", foci(case))
     assert len(foci(case)) == 2
     assert inputs.stretched == (False, False, False, True, True)
     values = inputs.jets(case.surface.domain.grid(20, 20).reshape(-1, 2), PLACEMENT)[0]
@@ -137,10 +140,10 @@ def test_layers_at_edges_are_those_of_the_strongest_curvature():
     layers = edge_layers(shell("roof"))
     assert layers == pytest.approx((np.sqrt(0.05 * 3.0) / 3.0, np.sqrt(0.05 * 3.0)), rel=1e-9)
     assert edge_layers(shell("plane")) is None
-    inputs = Inputs.of(shell("roof"), "both", (), layers)
+    inputs = Inputs.from_case(shell("roof"), "both", (), layers)
     assert inputs.stretched == (False, False, True, True, True, True)
     tube = shell("tube")
-    assert sum(Inputs.of(tube, "both", (), edge_layers(tube)).stretched) == 2
+    assert sum(Inputs.from_case(tube, "both", (), edge_layers(tube)).stretched) == 2
 
 
 def test_point_supports_are_foci_as_well():
@@ -163,7 +166,7 @@ def test_point_supports_are_foci_as_well():
 )
 def test_axes_of_inputs_are_the_coordinates_that_they_are(surface, periodic, axes):
     case = shell(surface)
-    inputs = Inputs.of(case, periodic, (), edge_layers(case))
+    inputs = Inputs.from_case(case, periodic, (), edge_layers(case))
     assert inputs.axes == axes
     jets = inputs.jets(inner_points(case), PLACEMENT)
     for column, axis in enumerate(axes):
@@ -189,8 +192,8 @@ def test_rungs_are_ever_wider_and_longer_along_a_strip():
     assert fine.rule.panels[0] > 3 * coarse.rule.panels[0]
     assert fine.rule.panels[1] == coarse.rule.panels[1]
     assert fine.fine.panels[0] > fine.rule.panels[0]
-    scales = fine.scales(Inputs.of(lying))
-    np.testing.assert_allclose(scales / coarse.scales(Inputs.of(lying)), fine.along)
+    scales = fine.scales(Inputs.from_case(lying))
+    np.testing.assert_allclose(scales / coarse.scales(Inputs.from_case(lying)), fine.along)
 
 
 @pytest.mark.parametrize("case", [shell("plane"), shell("roof"), shell("tube")])

@@ -125,7 +125,7 @@ def test_inputs_lie_between_zero_and_one():
     for case, lowest in ((PLATE, [0, 0]), (DIAPHRAGM, [-1, -1, 0])):
         _, sampler = sampler_of(case, layers=1, width=2, cells=(2, 2), dtype=torch.float64)
         corners = sampler.inputs.jets(case.surface.domain.grid(9, 9).reshape(-1, 2), sampler.placement)
-        seen = InputScale.of(sampler.inputs, sampler.placement).apply(corners)[0].numpy()
+        seen = InputScale.from_inputs(sampler.inputs, sampler.placement).apply(corners)[0].numpy()
         np.testing.assert_allclose(seen.min(0), lowest, atol=1e-12)
         np.testing.assert_allclose(seen.max(0), 1, atol=1e-12)
 

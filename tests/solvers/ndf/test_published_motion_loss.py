@@ -30,7 +30,7 @@ HUNG = moving(
 
 def sampler_of(case, strain="published", dtype=torch.float64, **settings):
     """A network at its start, and the samples that it would be trained on."""
-    placement, ansatz = Placement(dtype=dtype), Ansatz.of(case, True)
+    placement, ansatz = Placement(dtype=dtype), Ansatz.from_case(case, True)
     siren = initial_siren(ansatz.count, 2, 8, 15.0, 0, placement)
     given = {"cells": (3, 4), "times": 5, "seed": 0, **settings}
     return siren, MotionSampler(ansatz, strain, placement=placement, **given)
@@ -38,11 +38,11 @@ def sampler_of(case, strain="published", dtype=torch.float64, **settings):
 
 def gauss(case, count=12):
     """The functional by Gauss's rule in space and time."""
-    ansatz = Ansatz.of(case, True)
+    ansatz = Ansatz.from_case(case, True)
     rule = area_rule(case.surface.domain, np.zeros((0, 2)), RuleSpec((2, 2), 4))
     x, w = np.polynomial.legendre.leggauss(count)
     times = ansatz.until * (x + 1) / 2
-    return SpaceTime.of(ansatz, "published", rule.points, times, np.outer(w / 2, rule.weights), HERE), times
+    return SpaceTime.at_points(ansatz, "published", rule.points, times, np.outer(w / 2, rule.weights), HERE), times
 
 
 def test_one_time_in_each_interval_and_new_ones_each_time():
@@ -177,7 +177,7 @@ class Fall:
 
 def test_a_network_starts_at_rest_whatever_its_weights():
     siren, sampler = sampler_of(HUNG)
-    planes = SpaceTime.of(
+    planes = SpaceTime.at_points(
         sampler.ansatz, "published", inner_points(HUNG), np.array([0.0]), np.ones((1, 20)), HERE
     ).planes(siren)
     assert planes.abs().max().item() < 1e-15

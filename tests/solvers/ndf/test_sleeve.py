@@ -12,11 +12,11 @@ from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.declines import violations, why_declined
-from shellbench.solvers.ndf.equilibrium import NotConvergedError, Problem
+from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.network import random_features
-from shellbench.solvers.ndf.newton import State, equilibrium
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_solution import load_solution
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.relaxation import NEUTRAL, trust_region_step
@@ -67,7 +67,7 @@ def problem_of(case, width, scale, rule):
     inputs = build_inputs(case, spec)
     network = random_features(PLACEMENT.tensor(np.full(inputs.count, scale)), width, 0)
     features = build_features(case, spec, network, PLACEMENT, inputs)
-    return Problem(spec, build_ansatz(case, spec), features, rule, graded_points(case, spec)).independent()
+    return PathProblem(spec, build_ansatz(case, spec), features, rule, graded_points(case, spec)).independent()
 
 
 @pytest.mark.parametrize("t", [0.3, 1.0])
@@ -127,7 +127,7 @@ def test_lift_and_axes_are_differentiated_exactly(name):
 def test_a_rigid_rotation_of_both_rims_strains_nothing():
     same = turn("150*t", (1, 2, 3), (0.5, -1, 2))
     problem = problem_of(tube(same, same), 12, 1.5, RuleSpec((6, 3), 4))
-    rest = State.rest(problem)
+    rest = PathState.rest(problem)
     turned = problem.deform(rest.weights, 1.0)
     stiffness = problem.ansatz.case.material.membrane_stiffness * problem.area
     assert turned.membrane + turned.bending < 1e-24 * stiffness
@@ -337,8 +337,8 @@ def test_the_torque_of_a_twisted_sleeve_is_the_derivative_of_its_energy(tmp_path
 def test_a_load_step_that_jumps_to_the_buckled_shell_is_not_taken(problem, states):
     """From before the critical load Newton's method may land beyond it on a stable state: the path does not go there."""
     critical, last = next(state for state in states if state.critical), states[-1]
-    start = equilibrium(problem, State.rest(problem), 0.9 * critical.t, NEUTRAL)
-    aside = State(start.t, last.weights, problem.deform(last.weights, start.t), 1, start.tangent)
+    start = equilibrium(problem, PathState.rest(problem), 0.9 * critical.t, NEUTRAL)
+    aside = PathState(start.t, last.weights, problem.deform(last.weights, start.t), 1, start.tangent)
     assert buckling._stepped(problem, start, critical.t * 0.95) is not None
     landed = equilibrium(problem, aside, last.t, NEUTRAL)
     ahead = start.tangent.solve(problem.deform(start.weights, last.t).residual)

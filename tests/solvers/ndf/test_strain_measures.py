@@ -35,7 +35,7 @@ def rotated(x, rotation):
 
 def strained(measure, case, points, u):
     """Strained points of a displacement with jet u (6, N, 3)."""
-    surface = Undeformed.of(case.surface, points, PLACEMENT)
+    surface = Undeformed.at_points(case.surface, points, PLACEMENT)
     return surface.strained(measure, surface.gradients(PLACEMENT.tensor(np.asarray(u))))
 
 
@@ -118,13 +118,13 @@ def test_variations_match_automatic_differentiation(measure):
     normal = normal / normal.norm(dim=-1, keepdim=True)
     reference = Reference(base, normal, torch.linalg.inv(base @ base.mT), draw(count, 3))
     gradients, weights = draw(count, 5, 3), draw(count, 6)
-    found = MEASURES[measure].of(reference, gradients)
+    found = MEASURES[measure].from_gradients(reference, gradients)
     second = found.second_variation(weights)
     for k in range(count):
         here = Reference(base[[k]], normal[[k]], reference.inverse[[k]], reference.curvature[[k]])
 
         def strains(g, here=here):
-            return MEASURES[measure].of(here, g[None]).strains[0]
+            return MEASURES[measure].from_gradients(here, g[None]).strains[0]
 
         first = torch.func.jacrev(strains)(gradients[k]).reshape(6, 15)
         torch.testing.assert_close(found.variation[k], first, rtol=1e-10, atol=1e-10)
@@ -139,7 +139,7 @@ def test_all_measures_agree_for_small_displacements(surface):
     points = inner_points(case)
     u = 1e-10 * differences(wave, points)
     exact, published, linear = (strained(m, case, points, u).strains for m in MEASURE_NAMES)
-    rows = strain_rows(Undeformed.of(case.surface, points, PLACEMENT).geometry)
+    rows = strain_rows(Undeformed.at_points(case.surface, points, PLACEMENT).geometry)
     torch.testing.assert_close(linear, apply_rows(rows, PLACEMENT.tensor(u)), rtol=1e-10, atol=1e-21)
     for part in (slice(0, 3), slice(3, 6)):
         scale = linear[:, part].abs().max()
@@ -151,7 +151,7 @@ def test_all_measures_agree_for_small_displacements(surface):
 def test_strains_through_a_matrix_are_those_of_the_product():
     case = shell("helicoid")
     points = inner_points(case)
-    surface = Undeformed.of(case.surface, points, PLACEMENT)
+    surface = Undeformed.at_points(case.surface, points, PLACEMENT)
     matrix = PLACEMENT.tensor(differences(lambda p: wave(p)[:, :, None] * np.cos(wave(p))[:, None, :], points))
     field = PLACEMENT.tensor(differences(lambda p: wave(p[:, ::-1]), points))
     product = differences(
@@ -233,7 +233,7 @@ def test_what_vanishes_on_a_rolled_plate_is_the_published_strain_and_not_its_rat
     assert brentq(rate, 0.1, root) < root - 0.3
     assert abs(rate(root)) > 1
     point = np.array([[root / k, 0.0]])
-    surface = Undeformed.of(case.surface, point, PLACEMENT)
+    surface = Undeformed.at_points(case.surface, point, PLACEMENT)
     sizes = {}
     for measure in ("exact", "published"):
         found = surface.strained(measure, surface.gradients(PLACEMENT.tensor(rolled(point, k))))
@@ -250,7 +250,7 @@ def test_the_published_energy_of_a_rolled_plate(degrees):
     nodes, weights = leggauss(24)
     points = np.stack([(nodes + 1) / 2 * LENGTH, 0 * nodes], axis=-1)
     case = shell("plane")
-    surface = Undeformed.of(case.surface, points, PLACEMENT)
+    surface = Undeformed.at_points(case.surface, points, PLACEMENT)
     energy = {}
     for measure in ("exact", "published"):
         strains = surface.strained(measure, surface.gradients(PLACEMENT.tensor(rolled(points, k)))).strains

@@ -19,7 +19,7 @@ from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
-from shellbench.solvers.ndf.training import Plan, Problem, first_state, train
+from shellbench.solvers.ndf.training import Plan, TrainingProblem, first_state, train
 from tests.alike import REPEATED, alike, same_tensors
 
 SOLVER = NdfSolver()
@@ -27,7 +27,7 @@ SOLVER = NdfSolver()
 
 def small_problem(name="scordelis_lo", width=12, activation="sine"):
     spec = FieldSpec(activation=activation, layer=2.2, multipliers=2)
-    problem = Problem.of(catalog.named_case(name), spec, Placement(), point_constraints)
+    problem = TrainingProblem.from_case(catalog.named_case(name), spec, Placement(), point_constraints)
     plan = Plan((6, 6), (width,), ((3.0, 2.0),), activation, 3, 1e-9, 1e-2, 0.1, 5, 0)
     return problem, plan
 

@@ -34,7 +34,7 @@ def sampler_of(case, layers=2, width=8, cells=(4, 4), dtype=torch.float64, modul
     """A network at its start, and the samples that it would be trained on."""
     placement = Placement(dtype=dtype)
     ansatz, inputs = published_ansatz(case, PUBLISHED), build_inputs(case, PUBLISHED)
-    scale = InputScale.of(inputs, placement)
+    scale = InputScale.from_inputs(inputs, placement)
     siren = initial_siren(inputs.count, layers, width, 15.0, seed, placement)
     factor = modulus_factor or usual_modulus_factor(ansatz)
     return siren, Sampler(ansatz, inputs, scale, cells, seed, factor, RuleSpec((4, 4), 4), placement)
