@@ -46,12 +46,12 @@ def _limit(longer: float, far: float, shorter: float, near: float) -> float:
 
 
 def extrapolated(meshes: Sequence[tuple[float, Mapping[str, float]]], rounding: float) -> dict[str, Estimate]:
-    """Limits of values whose errors are proportional to a length, from three lengths with their values, falling.
+    """Limits of values that are power series in a size, from three sizes with their values, falling.
 
-    The uncertainty is the distance between the limits from the last two and from the first two, shared as in
-    `between`: the first two overstate it.
+    Neville's scheme: a straight line through two sizes each, and of these the parabola through all three. The
+    uncertainty is the distance of the parabola's limit from that of the last line, shared as in `between`.
     """
     (long, coarse), (middle, medium), (short, fine) = meshes
-    last = {name: _limit(middle, medium[name], short, value) for name, value in fine.items()}
     first = {name: _limit(long, coarse[name], middle, medium[name]) for name in fine}
-    return between(last, first, rounding)
+    last = {name: _limit(middle, medium[name], short, value) for name, value in fine.items()}
+    return between({name: _limit(long, first[name], short, last[name]) for name in fine}, last, rounding)

@@ -1,8 +1,10 @@
 r"""Known values of the napkins of Kairanda et al. (section E.1) while they have any: `spline_motion` on graded meshes.
 
 - napkin_corner, napkin_moving_corners: held at points, in their own plane. The energy grows with the fourth power of
-  the stretch, which makes a point support meaningful (points have a capacity in W^{1,4}) and its error one of first
-  order in the span there: values are extrapolated to a span of zero, from meshes that differ in nothing else.
+  the stretch, which makes a point support meaningful: points have a capacity in W^{1,4}. Close to one the displacement
+  grows as r^{2/3}, the radial solution r^{(p-n)/(p-1)} of the p-Laplace equation with p = 4 in n = 2 dimensions, and
+  what a mesh of span h there misses is in proportion to h^{2/3} likewise. Values are extrapolated to a span of zero as
+  a series in that power, from meshes that differ in nothing else.
 - napkin_fixed_edges: two edges held, gravity across. A thin layer of bending grows at the held edges, toward which the
   mesh is graded. It wrinkles as finely as a mesh allows once parts of it are compressed; only what the wrinkles leave
   alone has a value, and only early.
@@ -31,6 +33,8 @@ TIMES, SWING_TIMES = (0.2, 0.4), (0.2, 0.4, 1.0)
 """At which the values of different meshes agree; napkin_corner loses that at about 1.4 s only."""
 TOLERANCE, FRACTION = 1e-6, 0.8
 """Of the Runge-Kutta method; step of the leapfrog over its limit of stability."""
+CAPACITY = 2 / 3
+"""Order of the error in the span at a point support."""
 ROUNDING = 1e-6
 """What steps of time leave here, m and J."""
 
@@ -81,18 +85,19 @@ def edges_values(resolution: Resolution, times: Sequence[float] = TIMES) -> dict
     return quantities(motion(held_edges(resolution), times, TOLERANCE), ("corner", (1.0, 1.0)), "xz")
 
 
-def _to_a_point(compute: Callable[[Resolution], dict[str, float]], meshes: Sequence[Resolution]) -> dict[str, Estimate]:
-    return extrapolated([(mesh.breaks[1], compute(mesh)) for mesh in meshes], ROUNDING)
+def to_a_point(compute: Callable[[Resolution], dict[str, float]], meshes: Sequence[Resolution]) -> dict[str, Estimate]:
+    """Limits of the values of three meshes, coarse to fine, for a span of zero at the point support."""
+    return extrapolated([(mesh.breaks[1] ** CAPACITY, compute(mesh)) for mesh in meshes], ROUNDING)
 
 
 def napkin_corner() -> dict[str, Estimate]:
     """Known values of the napkin held at a corner."""
-    return _to_a_point(corner_values, [Resolution(spans, 3, 0.03) for spans in (16, 24, 32)])
+    return to_a_point(corner_values, [Resolution(spans, 3, 0.03) for spans in (16, 24, 32)])
 
 
 def napkin_moving_corners() -> dict[str, Estimate]:
     """Known values of the napkin whose corners move, until it becomes unstable."""
-    return _to_a_point(moving_values, [Resolution(spans, 3, 0.05) for spans in (16, 24, 32)])
+    return to_a_point(moving_values, [Resolution(spans, 3, 0.05) for spans in (16, 24, 32)])
 
 
 def napkin_fixed_edges() -> dict[str, Estimate]:

@@ -11,6 +11,7 @@ from derivations.free_fall import FreeFall, free_fall, free_fall_of_splines
 from derivations.motion import PIN, Resolution, napkin, napkin_plane, napkin_soft_pin
 from derivations.over_time import at_time, between, extrapolated
 from derivations.paper_napkins import (
+    CAPACITY,
     FRACTION,
     corner_values,
     edges_values,
@@ -21,6 +22,7 @@ from derivations.paper_napkins import (
     napkin_corner,
     napkin_fixed_edges,
     napkin_moving_corners,
+    to_a_point,
     toward_both_ends,
 )
 from derivations.patch import plane
@@ -368,12 +370,19 @@ def test_breaks_are_symmetric_and_as_dense_at_both_ends():
 
 @pytest.mark.long
 def test_napkin_corner_is_the_limit_of_uniform_meshes_too():
-    """Without grading the error is of first order as well, with another constant."""
+    """Without grading the error is of the same order, with another constant."""
     values = napkin_corner()
-    meshes = [Resolution(n, 3, grading=1e3) for n in (16, 24, 36)]
-    uniform = extrapolated([(m.breaks[1], corner_values(m)) for m in meshes], 0.0)
+    uniform = to_a_point(corner_values, [Resolution(n, 3, grading=1e3) for n in (16, 24, 36)])
     for name, estimate in values.items():
         assert abs(uniform[name].value - estimate.value) < 2 * uniform[name].uncertainty + estimate.uncertainty, name
+
+
+def test_a_point_support_costs_the_power_of_its_capacity():
+    """Steps between meshes whose spans have a ratio of 3/2 shrink by 1.5 ** CAPACITY, not by 1.5 as at first order."""
+    coarse, medium, fine = (corner_values(Resolution(n, 3, grading=1e3), (0.2,)) for n in (8, 12, 18))
+    for name in ("centre_x_200ms", "centre_y_200ms", "kinetic_energy_200ms", "membrane_energy_200ms"):
+        order = np.log((medium[name] - coarse[name]) / (fine[name] - medium[name])) / np.log(1.5)
+        assert order == pytest.approx(CAPACITY, abs=0.15), name
 
 
 @pytest.mark.long
