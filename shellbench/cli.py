@@ -18,8 +18,7 @@ import typer
 from shellbench.errors import InputError, ShellbenchError
 
 if TYPE_CHECKING:
-    from shellbench.bench.execute import Outcome
-    from shellbench.bench.executor import Executor
+    from shellbench.bench.execute import Executor, Outcome
     from shellbench.bench.plan import Plan
 
 INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from shellbench.bench.environment import THREADS
-from shellbench.bench.executor import Ended, Event, Progressed, Started
+from shellbench.bench.execute import Ended, Event, Progressed, Started
 from shellbench.bench.record import Environment, read_document
 from shellbench.bench.remote import Order, run_order, unpack
 from shellbench.bench.scheduler import Scheduler, connected
@@ -65,7 +65,7 @@ class DaskCluster:
         """Do nothing."""
 
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
-        """Make runs; see `shellbench.bench.executor.Executor`.
+        """Make runs; see `shellbench.bench.execute.Executor`.
 
         Raises
         ------

@@ -1,4 +1,7 @@
-"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``."""
+"""Kinds of problem by name, found through the entry-point group ``shellbench.problems``.
+
+The portrait of a record's problem: what a report can ask it, whatever its kind.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,12 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
+from shellbench.bench.record import Record
 from shellbench.errors import InputError
 from shellbench.model import read_toml
+from shellbench.portrait import Portrait
 from shellbench.problem import Kind, Problem
 
 GROUP = "shellbench.problems"
@@ -74,3 +81,16 @@ def problem_of(data: Mapping[str, Any]) -> Problem:
         If its kind is not installed.
     """
     return kind_of(data).problem.model_validate(data)
+
+
+def portrait_of(record: Record) -> Portrait | None:
+    """Return the portrait of the problem that a record answers; None if it can't be read any more."""
+    try:
+        return portrait_of_named(problem_of(record.case))
+    except (ValidationError, InputError):
+        return None
+
+
+def portrait_of_named(case: Problem) -> Portrait:
+    """Return the portrait of a problem."""
+    return find_kind(case.kind).portrait(case)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.executor import Ended, Event, Progressed, Started
+from shellbench.bench.execute import Ended, Event, Progressed, Started
 from shellbench.bench.process import ServerProcess
 from shellbench.bench.record import Record, read_document
 from shellbench.bench.store import Store, StoreError
@@ -64,7 +64,7 @@ class LocalProcesses:
             self.idle.pop().end()
 
     def run(self, tasks: Sequence[Task], store: Store) -> Generator[Event, None, None]:
-        """Make runs; see `shellbench.bench.executor.Executor`.
+        """Make runs; see `shellbench.bench.execute.Executor`.
 
         Raises
         ------

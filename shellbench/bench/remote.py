@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench.environment import engine_distribution, environment, threads
-from shellbench.bench.executor import Ended, Progressed, Started
+from shellbench.bench.execute import Ended, Progressed, Started
 from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import kind_name
 from shellbench.bench.local import LocalProcesses

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from shellbench.bench.portraits import portrait_of
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row

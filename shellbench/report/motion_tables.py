@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from shellbench.bench.portraits import portrait_of
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from shellbench.bench import catalog
-from shellbench.bench.portraits import portrait_of, portrait_of_named
+from shellbench.bench.kinds import portrait_of, portrait_of_named
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait

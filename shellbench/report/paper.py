@@ -15,7 +15,7 @@ import jinja2
 
 from shellbench import __version__
 from shellbench.bench import catalog
-from shellbench.bench.portraits import portrait_of
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent

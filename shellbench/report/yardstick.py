@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from shellbench.bench.portraits import portrait_of
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 

@@ -1,14 +1,21 @@
-"""Checks of the answers' form: shapes, types, names, and that points do not know of each other."""
+"""Checks of the answers' form: shapes, types, names, and that points do not know of each other.
+
+Checks of what an answer says of its making: its history, and what it told on the way.
+
+Check that the same question has the same answer: in another process, and about the same with another seed.
+"""
 
 from __future__ import annotations
+
+import math
+from itertools import pairwise
 
 import numpy as np
 
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination, apart, grid, scattered
-from shellbench.testing.subject import Answer, Lost, NoAnswer, UnknownName
-from shellbench.testing.verdict import Findings, Verdict
+from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, scattered, seed_difference
+from shellbench.testing.subject import Answer, Lost, NoAnswer, UnknownName, solve_in
 
 ROUNDING = 1e-9  # relative: what another order of summation may do, in single precision within a field too
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
@@ -95,4 +102,57 @@ def batching(exam: Examination, case: Case) -> Verdict:
     for words, difference in (("in another order", shuffled), ("one by one", alone), ("asked again", again)):
         found.hold(difference <= ROUNDING, f"{words}, points move by {difference:.1e} of the largest displacement")
     found.figures.append(f"largest relative difference {max(shuffled, alone, again):.1e}")
+    return found.verdict()
+
+
+SLACK = 1.5  # times the measured wall time of a solve, which its history may claim at most
+
+
+def history(exam: Examination, case: Case) -> Verdict:
+    """Check that the history has steps, whose seconds do not fall, and that progress, if told, makes sense."""
+    found, answer = Findings(), exam.solve(case)
+    steps = answer.facts["history"]
+    if not found.hold(bool(steps), "its history is empty"):
+        return found.verdict()
+    for phase in dict.fromkeys(step["phase"] for step in steps):
+        own = [step for step in steps if step["phase"] == phase]
+        seconds = [step["seconds"] for step in own]
+        rising = all(a <= b for a, b in pairwise(seconds))
+        found.hold(
+            rising and min(seconds) >= 0 and all(map(math.isfinite, seconds)),
+            f"seconds of its steps of phase '{phase}' fall, or are negative",
+        )
+        found.hold(all(math.isfinite(step["energy"]) for step in own), f"a step '{phase}' has no finite energy")
+        found.hold(all(step["unknowns"] >= 0 for step in own), f"a step '{phase}' has negative unknowns")
+    longest = max(step["seconds"] for step in steps)
+    took = answer.facts["took"]
+    found.hold(longest <= SLACK * took + 1, f"its history claims {longest:.3g} s, but the solve took {took:.3g} s")
+    told = answer.facts["progress"]
+    for step, total, message in told:
+        whole = isinstance(step, int) and step >= 0 and (total is None or (isinstance(total, int) and total >= step))
+        if not whole or not isinstance(message, str):
+            found.faults.append(f"it tells of progress as step {step!r} of {total!r}: {message!r}")
+            break
+    found.figures.append(f"{len(steps)} steps in {longest:.3g} s; {len(told)} words on progress")
+    return found.verdict()
+
+
+SAME = 1e-10  # relative difference of two runs with one seed
+NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
+
+
+def determinism(exam: Examination, case: Case) -> Verdict:
+    """Two processes with one seed give the same numbers; another seed gives others, but near."""
+    found, answer = Findings(), exam.solve(case)
+    points = grid(case)
+    first = answer.displacement(points)
+    with exam.fresh() as other:
+        again = apart(first, solve_in(other, "again", case, exam.settings).displacement(points))
+    found.hold(again <= SAME, f"solved again in another process, it differs by {again:.1e}", f"again: {again:.1e}")
+    if not exam.facts["seeded"]:
+        found.figures.append("no seed")
+        return found.verdict()
+    seeded = seed_difference(exam, case)
+    found.hold(seeded > 0, "another seed gives the same numbers, so the seed is not used")
+    found.hold(seeded <= NEAR, f"with another seed it differs by {seeded:.1e}", f"another seed: {seeded:.1e}")
     return found.verdict()

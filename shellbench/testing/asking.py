@@ -8,9 +8,8 @@ from typing import Any
 from shellbench.bench.task import case_data
 from shellbench.engine import ENGINE
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination, shells
+from shellbench.testing.examination import Examination, Findings, Verdict, shells
 from shellbench.testing.subject import Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName
-from shellbench.testing.verdict import Findings, Verdict
 
 SLOW = 10.0  # seconds to decline a case: it is asked of every pair of a table
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list

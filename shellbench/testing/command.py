@@ -15,8 +15,8 @@ from shellbench.bench.identity import parse_setting
 from shellbench.bench.registry import find_solver
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
+from shellbench.testing.examination import Status
 from shellbench.testing.suite import CheckOptions, Line, examine
-from shellbench.testing.verdict import Status
 
 COLOURS: dict[Status, str] = {"passed": "green", "failed": "red", "not applicable": "dim", "not shown": "yellow"}
 LONGEST_STATUS = 14  # characters

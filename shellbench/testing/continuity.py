@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination, grid, scattered
-from shellbench.testing.verdict import Findings, Verdict, failed, not_applicable
+from shellbench.testing.examination import Examination, Findings, Verdict, failed, grid, not_applicable, scattered
 
 LINES = 12  # at random through the domain
 SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first

@@ -10,8 +10,7 @@ import numpy as np
 
 from shellbench.bench.catalog import find_suite, known_values, suite_names
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination
-from shellbench.testing.verdict import Findings, Verdict, not_applicable, not_shown
+from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
 FEWEST, MOST = 3, 5  # levels by which a rate is told, and that are solved at most
 FLOOR = 1e-9  # relative error below which rounding and the known value's own digits are seen

@@ -9,11 +9,10 @@ from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.testing.examination import MOST as MOST_EXCUSED
-from shellbench.testing.examination import OWN, Examination, scattered
+from shellbench.testing.examination import OWN, Examination, Findings, Verdict, not_applicable, scattered
 from shellbench.testing.kinematics import differences, energy_densities, lengths, strains
-from shellbench.testing.placing import size
+from shellbench.testing.made_cases import size
 from shellbench.testing.subject import Answer
-from shellbench.testing.verdict import Findings, Verdict, not_applicable
 
 PANELS, OTHER_PANELS, RULE = 48, 37, 4  # a side, of two rules that share no lines: they differ by what they miss
 SAME = 1e-6  # relative difference that counts as none

@@ -5,12 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from shellbench.problems.shell.case import Case
-from shellbench.testing.examination import Examination, admissible, apart, grid
-from shellbench.testing.made_cases import FALL, SHORT, carried, louder, short_motion
-from shellbench.testing.placing import SHIFT, placed, size, turning
+from shellbench.testing.examination import Examination, Findings, Verdict, admissible, apart, grid, not_applicable
+from shellbench.testing.made_cases import (
+    FALL,
+    MILLIMETRES,
+    SHIFT,
+    SHORT,
+    carried,
+    converted,
+    converted_points,
+    louder,
+    placed,
+    short_motion,
+    size,
+    turning,
+)
 from shellbench.testing.subject import Answer
-from shellbench.testing.units import MILLIMETRES, converted, converted_points
-from shellbench.testing.verdict import Findings, Verdict, not_applicable
 
 TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
 UNSTRETCHED, UNBENT = 1e-6, 1e-2  # of the energies of stretching and bending as far: formulas that are wrong have 1

@@ -9,10 +9,9 @@ import numpy as np
 
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
-from shellbench.testing.examination import Examination, apart, grid, scattered
+from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
 from shellbench.testing.files import REALS, Part, altered, compressed_size, pickled, read_arrays, what_matters
 from shellbench.testing.subject import Answer, Lost, NoAnswer, Respondent, load_in
-from shellbench.testing.verdict import Findings, Verdict, not_shown
 
 SAME = 1e-12  # relative difference of a displacement that was saved and loaded
 COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must state at least

@@ -19,13 +19,18 @@ from shellbench.testing import (
     energy,
     invariance,
     keeping,
-    records,
-    repeatability,
 )
-from shellbench.testing.examination import AlreadyReported, Examination, shells
+from shellbench.testing.examination import (
+    AlreadyReported,
+    Examination,
+    Verdict,
+    failed,
+    not_applicable,
+    not_shown,
+    shells,
+)
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
-from shellbench.testing.verdict import Verdict, failed, not_applicable, not_shown
 
 Ask = Callable[[Examination], Verdict]
 AskOfCase = Callable[[Examination, Case], Verdict]
@@ -44,7 +49,7 @@ OF_CASE: Mapping[str, AskOfCase] = {
     "continuity": continuity.continuity,
     "seam": continuity.seam,
     "course": continuity.course,
-    "determinism": repeatability.determinism,
+    "determinism": answers.determinism,
     "units": invariance.units,
     "linearity": invariance.linearity,
     "placement": invariance.placement,
@@ -53,7 +58,7 @@ OF_CASE: Mapping[str, AskOfCase] = {
     "energies": energy.energies,
     "work": energy.work,
     "strains": energy.strain_fields,
-    "history": records.history,
+    "history": answers.history,
     "saving": keeping.saving,
     "parameters": keeping.counts,
     "storage": keeping.storage,

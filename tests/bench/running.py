@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from shellbench.bench.display import Silent
-from shellbench.bench.execute import Outcome, execute
-from shellbench.bench.executor import Ended, Event
+from shellbench.bench.execute import Ended, Event, Outcome, execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.record import Record, document, read_document

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog, portraits
+from shellbench.bench import catalog, kinds
 from shellbench.bench.kinds import find_kind, problem_of
 from shellbench.bench.record import Measured
 from shellbench.bench.reference import KnownValue, KnownValues
@@ -61,8 +61,8 @@ def chain(tmp_path, monkeypatch):
     names = [*catalog.case_names(), NAME]
     monkeypatch.setattr(catalog, "case_names", lambda: names)
     kind = Kind(problem=Problem, keep=lambda solution, case: None)
-    monkeypatch.setattr(portraits, "problem_of", lambda data: Chain() if data["kind"] == KIND else problem_of(data))
-    monkeypatch.setattr(portraits, "find_kind", lambda name: kind if name == KIND else find_kind(name))
+    monkeypatch.setattr(kinds, "problem_of", lambda data: Chain() if data["kind"] == KIND else problem_of(data))
+    monkeypatch.setattr(kinds, "find_kind", lambda name: kind if name == KIND else find_kind(name))
     folder = tmp_path / "runs"
     folder.mkdir()
     records, rows = [], []

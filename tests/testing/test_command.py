@@ -11,8 +11,8 @@ from shellbench.bench.registry import SolverEntry
 from shellbench.cli import app
 from shellbench.errors import InputError
 from shellbench.testing import command
+from shellbench.testing.examination import Verdict
 from shellbench.testing.suite import Line
-from shellbench.testing.verdict import Verdict
 
 
 @pytest.fixture

@@ -6,10 +6,23 @@ import pytest
 from shellbench.bench.catalog import case_names, named_case
 from shellbench.problems.shell.measure import load_density
 from shellbench.testing.examination import scattered
-from shellbench.testing.made_cases import MOVING, SHORT, carried, louder, short_motion
-from shellbench.testing.placing import CYCLE, placed, size, turning
-from shellbench.testing.rewriting import combined, substituted, times
-from shellbench.testing.units import MILLIMETRES, converted, converted_points
+from shellbench.testing.made_cases import (
+    CYCLE,
+    MILLIMETRES,
+    MOVING,
+    SHORT,
+    carried,
+    combined,
+    converted,
+    converted_points,
+    louder,
+    placed,
+    short_motion,
+    size,
+    substituted,
+    times,
+    turning,
+)
 from tests.alike import alike
 
 EVERY_CASE = [name for name in case_names() if named_case(name).kind == "shell"]

@@ -11,7 +11,7 @@ from skfem import MeshTri
 
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.cst.choices import Diagonal
+from shellbench.solvers.cst.solver import Diagonal
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

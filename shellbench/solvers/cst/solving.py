@@ -1,23 +1,32 @@
-"""Solving a case on one mesh of triangles: its states or frames, one after the other."""
+"""Solving a case on one mesh of triangles: its states or frames, one after the other.
+
+Static cases: one linear solve, or Newton's method along a path of load factors.
+
+Motion by backward Euler, as cloth simulators take it (Baraff & Witkin 1998; ARCSim).
+
+Each step minimises W(u) - f.u + m/(2 dt^2) |u - u_n - dt v_n|^2 with lumped masses; then v = (u - u_n)/dt. It is of
+first order, and takes energy out of what oscillates within a few steps.
+"""
 
 from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
-from shellbench.errors import InputError
+from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import displacements, failing_with, with_answer_first
 from shellbench.problems.shell.places import Point
-from shellbench.solvers.cst import motion, static
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
-from shellbench.solvers.cst.problem import TriangleProblem
+from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
 from shellbench.solvers.cst.solution import CstSolution
 from shellbench.solvers.cst.solver import CstSettings
 
@@ -78,7 +87,7 @@ class _Course:
         """Return what was reached, or None before the first state."""
         return self.solution() if self.history else None
 
-    def add_state(self, state: static.TriangleState) -> None:
+    def add_state(self, state: TriangleState) -> None:
         """Keep a state of a static case, with the displacements that are asked for."""
         self.marks.append(state.at)
         self.frames.append(state.displacement)
@@ -91,7 +100,7 @@ class _Course:
         self.history.append(replace(step, phase="path", quantities=quantities))
         self.progress(Progress(len(self.history), len(self.problem.case.states), f"load factor {state.at:.4g}"))
 
-    def add_frame(self, frame: motion.Frame, steps: int) -> None:
+    def add_frame(self, frame: Frame, steps: int) -> None:
         """Keep a frame of a motion."""
         self.marks.append(frame.at)
         self.frames.append(frame.displacement)
@@ -130,17 +139,203 @@ def mesh_of(case: Case, settings: CstSettings) -> TriangleMesh:
 def _solve(course: _Course) -> CstSolution:
     case, problem, settings = course.problem.case, course.problem, course.settings
     if case.dynamics is not None:
-        steps = motion.step_count(case.dynamics.until, settings.time_step or TIME_STEP)
+        steps = step_count(case.dynamics.until, settings.time_step or TIME_STEP)
         course.figures["time_step"] = case.dynamics.until / steps
         course.marks.append(0.0)
         course.frames.append(np.zeros_like(problem.elastic.rest))
-        motion.march(
-            problem, case.dynamics.until, steps, settings.tolerance, lambda frame: course.add_frame(frame, steps)
-        )
+        march(problem, case.dynamics.until, steps, settings.tolerance, lambda frame: course.add_frame(frame, steps))
         return course.solution()
     if case.linear:
-        for state in static.solve_linear(problem, case.states):
+        for state in solve_linear(problem, case.states):
             course.add_state(state)
     else:
-        static.follow_path(problem, case.states, settings.tolerance, course.add_state)
+        follow_path(problem, case.states, settings.tolerance, course.add_state)
     return with_answer_first(course.solution(), course.began)
+
+
+Array = NDArray[np.float64]
+
+BALANCE = 1e-6  # of all loads: the force of a pin that says that loads are not in balance
+REFINEMENTS = 2  # of a linear solve, by its residual
+MOST_STEPS = 60  # Newton steps to one state
+SHORTEST = 2.0**-8  # of the way to the next state: the smallest increment of the load factor
+
+
+@dataclass(frozen=True)
+class TriangleState:
+    """One state of equilibrium.
+
+    Attributes
+    ----------
+    at
+        Load factor.
+    displacement
+        (v, 3).
+    energy
+        Potential energy, J.
+    iterations
+        Newton steps since the state before.
+    residual
+        Largest force that is not in balance, relative to the largest force of all.
+    """
+
+    at: float
+    displacement: Array
+    energy: float
+    iterations: int
+    residual: float
+
+
+def solve_linear(problem: TriangleProblem, states: tuple[float, ...]) -> list[TriangleState]:
+    """Solve a linear case at each load factor.
+
+    Raises
+    ------
+    SolveFailure
+        If the stiffness matrix is singular, or loads are not in balance where nothing holds the shell.
+    """
+    free = problem.pattern.free
+    rest = np.zeros_like(problem.elastic.rest)
+    solve = factorised(
+        problem.pattern.matrix(problem.elastic.tangent_values(rest), problem.loading.springs.ravel()[free])
+    )
+    found = []
+    for t in states:
+        force, u = problem.loading.forces(t), problem.supports.prescribe(rest, t)
+        for _ in range(1 + REFINEMENTS):
+            u.ravel()[free] += solve((force - problem.internal(u)).ravel()[free])
+        found.append(_state(problem, t, u, force, 1))
+    return found
+
+
+def follow_path(
+    problem: TriangleProblem, states: tuple[float, ...], tolerance: float, tell: Callable[[TriangleState], None]
+) -> None:
+    """Find the equilibrium at each load factor, from the one before it.
+
+    Parameters
+    ----------
+    problem
+        Case and mesh.
+    states
+        Load factors, increasing.
+    tolerance
+        Newton's last step, relative to the shell's size.
+    tell
+        Is given each of the states as it is found.
+
+    Raises
+    ------
+    SolveFailure
+        If Newton's method does not converge even for small increments of the load factor.
+    """
+    still = np.zeros(problem.mesh.vertex_count)
+    u, t = np.zeros_like(problem.elastic.rest), 0.0
+    size = float(np.ptp(problem.elastic.rest, axis=0).max())
+    for mark in states:
+        increment, iterations = mark - t, 0
+        while t < mark:
+            goal = mark if t + 1.001 * increment >= mark else t + increment
+            force = problem.loading.forces(goal)
+            try:
+                start = problem.supports.prescribe(u, goal)
+                found = minimise(problem, start, force, still, start, tolerance * size, MOST_STEPS)
+            except SolveFailure as failure:
+                increment /= 2
+                if increment < SHORTEST * mark:
+                    raise SolveFailure(f"{failure} beyond load factor {t:.4g}") from None
+                continue
+            u, t, iterations = found.displacement, goal, iterations + found.iterations
+        tell(_state(problem, t, u, force, iterations))
+
+
+def _state(problem: TriangleProblem, t: float, u: Array, force: Array, iterations: int) -> TriangleState:
+    internal = problem.internal(u)
+    gap = (internal - force).ravel()
+    acting = float(np.abs(force).sum())
+    moved = problem.loading.case.material.membrane_stiffness * float(np.abs(u).max(initial=0.0))
+    scale = max(acting if acting else moved, np.finfo(float).tiny)
+    if np.abs(gap[problem.loose.pins]).max(initial=0.0) > BALANCE * scale:
+        raise SolveFailure("the loads are not in balance, and nothing holds the shell")
+    if len(problem.loose.pins):
+        u = problem.loose.removed(u, problem.loading.areas)
+    energy = problem.strain_energy(u) - float(np.sum(force * u))
+    return TriangleState(t, u, energy, iterations, float(np.abs(gap[problem.pattern.free]).max(initial=0.0)) / scale)
+
+
+MOST_INSTANTS = 100_000  # steps in time: their frames are kept
+MOST_TIME_STEPS = 60  # Newton steps in one step in time
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The state at one time.
+
+    Attributes
+    ----------
+    at
+        s.
+    displacement
+        (v, 3).
+    energy
+        Kinetic and strain energy less the work done by loads and supports, J.
+    iterations
+        Newton steps.
+    """
+
+    at: float
+    displacement: Array
+    energy: float
+    iterations: int
+
+
+def step_count(until: float, time_step: float) -> int:
+    """Return the number of equal steps, none of them longer than `time_step`; InputError if they are too many."""
+    steps = until / time_step * (1 - 1e-12)
+    if not steps <= MOST_INSTANTS:
+        raise InputError(f"field 'time_step': {time_step:g} s makes more than {MOST_INSTANTS} steps in {until:g} s")
+    return max(1, math.ceil(steps))
+
+
+def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, tell: Callable[[Frame], None]) -> None:
+    """Follow the motion from rest by equal steps in time.
+
+    Parameters
+    ----------
+    problem
+        Case and mesh.
+    until
+        Final time, s.
+    steps
+        Number of steps.
+    tolerance
+        Newton's last correction, relative to the shell's size.
+    tell
+        Is given each frame as it is found.
+
+    Raises
+    ------
+    SolveFailure
+        If Newton's method finds no minimum.
+    """
+    dt, mass = until / steps, problem.loading.mass
+    size = float(np.ptp(problem.elastic.rest, axis=0).max())
+    u = np.zeros_like(problem.elastic.rest)
+    v, held = np.zeros_like(u), problem.supports.held
+    work, inertia = 0.0, mass / dt**2
+    steady = problem.loading.forces(0.0) if problem.case.steady else None
+    for number in range(1, steps + 1):
+        t = until * number / steps
+        force = problem.loading.forces(t) if steady is None else steady
+        target = u + dt * v
+        start = problem.supports.prescribe(target, t)
+        try:
+            found = minimise(problem, start, force, inertia, target, tolerance * size, MOST_TIME_STEPS)
+        except SolveFailure as failure:
+            raise SolveFailure(f"{failure} at {t:.4g} s") from None
+        moved = found.displacement - u
+        reaction = problem.internal(found.displacement) - force + inertia[:, None] * (found.displacement - target)
+        work += float(np.sum(force * moved) + np.sum((reaction * moved)[held]))
+        u, v = found.displacement, moved / dt
+        energy = problem.strain_energy(u) + float(np.sum(mass[:, None] * v**2)) / 2 - work
+        tell(Frame(t, u, energy, found.iterations))

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
-from shellbench.solvers.mujoco.choices import Integrator
 from shellbench.solvers.mujoco.grid import Grid
 from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.solver import Integrator
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

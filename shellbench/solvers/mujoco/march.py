@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigsh
 
 from shellbench.errors import InputError
-from shellbench.solvers.mujoco.choices import Integrator
 from shellbench.solvers.mujoco.cloth import Cloth
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.solver import Integrator
 
 Array = NDArray[np.float64]
 

@@ -11,12 +11,11 @@ from pydantic import Field as PydanticField
 from shellbench.model import Model, Positive
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, StrainName, Supports
-from shellbench.solvers.ndf.factors import BoundaryFactors
+from shellbench.solvers.ndf.factors import BoundaryFactors, Lift
 from shellbench.solvers.ndf.field import Ansatz, Features
 from shellbench.solvers.ndf.inputs import Inputs, mirrored_axes
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.lengths import edge_layers, foci
-from shellbench.solvers.ndf.lift import Lift
 from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.singular import FixedFeatures
 from shellbench.solvers.ndf.soft import NoFactors, NoLift

@@ -10,7 +10,7 @@ from pathlib import Path
 from torch import Tensor
 
 from shellbench.problem import Step
-from shellbench.solvers.ndf.tensor_file import are_finite, read_tensors, telling_damage, texts_of, write_tensors
+from shellbench.solvers.ndf.weights import are_finite, read_tensors, telling_damage, texts_of, write_tensors
 
 FORMAT = "shellbench-ndf-checkpoint-1"
 GROUPS = ("weight", "first_moment", "second_moment")

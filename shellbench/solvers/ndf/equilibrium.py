@@ -24,14 +24,13 @@ from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.combined import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.energy import mirrored
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.loads import concentrated_forces, force_density
 from shellbench.solvers.ndf.moments import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.sampled import Sampled, elastic_form
+from shellbench.solvers.ndf.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
 from shellbench.solvers.ndf.strain_measures import Strained
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.turning import turns

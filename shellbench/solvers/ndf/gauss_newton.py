@@ -18,8 +18,8 @@ from shellbench.solvers.ndf.backward import forward, gradient, jacobian
 from shellbench.solvers.ndf.energy import add_gram, mirrored, strain_matrix
 from shellbench.solvers.ndf.jets import VALUE
 from shellbench.solvers.ndf.network import Network
-from shellbench.solvers.ndf.regularised import IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.sample import Sample, Tips
+from shellbench.solvers.ndf.solve import IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.strain import apply_rows
 
 JITTER = 1e-11  # on the unit diagonal of the features' matrix, which a coarse quadrature conditions worse

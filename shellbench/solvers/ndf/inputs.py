@@ -6,11 +6,14 @@ answers for a slit shell); at an edge that holds the slope of free components it
 there. Distances from points that carry a force, and from the
 edges of curved shells, enter once more, stretched as asinh(d / l) / asinh(reach / l): there the solution varies within
 the length l of a bending layer (`lengths`).
+
+Also here: which functions of a point are even about the seam of a periodic coordinate, found out by looking.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +25,34 @@ from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.choices import PeriodicInput
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
 from shellbench.solvers.ndf.lengths import Focus
-from shellbench.solvers.ndf.mirror import even_columns
 from shellbench.solvers.ndf.supports import edge_supports, even_sides
+
+EVENNESS_SAMPLES = 24  # points a side of the grid on which functions are compared with their mirror images
+ODD = 1e-9  # of a function's own size: far above rounding, far below what is odd by design
+
+
+def even_columns(columns: Callable[[Array], Tensor], domain: Domain, axes: Sequence[int]) -> Tensor:
+    """Tell which of several functions are even about the lower bound of each of the given coordinates.
+
+    Parameters
+    ----------
+    columns
+        Values (N, n) of n functions at points (N, 2).
+
+    Returns
+    -------
+    Tensor
+        (n,) of bool.
+    """
+    points = domain.grid(EVENNESS_SAMPLES, SAMPLES).reshape(-1, 2)
+    here = columns(points)
+    even = torch.ones(here.shape[1], dtype=torch.bool, device=here.device)
+    for axis in axes:
+        mirrored = np.array(points)
+        mirrored[:, axis] = domain.lower[axis] + domain.upper[axis] - points[:, axis]  # the bounds are one line
+        even &= (here - columns(mirrored)).abs().amax(0) <= ODD * here.abs().amax(0)
+    return even
+
 
 SAMPLES = 24  # points a side of the grid on which inputs are tested for linear independence
 DEPENDENT = 1e-6  # an input whose remainder is below this share of its size is left out

@@ -23,7 +23,6 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.certificate import rigid_part
-from shellbench.solvers.ndf.combined import Combined
 from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.field import Features, Field
@@ -32,6 +31,7 @@ from shellbench.solvers.ndf.loads import check_balance
 from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import NdfSolution
 from shellbench.solvers.ndf.turning import turns, why_not_turned
 

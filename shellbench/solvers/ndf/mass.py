@@ -20,12 +20,12 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.combined import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.resolution import side_lengths
+from shellbench.solvers.ndf.sampled import Combined, FeatureSet, independent
 from shellbench.solvers.ndf.undeformed import Undeformed
 
 REACH = 2.5  # standard deviations of the weights within which waves of the highest degree are drawn

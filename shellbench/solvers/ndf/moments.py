@@ -16,11 +16,10 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
-from shellbench.solvers.ndf.combined import FeatureSet
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, edge_rule
-from shellbench.solvers.ndf.sampled import Sampled
+from shellbench.solvers.ndf.sampled import FeatureSet, Sampled
 from shellbench.solvers.ndf.strain_measures import GRADIENTS, Turned
 
 TURN = 2 * np.pi

@@ -23,14 +23,13 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.combined import Combined
 from shellbench.solvers.ndf.equilibrium import Basis
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.loads import concentrated_forces, force_density
 from shellbench.solvers.ndf.mass import NOWHERE
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.sampled import COMPONENTS, Sampled
+from shellbench.solvers.ndf.sampled import COMPONENTS, Combined, Sampled
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.undeformed import stresses
 

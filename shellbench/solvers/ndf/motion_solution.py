@@ -21,16 +21,22 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.combined import Combined
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, short_enough
+from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, features_of
 from shellbench.solvers.ndf.supports import point_supports
-from shellbench.solvers.ndf.tensor_file import telling_damage
-from shellbench.solvers.ndf.weights import Header, network_tensors, write
+from shellbench.solvers.ndf.weights import (
+    Header,
+    network_tensors,
+    rounded_network,
+    rounded_tensors,
+    short_enough,
+    telling_damage,
+    write,
+)
 
 KEPT = ("combine", "times", "output", "rates", "seconds")  # tensors of a motion, beside the network's
 

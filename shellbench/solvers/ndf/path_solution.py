@@ -16,9 +16,8 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_solution import MotionSolution, read_motion
-from shellbench.solvers.ndf.rounding import short_enough
 from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, read_states
-from shellbench.solvers.ndf.weights import StateHeader, read, write
+from shellbench.solvers.ndf.weights import StateHeader, read, short_enough, write
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ is not said in it, and why:
 
 - Strains are linear. Those of eq. (30) give .406 on the plate and .253 on the roof, where the paper's Table 3 has .487
   and .3018; and its E = 30 for the cylinders is a mere scaling in linear theory only.
-- Boundary functions are brought to a maximum of 1 (see `published_factors`).
+- Boundary functions are brought to a maximum of 1 (see `published_network`).
 - Young's modulus is scaled in training by a power of ten that follows from the case (see `usual_modulus_factor`); it is
   the published one for all four shells of the obstacle course.
 - Rigid motions that are left free are taken away from the trained field in the mean over the area, as the case asks.
@@ -43,13 +43,18 @@ from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.loads import check_balance
 from shellbench.solvers.ndf.path_solution import load_solution
-from shellbench.solvers.ndf.published_factors import PublishedFactors, published_ansatz
 from shellbench.solvers.ndf.published_loss import Sampler, usual_modulus_factor
 from shellbench.solvers.ndf.published_motion import MotionTraining, load_motion, why_no_motion
-from shellbench.solvers.ndf.published_motion_file import is_motion
-from shellbench.solvers.ndf.published_network import InputScale, Siren, check_like, initial_siren
-from shellbench.solvers.ndf.published_settings import PublishedSettings, own_checkpoint, training_key
-from shellbench.solvers.ndf.published_solver import PublishedSolver
+from shellbench.solvers.ndf.published_motion_solution import is_motion
+from shellbench.solvers.ndf.published_network import (
+    InputScale,
+    PublishedFactors,
+    Siren,
+    check_like,
+    initial_siren,
+    published_ansatz,
+)
+from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint, training_key
 from shellbench.solvers.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train, why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.resolution import resolution

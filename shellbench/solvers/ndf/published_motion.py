@@ -5,7 +5,7 @@ in full: 5 x 512 sines with omega0 = 15 on inputs scaled to [0, 1], u = F t^2 B 
 functions, strains by eq. (30), 20 x 20 points by 20 times redrawn at each iteration, Adam at 1e-4 for 2000 iterations.
 What departs from the paper, or is not said in it, and why:
 
-- The sign of the first motion in eq. (72) is repaired (see `published_motion_factors`).
+- The sign of the first motion in eq. (72) is repaired (see `published_motion_field`).
 - kappa of eq. (30) is symmetrised; elastic supports enter as energy.
 - The velocity is one more derivative that is propagated forward, with the numbers of nested differentiation.
 
@@ -36,11 +36,10 @@ from shellbench.problems.shell.quantities import (
 from shellbench.solvers.ndf.checkpoint import Checkpoint
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.published_motion_field import Ansatz, MotionField
-from shellbench.solvers.ndf.published_motion_file import read_motion
 from shellbench.solvers.ndf.published_motion_loss import MotionSampler, SpaceTime, why_not_sampled
-from shellbench.solvers.ndf.published_motion_solution import TrainedMotion
+from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
-from shellbench.solvers.ndf.published_settings import PublishedSettings, training_key
+from shellbench.solvers.ndf.published_solver import PublishedSettings, training_key
 from shellbench.solvers.ndf.published_training import why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 

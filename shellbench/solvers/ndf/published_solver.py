@@ -2,13 +2,57 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
-from shellbench.problem import Capabilities, ProgressCallback, Solution
+from pydantic import Field as PydanticField
+
+from shellbench.model import Positive
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solver import ShellSolver
-from shellbench.solvers.ndf.published_settings import PublishedSettings
+from shellbench.solvers.ndf.choices import PeriodicInput, StrainName
+
+NOT_OF_THE_TRAINING = {"device", "iterations", "checkpoint", "checkpoint_every"}
+
+
+class PublishedSettings(SeededSettings):
+    """Settings of `ndf-published`; the defaults are the paper's."""
+
+    iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
+    layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")
+    width: int = PydanticField(512, ge=1, le=4096, description="of each hidden layer")
+    omega0: Positive = PydanticField(15.0, description="frequency of the sines")
+    learning_rate: Positive = 1e-4
+    cells: tuple[int, int] = PydanticField((20, 20), description="of the grid of samples, along xi1 and xi2")
+    times: int = PydanticField(20, ge=1, le=1000, description="samples of time, one in each of so many intervals")
+    modulus_factor: Positive | None = PydanticField(
+        None, description="of Young's modulus in training, linear theory; None follows from the case"
+    )
+    periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
+    strain: StrainName | None = PydanticField(
+        None, description="strains of the loss; None is linear where nothing moves, and eq. (30) in motion"
+    )
+    dtype: Literal["float32", "float64"] = PydanticField("float32", description="precision of the training")
+    checkpoint: str | None = PydanticField(
+        None, description="folder for checkpoints: an interrupted training goes on from its own; None for none"
+    )
+    checkpoint_every: int = PydanticField(100, ge=1, description="iterations between two checkpoints, at least 25")
+
+
+def training_key(case: Case, settings: PublishedSettings) -> str:
+    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=NOT_OF_THE_TRAINING)}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
+    """Return the file in which a training keeps its checkpoints; None if it keeps none."""
+    if settings.checkpoint is None:
+        return None
+    return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"
 
 
 class PublishedSolver(ShellSolver):

@@ -18,9 +18,9 @@ from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge, Whole
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import BATCH
+from shellbench.solvers.ndf.factors import edge_weight
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant, from_derivatives, product
-from shellbench.solvers.ndf.lift import edge_weight
 from shellbench.solvers.ndf.loads import concentrated_forces, force_density
 from shellbench.solvers.ndf.moments import edge_moments
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule

@@ -1,15 +1,25 @@
-"""What makes a solved field no answer, told from the field itself: no known answer is looked at."""
+"""What makes a solved field no answer, told from the field itself: no known answer is looked at.
+
+Whether a field turns where its energy does not look.
+
+Bending energy is integrated from second derivatives at points. A field with kinks turns at lines that no point lies
+on, and those turns would cost infinite energy, not none. Between the ends of a panel the slope changes by the integral
+of the second derivative: where it changes by more, the energy has missed it. This needs no known answer.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from torch import Tensor
 
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.energy import NormalEquations
 from shellbench.solvers.ndf.equilibrium import UNSTRAINED
-from shellbench.solvers.ndf.jets import KINKED
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import D1, D2, D11, D22, KINKED, Array
+from shellbench.solvers.ndf.quadrature import RuleSpec, line_rule, panel_ends
 
 CANCELLED = 1e-12  # share of the loads' work that is left on the feature that takes up most; rounding leaves 1e-15
 LARGEST_UNSEEN = 1e-2  # of the changes of slope: smooth fields show 1e-6 and less, rectified ones 0.3 and more
@@ -88,3 +98,31 @@ def ill_conditioned(share: float, remedy: str) -> str:
         f"the equations are too ill-conditioned: what keeps them definite takes {100 * share:.2g} % of the energy;"
         f" use {remedy}"
     )
+
+
+LINES = (0.17, 0.38, 0.61, 0.84)  # shares of the other coordinate at which lines run, off all symmetry
+
+
+def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
+    """Return the share of a field's changes of slope that its second derivatives do not account for, 0 to 1.
+
+    Along coordinate lines, panel by panel of the rule `spec`: the sum of |slope(b) - slope(a) - integral of u,dd| over
+    the sum of |slope(b) - slope(a)| + integral of |u,dd|, or over the slopes where these are larger.
+    """
+    domain = field.ansatz.case.surface.domain
+    unseen, total = 0.0, 0.0
+    for axis, first, second in ((0, D1, D11), (1, D2, D22)):
+        lower, upper, size = domain.lower[axis], domain.upper[axis], domain.size[axis]
+        ends = panel_ends(lower, upper, [float(f) for f in focal[:, axis]], spec, axis, domain.periodic[axis])
+        inner, weights = line_rule(ends, spec.order)
+        for share in LINES:
+            across = domain.lower[1 - axis] + share * domain.size[1 - axis]
+            points = np.full((len(ends) + len(inner), 2), across)
+            points[:, axis] = np.concatenate([ends, inner])
+            jet = field.jet(points).cpu().numpy() * size
+            slope, bend = jet[first, : len(ends)], jet[second, len(ends) :] * weights[:, None]
+            change, bend = np.diff(slope, axis=0), bend.reshape(len(ends) - 1, spec.order, 3)
+            unseen += float(np.linalg.norm(change - bend.sum(1), axis=-1).sum())
+            turned = np.linalg.norm(change, axis=-1).sum() + np.linalg.norm(bend, axis=-1).sum()
+            total += float(max(turned, np.linalg.norm(slope, axis=-1).max()))
+    return unseen / total if total > 0 else 0.0

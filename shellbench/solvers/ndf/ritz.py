@@ -34,7 +34,6 @@ from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import concentrated, normal_equations, surface_area
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
-from shellbench.solvers.ndf.kinks import unseen_turning
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.loads import check_balance
 from shellbench.solvers.ndf.mass import scales
@@ -42,7 +41,7 @@ from shellbench.solvers.ndf.motion_solution import MotionSolution
 from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.refusal import Signs, jitter_share, refusal, rounding_energy, taken_up
+from shellbench.solvers.ndf.refusal import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
 from shellbench.solvers.ndf.resolution import Resolution, resolution, rung, rung_count
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.soft import Springs, support_error

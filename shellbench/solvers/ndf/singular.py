@@ -15,9 +15,9 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.choices import MULTIPLIERS
+from shellbench.solvers.ndf.inputs import even_columns
 from shellbench.solvers.ndf.jets import D1, VALUE, Array, Placement, compose, constant, dot, from_derivatives, product
 from shellbench.solvers.ndf.lengths import Focus
-from shellbench.solvers.ndf.mirror import even_columns
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports
 
 AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision

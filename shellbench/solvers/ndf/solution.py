@@ -20,11 +20,19 @@ from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
-from shellbench.solvers.ndf.rounding import rounded_network, rounded_tensors, short_enough
 from shellbench.solvers.ndf.supports import point_supports
-from shellbench.solvers.ndf.tensor_file import telling_damage
 from shellbench.solvers.ndf.undeformed import Undeformed, stresses
-from shellbench.solvers.ndf.weights import Header, StateHeader, network_of, network_tensors, write
+from shellbench.solvers.ndf.weights import (
+    Header,
+    StateHeader,
+    network_of,
+    network_tensors,
+    rounded_network,
+    rounded_tensors,
+    short_enough,
+    telling_damage,
+    write,
+)
 
 QUERY = 2048  # points at which values are computed at once: of more, they no longer fit the cache of a processor
 JETS = 512  # points at which jets are, which are six times as large

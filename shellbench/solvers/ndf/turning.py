@@ -25,6 +25,7 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Translation
 from shellbench.problems.shell.places import Point
+from shellbench.solvers.ndf.factors import edge_weight
 from shellbench.solvers.ndf.field import Factors
 from shellbench.solvers.ndf.jets import (
     VALUE,
@@ -38,7 +39,6 @@ from shellbench.solvers.ndf.jets import (
     product,
     sine,
 )
-from shellbench.solvers.ndf.lift import edge_weight
 from shellbench.solvers.ndf.supports import EdgeSupport, edge_supports
 
 

@@ -1,22 +1,92 @@
-"""The file of a field: its tensors as safetensors, all else as JSON in their header."""
+"""The file of a field: its tensors as safetensors, all else as JSON in their header.
+
+Also here: files of tensors (safetensors with texts in their header; nothing is ever unpickled),
+
+and weights in a shorter floating-point format.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+import torch
+from pydantic import ValidationError
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
 from torch import Tensor
 
 from shellbench.errors import InputError
-from shellbench.model import Finite, Model
-from shellbench.problem import Step
+from shellbench.model import Finite, Model, one_sentence
+from shellbench.problem import NumberFormat, Step
+from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.jets import activation
 from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.tensor_file import check_like_numbers, read_tensors, telling_damage, write_tensors
+
+
+def write_tensors(path: Path, tensors: Mapping[str, Tensor], texts: Mapping[str, str]) -> None:
+    """Write a file."""
+    kept = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    save_file(kept, path, metadata=dict(texts))
+
+
+def read_tensors(path: Path) -> tuple[dict[str, str], dict[str, Tensor]]:
+    """Return texts and tensors of a file.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if it can't be read, or is no safetensors file.
+    """
+    try:
+        with safe_open(path, framework="pt") as file:
+            return dict(file.metadata() or {}), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except OSError as error:
+        raise InputError(f"{path}: can't be read ({error.strerror or error})") from None
+    except (SafetensorError, ValueError, RuntimeError) as error:
+        raise InputError(f"{path}: is damaged or no safetensors file ({str(error).splitlines()[0][:200]})") from None
+
+
+def texts_of(path: Path) -> dict[str, str]:
+    """Return the texts of a file; none of one that can't be read."""
+    try:
+        with safe_open(path, framework="pt") as file:
+            return dict(file.metadata() or {})
+    except (OSError, SafetensorError):
+        return {}
+
+
+@contextmanager
+def telling_damage(path: Path) -> Iterator[None]:
+    """Say in one sentence that what a file holds does not fit together, whatever is raised for that."""
+    try:
+        yield
+    except ValidationError as error:
+        raise InputError(f"{path}: is damaged: {one_sentence(error)}") from None
+    except (ValueError, KeyError, TypeError, ArithmeticError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise InputError(f"{path}: is damaged: {reason[:200]}") from None
+
+
+def are_finite(tensors: Iterable[Tensor]) -> bool:
+    """Whether all tensors are of finite floating-point numbers."""
+    return all(t.is_floating_point() and bool(torch.isfinite(t).all()) for t in tensors)
+
+
+def check_like_numbers(tensors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError if tensors are not all of finite numbers in one precision."""
+    if not are_finite(tensors.values()):
+        raise ValueError("its weights are not all finite numbers")
+    if len({t.dtype for t in tensors.values()}) > 1:
+        raise ValueError("its weights differ in precision")
+
 
 HEADER = "shellbench"
 
@@ -115,3 +185,30 @@ def network_of(tensors: Mapping[str, Tensor], name: str, inputs: int) -> Network
             raise ValueError("its layers do not fit each other")
         width = weight.shape[0]
     return network
+
+
+def short_enough(tensors: Iterable[Tensor], format: NumberFormat) -> bool:
+    """Tell whether no tensor is longer than a format, so that rounding changes nothing."""
+    return all(tensor.element_size() <= np.dtype(format).itemsize for tensor in tensors)
+
+
+def rounded_tensors(tensors: Sequence[Tensor], format: NumberFormat) -> tuple[list[Tensor], int]:
+    """Return tensors rounded to a format, in the precision they had, and the bytes that they take in the format.
+
+    Each is scaled by its largest magnitude before (see `rounding`); one that is no longer than the format
+    stays as it is.
+    """
+    result, bytes_taken = [], 0
+    for tensor in tensors:
+        numbers = tensor.detach().cpu().numpy()
+        short = shortened(numbers, format)
+        result.append(tensor if short.numbers is numbers else torch.from_numpy(short.expanded()).to(tensor))
+        bytes_taken += short.nbytes
+    return result, bytes_taken
+
+
+def rounded_network(network: Network, format: NumberFormat) -> tuple[Network, int]:
+    """Return a network with all weights and biases rounded, and the bytes that they take in the format."""
+    weights, first = rounded_tensors(network.weights, format)
+    biases, second = rounded_tensors(network.biases, format)
+    return replace(network, weights=tuple(weights), biases=tuple(biases)), first + second

@@ -11,8 +11,7 @@ import pytest
 
 from shellbench.bench.cluster import DaskCluster
 from shellbench.bench.display import Silent
-from shellbench.bench.execute import execute
-from shellbench.bench.executor import Ended, Executor, Progressed, Started
+from shellbench.bench.execute import Ended, Executor, Progressed, Started, execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.record import Record
 from shellbench.bench.store import LOG, Store

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.cst.motion import step_count
 from shellbench.solvers.cst.solver import CstSolver
+from shellbench.solvers.cst.solving import step_count
 from tests.solvers.cst.shells import CLOTH, cloth
 
 EDGE = {"name": "edge", "on": ["xi1_min"]}

@@ -11,11 +11,10 @@ from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import D11, D12, D22, VALUE, Placement
-from shellbench.solvers.ndf.kinks import unseen_turning
 from shellbench.solvers.ndf.network import Network, random_features
-from shellbench.solvers.ndf.published_settings import PublishedSettings
+from shellbench.solvers.ndf.published_solver import PublishedSettings
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.refusal import Signs, refusal
+from shellbench.solvers.ndf.refusal import Signs, refusal, unseen_turning
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors

@@ -10,8 +10,7 @@ from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.published_loss import Sample, stratified_samples, usual_modulus_factor
 from shellbench.solvers.ndf.published_network import InputScale, initial_siren
-from shellbench.solvers.ndf.published_settings import PublishedSettings
-from shellbench.solvers.ndf.published_solver import PublishedSolver
+from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver
 from shellbench.solvers.ndf.published_training import RECORD, STRETCH, why_collapsed
 from tests.alike import SINGLE, alike, same_tensors
 from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
@@ -194,7 +193,7 @@ def test_a_training_killed_while_writing_leaves_the_older_checkpoint(tmp_path, m
         path.write_bytes(before[: len(before) // 2])
         raise Interrupted
 
-    monkeypatch.setattr("shellbench.solvers.ndf.tensor_file.save_file", half_written)
+    monkeypatch.setattr("shellbench.solvers.ndf.weights.save_file", half_written)
     with pytest.raises(Interrupted):
         trained(PLATE, settings)
     assert [path.read_bytes() for path in tmp_path.iterdir()] == [before]

@@ -6,7 +6,7 @@ import torch
 
 from shellbench.bench.catalog import named_case
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_factors import SIGMA, PublishedFactors
+from shellbench.solvers.ndf.published_network import SIGMA, PublishedFactors
 from tests.solvers.ndf.shells import FREE, differences, inner_points, shell
 
 PLACEMENT = Placement()

@@ -17,9 +17,8 @@ from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf import ritz, trainer, training
 from shellbench.solvers.ndf.gauss_newton import JITTER as GAUSS_NEWTON
 from shellbench.solvers.ndf.quadrature import Rule
-from shellbench.solvers.ndf.regularised import REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solve import JITTER
+from shellbench.solvers.ndf.solve import JITTER, REFINEMENTS, IndefiniteError, RegularisedInverse
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 
 ROUNDING = 1e-15  # relative: what another order of the same operations changes

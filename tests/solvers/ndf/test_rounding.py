@@ -18,8 +18,8 @@ from shellbench.solvers.ndf.motion_solution import MotionSolution
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.rounding import rounded_tensors
 from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.weights import rounded_tensors
 from tests.solvers.ndf import trainings
 from tests.solvers.ndf.shells import inner_points
 from tests.solvers.ndf.test_motion import PIN, moving

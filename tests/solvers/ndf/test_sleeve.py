@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf import buckling
-from shellbench.solvers.ndf.buckling import follow_steps
+from shellbench.solvers.ndf.buckling import NEUTRAL, follow_steps, trust_region_step
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.declines import violations, why_declined
@@ -19,7 +19,6 @@ from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_solution import load_solution
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.relaxation import NEUTRAL, trust_region_step
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports
 from tests.solvers.ndf.shells import differences, inner_points, shell, support

@@ -5,11 +5,9 @@ import torch
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.build import FieldSpec, build_inputs
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.published_factors import published_ansatz
 from shellbench.solvers.ndf.published_loss import Sampler, usual_modulus_factor
-from shellbench.solvers.ndf.published_network import InputScale, initial_siren
-from shellbench.solvers.ndf.published_settings import PublishedSettings
-from shellbench.solvers.ndf.published_solver import PublishedSolver
+from shellbench.solvers.ndf.published_network import InputScale, initial_siren, published_ansatz
+from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 PUBLISHED = FieldSpec(stretched=False, multipliers=0)
