@@ -13,6 +13,7 @@ from derivations.over_time import at_time, between, extrapolated
 from derivations.paper_napkins import (
     CAPACITY,
     FRACTION,
+    UNIFORM,
     corner_values,
     edges_values,
     held_corner,
@@ -369,17 +370,18 @@ def test_breaks_are_symmetric_and_as_dense_at_both_ends():
 
 
 @pytest.mark.long
-def test_napkin_corner_is_the_limit_of_uniform_meshes_too():
-    """Without grading the error is of the same order, with another constant."""
+def test_napkin_corner_is_the_limit_of_graded_meshes_too():
+    """With grading the error at the support is of the same order, with another constant."""
     values = napkin_corner()
-    uniform = to_a_point(corner_values, [Resolution(n, 3, grading=1e3) for n in (16, 24, 36)])
+    graded = to_a_point(corner_values, [Resolution(n, 3, grading=0.03) for n in (16, 24, 32)])
     for name, estimate in values.items():
-        assert abs(uniform[name].value - estimate.value) < 2 * uniform[name].uncertainty + estimate.uncertainty, name
+        room = 2 if name.startswith("corner") else 1  # graded meshes leave the whip of the free corner coarse
+        assert abs(graded[name].value - estimate.value) < room * graded[name].uncertainty + estimate.uncertainty, name
 
 
 def test_a_point_support_costs_the_power_of_its_capacity():
     """Steps between meshes whose spans have a ratio of 3/2 shrink by 1.5 ** CAPACITY, not by 1.5 as at first order."""
-    coarse, medium, fine = (corner_values(Resolution(n, 3, grading=1e3), (0.2,)) for n in (8, 12, 18))
+    coarse, medium, fine = (corner_values(Resolution(n, 3, UNIFORM), (0.2,)) for n in (8, 12, 18))
     for name in ("centre_x_200ms", "centre_y_200ms", "kinetic_energy_200ms", "membrane_energy_200ms"):
         order = np.log((medium[name] - coarse[name]) / (fine[name] - medium[name])) / np.log(1.5)
         assert order == pytest.approx(CAPACITY, abs=0.15), name
@@ -420,9 +422,9 @@ def test_uncertainties_are_shared_by_the_components_of_a_vector_at_one_time():
     assert [e.unit for e in found.values()] == ["N", "N", "N", "J"]
 
 
-def test_errors_of_first_order_are_extrapolated_to_their_limit():
+def test_power_series_are_extrapolated_to_their_limit():
     meshes = [(h, {"tip_x_100ms": 2.0 + 3.0 * h, "tip_z_100ms": 1.0 - h + h**2}) for h in (0.4, 0.2, 0.1)]
     found = extrapolated(meshes, 0.0)
     assert found["tip_x_100ms"].value == pytest.approx(2.0, abs=1e-14)
-    assert found["tip_z_100ms"].value == pytest.approx(1.0 - 0.1 * 0.2, abs=1e-14)
-    assert found["tip_x_100ms"].uncertainty == pytest.approx(0.4 * 0.2 - 0.2 * 0.1, abs=1e-14)
+    assert found["tip_z_100ms"].value == pytest.approx(1.0, abs=1e-14)
+    assert found["tip_x_100ms"].uncertainty == pytest.approx(0.1 * 0.2, abs=1e-14)  # the last line misses as much
