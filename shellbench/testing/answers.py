@@ -15,11 +15,12 @@ import numpy as np
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, scattered, seed_difference
-from shellbench.testing.subject import Answer, Lost, NoAnswer, UnknownName, solve_in
+from shellbench.testing.subject import Answer, Lost, NoAnswer, Refused, UnknownName, solve_in
 
 ROUNDING = 1e-9  # relative: what another order of summation may do, in single precision within a field too
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
 COMPONENTS = {name: (3,) if name.endswith("strain") else () for name in FIELDS}
+NO_MATERIAL = {"no_material_has_this_constant": 1.0}
 NO_FIELD = "no_solver_knows_this_field"
 
 
@@ -36,6 +37,11 @@ def displacements(exam: Examination, case: Case) -> Verdict:
     if case.dynamics is None:
         speed = np.abs(np.asarray(answer.ask("velocity", everywhere))).max()
         found.hold(speed == 0, f"a static case has a velocity of {speed:.2g} m/s")
+    try:
+        answer.ask("displacement", everywhere[:1], None, NO_MATERIAL)
+        found.faults.append("displacement answers for a material constant that nobody has declared")
+    except Refused:
+        pass
     found.figures.append(f"points of {len(SHAPES)} shapes; finite at {len(everywhere)} points of the closed domain")
     return found.verdict()
 

@@ -26,6 +26,8 @@ class Fall:
         return self.case.dynamics.until
 
     def displacement(self, points, at=None, material=None):
+        if material is not None:
+            raise InputError("it takes no other material")
         t = self._until if at is None else at
         if self.fault == "frames":
             t = round(t / self._until * FRAMES) / FRAMES * self._until

@@ -36,6 +36,7 @@ FAULTS = {
     "no_empty": "answers",
     "single": "answers",
     "array_in_diagnostics": "answers",
+    "any_material": "answers",
     "any_name": "fields",
     "neighbours": "batching",
     "nearest": "continuity",
@@ -112,6 +113,8 @@ class NavierSolution:
         return np.sum((factors[0] @ self.coefficients) * factors[1], axis=-1)
 
     def displacement(self, points, at=None, material=None):
+        if material is not None and self.fault != "any_material":
+            raise InputError("it takes no other material")
         xi = np.asarray(points, dtype=float)
         if self.fault == "no_empty" and xi.size == 0:
             raise ValueError("no points")
