@@ -1,4 +1,4 @@
-"""The other end of a fork server (`shellbench.bench.server`): start it, give it tasks, hear what it says."""
+"""Processes in which solvers live, and the other end of a fork server: start it, give it tasks, hear what it says."""
 
 from __future__ import annotations
 
@@ -18,6 +18,49 @@ READ = 65536  # bytes at once
 
 
 @dataclass
+class SolverProcess:
+    """A program of ours in a Python of its own, which an interrupt from the terminal does not reach."""
+
+    process: subprocess.Popen[bytes]
+    errors: IO[bytes]
+
+    @classmethod
+    def start(cls, module: str, *arguments: str, threads: int, **streams: Any) -> SolverProcess:
+        """Start a module with arguments; what it writes is kept, but for `streams`, those of `subprocess.Popen`."""
+        limits = dict.fromkeys(THREAD_LIMITS, str(threads))
+        waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
+        path = os.pathsep.join(p or os.curdir for p in sys.path)
+        errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
+        process = subprocess.Popen(
+            [sys.executable, "-m", module, *arguments],
+            stdout=streams.pop("stdout", errors),
+            stderr=errors,
+            env={**os.environ, **limits, **waiting, "PYTHONPATH": path},
+            start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
+            **streams,
+        )
+        return cls(process, errors)
+
+    def end(self) -> None:
+        """Kill it and all that it has started."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+        for stream in (self.process.stdin, self.process.stdout, self.errors):
+            if stream is not None:
+                with contextlib.suppress(OSError):
+                    stream.close()
+
+    def last_words(self) -> str:
+        """Return the last line that it wrote to standard error."""
+        with contextlib.suppress(OSError, ValueError):
+            self.errors.seek(0)
+            lines = self.errors.read().decode(errors="replace").strip().splitlines()
+            return lines[-1].strip() if lines else ""
+        return ""
+
+
+@dataclass
 class ServerProcess:
     """A running fork server of one solver.
 
@@ -32,8 +75,7 @@ class ServerProcess:
     """
 
     solver: str
-    process: subprocess.Popen[bytes]
-    errors: IO[bytes]
+    server: SolverProcess
     run_pid: int | None = None
     ready: bool = False
     _unread: bytes = field(default=b"", repr=False)
@@ -41,21 +83,16 @@ class ServerProcess:
     @classmethod
     def start(cls, solver: str, target: str, threads: int) -> ServerProcess:
         """Start a server whose runs have so many threads; it needs a moment until it says ``ready``."""
-        limits = dict.fromkeys(THREAD_LIMITS, str(threads))
-        waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
-        path = os.pathsep.join(p or os.curdir for p in sys.path)
-        errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the server
-        process = subprocess.Popen(
-            [sys.executable, "-m", "shellbench.bench.server", target],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            env={**os.environ, **limits, **waiting, "PYTHONPATH": path},
-            start_new_session=True,  # an interrupt from the terminal is for us; we end the servers ourselves
-        )
-        assert process.stdout is not None
-        os.set_blocking(process.stdout.fileno(), False)
-        return cls(solver, process, errors)
+        streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+        server = SolverProcess.start("shellbench.bench.server", target, threads=threads, **streams)
+        assert server.process.stdout is not None
+        os.set_blocking(server.process.stdout.fileno(), False)
+        return cls(solver, server)
+
+    @property
+    def process(self) -> subprocess.Popen[bytes]:
+        """The process of the server."""
+        return self.server.process
 
     def fileno(self) -> int:
         """Return what to select on."""
@@ -97,18 +134,8 @@ class ServerProcess:
     def end(self) -> None:
         """Kill the run, if there is one, and the server."""
         self.kill_run()
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
-        for stream in (self.process.stdin, self.process.stdout, self.errors):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
+        self.server.end()
 
     def last_words(self) -> str:
         """Return the last line that the server wrote to standard error."""
-        with contextlib.suppress(OSError, ValueError):
-            self.errors.seek(0)
-            lines = self.errors.read().decode(errors="replace").strip().splitlines()
-            return lines[-1].strip() if lines else ""
-        return ""
+        return self.server.last_words()

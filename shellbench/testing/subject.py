@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
 import subprocess
-import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import IO, Any, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.bench.process import THREAD_LIMITS
+from shellbench.bench.process import SolverProcess
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
 from shellbench.problems.shell.case import Case
@@ -92,9 +88,8 @@ class Subject:
         Longest time that it may take for one answer.
     """
 
-    process: subprocess.Popen[bytes]
+    solver: SolverProcess
     line: Connection
-    errors: IO[bytes]
     seconds: float
 
     @classmethod
@@ -107,20 +102,16 @@ class Subject:
             If it can't be imported: `Refused` with the reason, as a rule.
         """
         ours, theirs = socket.socketpair()
-        limits = dict.fromkeys(THREAD_LIMITS, str(threads))
-        path = os.pathsep.join(p or os.curdir for p in sys.path)
-        errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        process = subprocess.Popen(
-            [sys.executable, "-m", "shellbench.testing.child", str(theirs.fileno()), entry.name, entry.target],
+        number = theirs.fileno()
+        solver = SolverProcess.start(
+            "shellbench.testing.child",
+            *(str(number), entry.name, entry.target),
+            threads=threads,
             stdin=subprocess.DEVNULL,
-            stdout=errors,
-            stderr=errors,
-            pass_fds=[theirs.fileno()],
-            env={**os.environ, **limits, "PYTHONPATH": path},
-            start_new_session=True,
+            pass_fds=[number],
         )
         theirs.close()
-        subject = cls(process, Connection(ours.detach()), errors, seconds)
+        subject = cls(solver, Connection(ours.detach()), seconds)
         try:
             subject._hear("the import")
         except NoAnswer:
@@ -131,7 +122,7 @@ class Subject:
     @property
     def alive(self) -> bool:
         """Whether it can be asked."""
-        return self.process.poll() is None and not self.line.closed
+        return self.solver.process.poll() is None and not self.line.closed
 
     def call(self, operation: str, *arguments: Any) -> Any:
         """Have it do something; see `shellbench.testing.child.Child` for what.
@@ -161,30 +152,19 @@ class Subject:
     def _end(self) -> str:
         """Say how the process died."""
         try:
-            code = self.process.wait(5)
+            code = self.solver.process.wait(5)
         except subprocess.TimeoutExpired:
             code = None
-        words = self._last_words()
+        words = self.solver.last_words()[:200]
         self.stop()
         how = f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
         return f"its process died ({how}{': ' + words if words else ''})"
 
-    def _last_words(self) -> str:
-        self.errors.seek(0)
-        lines = self.errors.read().decode(errors="replace").strip().splitlines()
-        return lines[-1].strip()[:200] if lines else ""
-
     def stop(self) -> None:
         """End the process and all that it has started."""
-        if self.line.closed:
-            return
-        try:
-            os.killpg(self.process.pid, signal.SIGKILL)
-        except (ProcessLookupError, PermissionError):
-            self.process.kill()
-        self.process.wait()
-        self.line.close()
-        self.errors.close()
+        if not self.line.closed:
+            self.solver.end()
+            self.line.close()
 
 
 @dataclass(frozen=True)
