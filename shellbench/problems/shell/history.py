@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TypeVar
 
 from shellbench.errors import SolveFailure
-from shellbench.problem import Solution
+from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.measure import measure, measure_all
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.solution import ShellSolution
@@ -52,3 +53,31 @@ def failing_with(partial: Callable[[], Solution | None], too_large: str) -> Iter
         raise SolveFailure(str(failure), partial=partial()) from None
     except MemoryError:
         raise SolveFailure(f"{too_large} does not fit into memory", partial=partial()) from None
+
+
+def settled(levels: Iterable[tuple[S, float]], count: int, progress: ProgressCallback) -> S:
+    """Return the last of ever finer solutions with the history of all, and its last change as the uncertainty.
+
+    Parameters
+    ----------
+    levels
+        Solutions from coarse to fine, each with its potential energy, J.
+    count
+        How many there will be.
+
+    Raises
+    ------
+    SolveFailure
+        If an energy is not finite.
+    """
+    began = time.perf_counter()
+    steps: list[Step] = []
+    for solution, energy in levels:
+        if not math.isfinite(energy):
+            raise SolveFailure(f"the answer with {solution.parameters} unknowns is not finite")
+        seconds, quantities = time.perf_counter() - began, measure_all(solution)
+        steps.append(Step(len(steps), seconds, energy, solution.parameters, quantities=quantities))
+        progress(Progress(len(steps), count, f"{solution.parameters} unknowns"))
+    last = steps[-1].quantities
+    changes = {name: abs(last[name] - steps[-2].quantities[name]) for name in last} if len(steps) > 1 else {}
+    return replace(solution, history=tuple(steps), uncertainty=changes)

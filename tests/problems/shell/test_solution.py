@@ -13,7 +13,7 @@ from shellbench.bench.registry import load_solver, solver_entries
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Capabilities, Progress, Settings, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import failing_with
+from shellbench.problems.shell.history import failing_with, settled
 from shellbench.problems.shell.solution import ShellSolution, read_solution, state_number, time_reached
 from shellbench.problems.shell.solver import ShellSolver
 
@@ -38,6 +38,9 @@ class Wave(ShellSolution):
 
     def field_at(self, name, xi, at):
         return np.ones((len(xi), 3)) if name.endswith("strain") else np.ones(len(xi))
+
+    def energies(self, at=None):
+        return 0.0, float(np.abs(self.c).sum())
 
     def reaction_at(self, number, centre, at):
         return np.full(3, float(number)), centre
@@ -216,3 +219,17 @@ def test_a_failure_takes_what_was_reached_with_it():
     assert caught.value.partial is WAVE
     with pytest.raises(SolveFailure, match="the wave does not fit into memory"), failing_with(lambda: None, "the wave"):
         raise MemoryError
+
+
+def test_the_last_change_of_ever_finer_solutions_is_their_uncertainty():
+    told = []
+    levels = [(wave(height), -height) for height in (1.0, 1.5, 1.75)]
+    found = settled(levels, 3, told.append)
+    assert np.array_equal(found.c, levels[-1][0].c)
+    assert [step.energy for step in found.history] == [-1.0, -1.5, -1.75]
+    down = [step.quantities["centre_deflection"] for step in found.history]
+    assert found.uncertainty["centre_deflection"] == abs(down[2] - down[1])
+    assert [(progress.step, progress.total) for progress in told] == [(1, 3), (2, 3), (3, 3)]
+    assert settled(levels[:1], 1, told.append).uncertainty == {}
+    with pytest.raises(SolveFailure, match=r"^the answer with 6 unknowns is not finite$"):
+        settled([(WAVE, float("nan"))], 1, told.append)

@@ -7,17 +7,14 @@ settings and refuses what `declines` says, then calls `answer`.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
 from pydantic import Field
-from shellbench.errors import SolveFailure
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.history import settled
 from shellbench.problems.shell.solver import ShellSolver
 
 from plate_series import plate as series
@@ -51,45 +48,16 @@ class PlateSeriesSolver(ShellSolver):
     def answer(
         self, case: Case, settings: PlateSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> PlateSolution:
-        """Solve the case with half of the terms and with all; the difference is the estimate of the error.
+        """Solve the case with half of the terms and with all: the difference is the estimate of the error.
 
-        Parameters
-        ----------
-        settings
-            What `settings_type` makes of what was asked for.
-        start
-            An earlier solution to go on from; the base refuses it unless `uses_start` is true.
-        progress
-            Is told how far the solve is.
-
-        Raises
-        ------
-        SolveFailure
-            If the answer is not finite.
+        `settings` are of `settings_type`; `start` is refused by the base unless `uses_start` is true; `progress` is told
+        how far the solve is.
         """
-        began = time.perf_counter()
         plate = reading.plate_of(case)
-        history: list[Step] = []
-        for terms in sorted({max(1, settings.terms // 2), settings.terms}):
-            coefficients = series.solve(plate, terms)
-            if not np.all(np.isfinite(coefficients)):
-                raise SolveFailure("the coefficients are not finite")
-            solution = PlateSolution(case, coefficients)
-            energy = solution.energies()[1]
-            work = 2 * energy  # of the load, by Clapeyron's theorem: the potential energy is energy - work
-            seconds = time.perf_counter() - began
-            history.append(
-                Step(len(history), seconds, energy - work, coefficients.size, quantities=measure_all(solution))
-            )
-            progress(Progress(len(history), 2, f"{terms} terms a direction"))
-        before, last = history[0].quantities, history[-1].quantities
-        return PlateSolution(
-            case,
-            coefficients,
-            history=tuple(history),
-            diagnostics={"terms": settings.terms},
-            uncertainty={name: abs(last[name] - before[name]) for name in last} if len(history) > 1 else {},
-        )
+        counts = sorted({max(1, settings.terms // 2), settings.terms})
+        solutions = (PlateSolution(case, series.solve(plate, terms)) for terms in counts)
+        # By Clapeyron's theorem the load does twice the strain energy as work, so that the potential energy is minus it.
+        return settled(((solution, -sum(solution.energies())) for solution in solutions), len(counts), progress)
 
     def load(self, path: Path) -> PlateSolution:
         """Read a solution that `PlateSolution.save` wrote."""
