@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+
+import pandas as pd
 
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.exhibit import Exhibit
+from shellbench.report.palette import Ink, inks
+from shellbench.report.runs import table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table
 
@@ -59,6 +64,16 @@ class Evidence:
     rows: Sequence[Row]
     folder: Path
     known: Known = catalog.known_values
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """The rows as one table, see `shellbench.report.runs`."""
+        return table_of_runs(self.records, self.rows)
+
+    @cached_property
+    def inks(self) -> Mapping[str, Ink]:
+        """Colour and marker of each solver."""
+        return inks(row.solver for row in self.rows)
 
 
 Maker = Callable[[Evidence], Section | None]

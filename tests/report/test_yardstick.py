@@ -73,7 +73,7 @@ def test_seeds_of_a_position_spread_relative_to_the_extent(tmp_path):
         for made, of in meshes(tmp_path, "field", {(4, 4): error}, seed=seed)
     ]
     held = evidence(tmp_path, runs)
-    (spread,) = seed_spreads(held.records, held.rows)
+    (spread,) = seed_spreads(held).itertuples()
     truth = TRUTH["square_plate"]
     assert spread.errors == pytest.approx((1e-3 * truth / SIDE, 3e-3 * truth / SIDE))
     assert spread.largest_from_mean == pytest.approx(1e-3 * truth / SIDE)
