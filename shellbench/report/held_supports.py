@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from shellbench.bench.record import Record
-from shellbench.report.columns import Line, column, share, words
-from shellbench.report.digits import quoted, rounded
+from shellbench.report.columns import Line, column, words
+from shellbench.report.digits import quoted
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import Notation
+from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import in_order_of_cases
 from shellbench.report.solutions import STATUS_WORDS
 from shellbench.report.table import Note, Table
@@ -70,8 +71,8 @@ def support_table(evidence: Evidence) -> Table | None:
         columns=(
             "solution",
             column("penalty", "Weight", _weight, instead=lambda line, notation: "none"),
-            column("support_error", "At held places (m)", _metres),
-            column("support_error", "Of the largest", _leak),
+            column("support_error", "At held places (m)", metres),
+            column("support_error", "Of the largest", of_largest),
             "relative_error",
             column("ended", way=words),
         ),
@@ -86,12 +87,3 @@ def _number(record: Record, name: str) -> float:
 
 def _weight(value: float, line: Line, notation: Notation) -> str:
     return notation.number(quoted(value))
-
-
-def _metres(value: float, line: Line, notation: Notation) -> str:
-    return notation.number(rounded(value, value / 10)) if value else "0"
-
-
-def _leak(value: float, line: Line, notation: Notation) -> str:
-    largest = line["largest_displacement"]
-    return share(value / largest, line, notation) if largest > 0 else notation.missing

@@ -1,29 +1,107 @@
 """Runs of one case ordered by resolution, solver by solver, and the run that all are held against.
 
-A level holds the runs of one solver that are marginally different discretisations of each other: meshes with a row
-of cells more, other diagonals, or other seeds. Between levels the resolution differs in earnest.
+All runs of a case were asked at the same material points, their probes. A level holds the runs of one solver that are
+marginally different discretisations of each other: meshes with a row of cells more, other diagonals, or other seeds.
+Between levels the resolution differs in earnest.
 """
 
 from __future__ import annotations
 
 import math
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
-from shellbench.report.probes import Difference, Probes, difference, read_probes
-from shellbench.report.solutions import grouped, variant_name
-from shellbench.report.studies import studies_of
+from shellbench.report.runs import in_study
+from shellbench.report.solutions import variant_name
 from shellbench.report.suites import compared, leading_rows
 
-ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
-STUDY = "resolution"
-TIME_STEP = "time_step"  # the setting of a solver that is told its steps
+Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]
+
+SAME = 1e-6  # relative difference of marks, or of points in units of the largest coordinate, that are one
+ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
+TIME_STEP = "time_step"  # the setting of a solver that is told its steps
+FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Displacements (j, m, 3), m, at material points (m, 2) and marks (j,); see `shellbench.bench.record.Record`."""
+
+    points: Array
+    marks: Array
+    displacements: Array
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of the displacement, m."""
+        return float(np.linalg.norm(self.displacements, axis=-1).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far two runs are from each other at the same material points.
+
+    Attributes
+    ----------
+    marks
+        (j,) marks that both reached.
+    by_mark
+        (j,) largest magnitude over the points, m.
+    rms
+        Root of the mean square of the magnitude over points and marks, m.
+    """
+
+    marks: Array
+    by_mark: Array
+    rms: float
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude over points and marks, m."""
+        return float(self.by_mark.max())
+
+
+def read_probes(record: Record, folder: Path) -> Probes | None:
+    """Return what a run answered at its probes; None if it kept none, or they are lost, damaged or not finite."""
+    if record.fields_file is None:
+        return None
+    try:
+        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
+            points, marks, displacements = (
+                np.asarray(stored[name], dtype=float) for name in ("probes", "probe_marks", "probe_displacements")
+            )
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
+        return None
+    whole = displacements.size > 0 and displacements.shape == (len(marks), len(points), 3)
+    finite = all(np.all(np.isfinite(a)) for a in (points, marks, displacements))
+    return Probes(points, marks, displacements) if whole and finite else None
+
+
+def difference(ours: Probes | None, theirs: Probes | None) -> Difference | None:
+    """Return how far two runs are from each other; None if they have no point or no mark in common."""
+    if ours is None or theirs is None or ours.points.shape != theirs.points.shape:
+        return None
+    if not np.allclose(ours.points, theirs.points, rtol=0.0, atol=SAME * np.abs(theirs.points).max()):
+        return None
+    extent = np.abs(theirs.marks).max()
+    near = np.abs(ours.marks[:, None] - theirs.marks) <= SAME * max(extent, SAME)
+    i, j = np.nonzero(near)
+    if not len(i):
+        return None
+    apart = np.linalg.norm(ours.displacements[i] - theirs.displacements[j], axis=-1)
+    return Difference(theirs.marks[j], apart.max(axis=1), float(np.sqrt(np.mean(apart**2))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +193,6 @@ class Ladder:
         return max(found, key=lambda change: change.largest, default=None)
 
 
-FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
-
-
 @dataclass(frozen=True)
 class CaseRuns:
     """All runs of one case that can be compared.
@@ -197,37 +272,33 @@ def leader(level: Sequence[Run]) -> Run:
 
 def case_runs(evidence: Evidence) -> list[CaseRuns]:
     """Return the runs of each case with default settings, and those of studies of the resolution."""
-    rows = [row for row in evidence.rows if row.primary]
-    plain = leading_rows(compared(rows))
-    chosen = {id(row) for row in plain} | {id(row) for row in rows if STUDY in studies_of(row)}
+    headline = evidence.runs[evidence.runs["primary"]]
+    leading = {id(row) for row in leading_rows(compared(list(headline["row"])))}
+    chosen = headline[headline["row"].map(id).isin(leading) | in_study(headline, "resolution")]
     found = []
-    by_case = grouped((row for row in rows if id(row) in chosen), lambda row: (row.case, row.own_case))
-    for (case, _), of_case in by_case.items():
-        ladders: list[Ladder] = []
-        failed: dict[str, int] = {}
-        for solver, of_solver in grouped(of_case, lambda row: row.solver).items():
-            runs = [run for row in _once(of_solver) if (run := _run(row, evidence)) is not None]
-            if not any(TIME_STEP in row.overrides for row in of_solver):
-                runs = [replace(run, time_steps=max(other.time_steps for other in runs)) for run in runs]
-            lost = sum(row.status in {"failed", "timeout"} for row in of_solver)
-            failed |= {solver: lost} if lost else {}
-            if runs:
-                ladders.append(Ladder(solver, _levels(runs)))
+    for (case, _), of_case in chosen.groupby(["case", "own_case"], sort=False):
+        solvers = of_case.groupby("solver", sort=False)
+        ladders = [Ladder(str(solver), _levels(runs)) for solver, one in solvers if (runs := _runs(one, evidence))]
+        lost = of_case["status"].isin(("failed", "timeout")).groupby(of_case["solver"], sort=False).sum()
         if ladders:
             moves = any(run.time_steps for ladder in ladders for run in ladder.runs)
-            found.append(CaseRuns(case, of_case[0].case_title or case, moves, tuple(ladders), failed))
+            failed = {str(solver): int(count) for solver, count in lost.items() if count}
+            found.append(CaseRuns(case, of_case["title"].iloc[0], moves, tuple(ladders), failed))
     return found
 
 
-def _once(rows: Sequence[Row]) -> list[Row]:
-    return list({row.run_id: row for row in reversed(rows)}.values())[::-1]
-
-
-def _run(row: Row, evidence: Evidence) -> Run | None:
-    record = evidence.records.get(row.run_id or "")
-    if record is None or record.status != "ok" or not record.parameters:
-        return None
-    return Run(row, record, _time_steps(record), read_probes(record, evidence.folder))
+def _runs(of_solver: pd.DataFrame, evidence: Evidence) -> list[Run]:
+    """Return the runs of a solver that came to their end, each once."""
+    ended = of_solver.drop_duplicates("run_id").dropna(subset="record")
+    runs = [
+        Run(one.row, one.record, _time_steps(one.record), read_probes(one.record, evidence.folder))
+        for one in ended.itertuples()
+        if one.record.status == "ok" and one.record.parameters
+    ]
+    if not any(TIME_STEP in row.overrides for row in of_solver["row"]):
+        most = max((run.time_steps for run in runs), default=0)
+        runs = [replace(run, time_steps=most) for run in runs]
+    return runs
 
 
 def _time_steps(record: Record) -> int:

@@ -78,7 +78,12 @@ def _line(row: Row, record: Record | None) -> dict[str, Any]:
 def headlines(runs: pd.DataFrame, study: Study | None = None) -> pd.DataFrame:
     """Return the lines of the headline quantities of the suite's own cases, of one study alone if it is given."""
     found = runs[runs["primary"] & ~runs["own_case"]]
-    return found if study is None else found[[study in studies for studies in found["studies"]]]
+    return found if study is None else found[in_study(found, study)]
+
+
+def in_study(runs: pd.DataFrame, study: Study) -> pd.Series[bool]:
+    """Return of which lines a suite of the study declares the run."""
+    return runs["studies"].map(lambda studies: study in studies).astype(bool)
 
 
 def in_order_of_cases(data: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:

@@ -25,6 +25,7 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MARKDOWN, Notation, anchor
 from shellbench.report.palette import DASHES, Dashes, Ink
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
+from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known
 from shellbench.report.studies import remarks_on
 from shellbench.report.table import Column, Note, Table, frame, present
@@ -76,8 +77,7 @@ def thinning(evidence: Evidence) -> list[pd.DataFrame]:
     Each has the `portrait` of its case, its `ratio` of thickness over length, and its `share` of bending energy. A
     shell is the same if its case differs in nothing but the thickness, names, prose and loads.
     """
-    runs = evidence.runs[evidence.runs["primary"]].dropna(subset="record")
-    runs = runs[[STUDY in studies for studies in runs["studies"]]]
+    runs = evidence.runs[evidence.runs["primary"] & in_study(evidence.runs, STUDY)].dropna(subset="record")
     runs = runs.assign(portrait=[portrait_of(record) for record in runs["record"]])
     thin = [portrait.thinness if portrait is not None else None for portrait in runs["portrait"]]
     runs = runs.assign(
