@@ -363,7 +363,7 @@ def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[
             height = [100 * apart.largest / scale]
             draw(panels[0], [ladder.finest.unknowns], height, inks[ladder.solver], "none", **COMMON)
     finish(panels[:1], "unknowns", "difference (% of the largest)", "From the solver's finest run")
-    draw_slopes(panels[0], fits)
+    draw_slopes(panels[0], fits, line=DASHES[2])
     finish(panels[1:2], "unknowns", "drift (%)", "Headline quantity")
     if case.moves:
         finish(panels[2:], "time t (s)", "largest difference (%)", "Over time", log="y")

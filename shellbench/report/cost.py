@@ -114,7 +114,11 @@ def cost_table(found: Sequence[CaseAccuracy], measure: Measure, environment: Map
                 "environment": ", ".join(map(str, sorted({environment[run] for run in runs if run in environment}))),
             }
             lines.append(line)
-    own = {"unknowns": (column("order", "Order in h", _exponent),), "seconds": ("environment",), "memory": ()}
+    own = {
+        "unknowns": (column("order", "Order in h", _exponent),),
+        "seconds": (column("environment", right=True),),
+        "memory": (),
+    }
     return Table(
         name=f"cost_{measure}",
         title=TITLES[measure],

@@ -28,7 +28,7 @@ UNCERTAIN = "uncertainty of the known value"
 SMALLEST = 1e-12  # relative figure that is drawn for none
 BELOW = 2.5  # factor by which a fitted line is drawn under its curve
 SPACING = 0.075  # of a panel's height between two slopes' labels
-ROOM = 3.0  # factor between what is drawn and the ends of the axis of errors
+ROOM, ROOM_BELOW = 3.0, 6.0  # factors between the curves and the ends of the axis; slopes stand below them
 FLOOR_SHOWN = 30.0  # factor by which that axis goes below what can't be told from zero, at most
 MOST_IN_A_ROW = 6  # entries of the legend
 NARROW, FEW_DECADES = 0.7, 2.0  # decades below which an axis has few plain steps, and 1, 3 or 1, 2, 5 of each decade
@@ -83,12 +83,11 @@ def finish(
         if title:
             axes.set_title(plain(title), loc="left")
     panels[0].set_ylabel(y)
-    heights = np.concatenate(
-        [np.asarray(line.get_ydata(), float) for axes in panels for line in axes.get_lines()] or [[]]
-    )
+    drawn = [np.asarray(line.get_ydata(), dtype=float) for axes in panels for line in axes.get_lines()]
+    heights = np.concatenate([np.empty(0), *drawn])
     heights = heights[np.isfinite(heights) & (heights > 0)]
     if "y" in log and len(heights):
-        panels[0].set_ylim(max(heights.min() / ROOM, floors.max() / FLOOR_SHOWN), heights.max() * ROOM)
+        panels[0].set_ylim(max(heights.min() / ROOM_BELOW, floors.max() / FLOOR_SHOWN), heights.max() * ROOM)
     for axes, uncertain in zip(panels, floors, strict=True):
         low, high = axes.get_ylim()
         if uncertain > max(low, 0.0):
@@ -121,7 +120,7 @@ def power_words(value: float, place: int | None = None) -> str:
     return f"{value:g}" if 0 <= exponent <= 1 else f"10{str(exponent).translate(SUPERSCRIPTS)}"
 
 
-def draw_slopes(axes: Axes, fits: Sequence[tuple[Rate, str, str]], unit: float = 1.0) -> None:
+def draw_slopes(axes: Axes, fits: Sequence[tuple[Rate, str, str]], unit: float = 1.0, line: Dashes = DASHES[1]) -> None:
     """Draw fitted power laws below their curves, with their words at the right of the panel.
 
     Parameters
@@ -135,7 +134,7 @@ def draw_slopes(axes: Axes, fits: Sequence[tuple[Rate, str, str]], unit: float =
     for rate, words, colour in fits:
         ends = (rate.first, rate.last)
         low = [100 * rate(x) / BELOW for x in ends]
-        axes.plot([x / unit for x in ends], low, color=colour, linewidth=0.8, linestyle=DASHES[1])
+        axes.plot([x / unit for x in ends], low, color=colour, linewidth=0.8, linestyle=line)
         place = axes.transAxes.inverted().transform(axes.transData.transform((axes.get_xlim()[1], low[1])))
         labels.append((float(place[1]), words.replace("-", "\N{MINUS SIGN}"), colour))
     labels.sort()
