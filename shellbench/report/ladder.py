@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
-from shellbench.report.runs import in_study
+from shellbench.report.runs import groups_alike, in_study
 from shellbench.report.solutions import variant_name
 from shellbench.report.suites import compared, leading_rows
 
@@ -179,7 +179,8 @@ class Ladder:
             below = [other for other in self.levels[:place] if _next(leader(other), leader(level), finer)]
             if below:
                 fine = leader(level)
-                pairs.append((_of_seed(below[-1], fine.row.seed), fine))
+                of_seed = [run for run in below[-1] if run.row.seed == fine.row.seed]
+                pairs.append((leader(of_seed or below[-1]), fine))
         return pairs
 
     def last_step(self, finer: Finer) -> tuple[Run, Run] | None:
@@ -315,20 +316,9 @@ def _levels(runs: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
     ordered = sorted(runs, key=lambda run: (run.unknowns, run.time_steps, run.row.seed or 0))
     return tuple(
         level
-        for like in _alike(ordered, lambda run: run.unknowns)
-        for level in _alike(sorted(like, key=lambda run: run.time_steps), lambda run: run.time_steps)
+        for like in groups_alike(ordered, lambda run: run.unknowns, ALIKE)
+        for level in groups_alike(sorted(like, key=lambda run: run.time_steps), lambda run: run.time_steps, ALIKE)
     )
-
-
-def _alike(runs: Sequence[Run], size: Callable[[Run], int]) -> list[tuple[Run, ...]]:
-    """Split runs in order of size into groups of which none is larger than `ALIKE` times the first."""
-    groups: list[list[Run]] = []
-    for run in runs:
-        if groups and size(run) <= ALIKE * size(groups[-1][0]):
-            groups[-1].append(run)
-        else:
-            groups.append([run])
-    return [tuple(group) for group in groups]
 
 
 def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
@@ -340,10 +330,6 @@ def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
 
 def _near(one: int, other: int) -> bool:
     return max(one, other) <= ALIKE * min(one, other)
-
-
-def _of_seed(level: Sequence[Run], seed: int | None) -> Run:
-    return leader([run for run in level if run.row.seed == seed] or level)
 
 
 def _error(row: Row) -> float | None:

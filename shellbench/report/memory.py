@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
 
 from shellbench.report.answers import (
     BYTES_A_POINT,
@@ -315,7 +314,7 @@ def _errors(axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], in
     doubt = 100 * case.doubt / case.scale if case.doubt and case.scale else 0.0
     finish([axes], y="difference (% of the largest)", title="Error against bytes", floor=doubt)
     axes.set_xlabel("bytes that keep it")
-    _tick_bytes(axes.xaxis)
+    axes.xaxis.set_major_formatter(EngFormatter("B"))
 
 
 def _front(candidates: Sequence[Answer]) -> list[Answer]:
@@ -353,7 +352,7 @@ def _asked(
     what = "frames a second" if of_frames else "points a side"
     finish([axes], f"{what} that are asked for", "bytes that keep it", title)
     axes.margins(x=0.18)
-    _tick_bytes(axes.yaxis)
+    axes.yaxis.set_major_formatter(EngFormatter("B"))
 
 
 def _meshes(case: CaseRuns, of_frames: bool) -> tuple[list[tuple[float, int, float]], str]:
@@ -376,15 +375,3 @@ def _peaks(runs: Sequence[Run]) -> tuple[list[int], list[float]]:
     found = [(run.unknowns, run.record.peak_memory_bytes, run.record.idle_memory_bytes) for run in runs]
     shown = [(unknowns, peak - idle) for unknowns, peak, idle in found if peak and idle is not None and peak > idle]
     return [unknowns for unknowns, _ in shown], [size / MEGABYTE for _, size in shown]
-
-
-def _tick_bytes(axis: Axis) -> None:
-    """Label an axis of bytes in kB, MB, GB."""
-    if axis.get_scale() != "log":
-        return
-    low, high = sorted(axis.get_view_interval())
-    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
-    every = max(1, math.ceil((last - first) / 4))
-    places = [10.0**power for power in range(first, last + 1, every)]
-    axis.set_ticks(places, [byte_size(place) for place in places])
-    axis.set_ticks([], minor=True)

@@ -12,11 +12,12 @@ from typing import Any
 
 import pandas as pd
 
+from shellbench.account import FrameRateStep, ResolutionStep
 from shellbench.report.columns import Line, code, column, present, share, words
 from shellbench.report.digits import byte_size, rounded
 from shellbench.report.evidence import Evidence
 from shellbench.report.notation import Notation
-from shellbench.report.runs import in_order_of_cases
+from shellbench.report.runs import groups_alike, in_order_of_cases
 from shellbench.report.suites import compared
 from shellbench.report.table import Note, Table, frame
 
@@ -47,22 +48,19 @@ def _common(evidence: Evidence) -> Iterator[tuple[dict[str, Any], Any]]:
 
 def resolution_table(evidence: Evidence) -> Table | None:
     """Return the table of bytes and of differences between grids; None if no run was seen through grids."""
+    seen = [(common, record) for common, record in _common(evidence) if record.resolution]
+    grids = sorted({step.points for _, record in seen for step in record.resolution})
     lines = [
         {
             **common,
             "parameters": record.parameters,
             "storage_bytes": record.storage_bytes,
-            "largest_displacement": max(step.largest_displacement for step in record.resolution),
-            "probe_difference": max(step.probe_difference for step in record.resolution),
-            **{f"interpolation_difference_{step.points}": step.interpolation_difference for step in record.resolution},
-            **{f"interpolation_rms_{step.points}": step.interpolation_rms for step in record.resolution},
+            **_queried(record.resolution, [step.points for step in record.resolution]),
         }
-        for common, record in _common(evidence)
-        if record.resolution
+        for common, record in seen
     ]
     if not lines:
         return None
-    grids = sorted({step.points for _, record in _common(evidence) for step in record.resolution})
     said = ", ".join(map(str, grids))
     memory = "; ".join(f"{n}×{n} points: {byte_size(MESH_BYTES_A_POINT * n * n)}" for n in grids)
     return Table(
@@ -74,9 +72,7 @@ def resolution_table(evidence: Evidence) -> Table | None:
         " displacement.",
         data=frame(lines),
         columns=(
-            SOLUTION,
-            "parameters",
-            "storage_bytes",
+            *(SOLUTION, "parameters", "storage_bytes"),
             column("probe_difference", "Same point, any grid", of_largest),
             *(column(f"interpolation_difference_{n}", f"Mesh {n}×{n}", of_largest) for n in grids[:-1]),
         ),
@@ -88,21 +84,17 @@ def frame_rate_table(evidence: Evidence) -> Table | None:
     """Return the table of motions seen at many frame rates; None if no run was."""
     seen = [(common, record) for common, record in _common(evidence) if record.frame_rates]
     rates = nominal_rates([step.frames_per_second for _, record in seen for step in record.frame_rates])
-    if not seen:
+    lines = [
+        {
+            **common,
+            **{f"frames_{rates[step.frames_per_second]}": step.frames for step in record.frame_rates},
+            **_queried(record.frame_rates, [rates[step.frames_per_second] for step in record.frame_rates]),
+        }
+        for common, record in seen
+    ]
+    if not lines:
         return None
     shown = sorted(set(rates.values()))
-    lines = []
-    for common, record in seen:
-        line = common | {
-            "largest_displacement": max(step.largest_displacement for step in record.frame_rates),
-            "probe_difference": max(step.probe_difference for step in record.frame_rates),
-        }
-        for step in record.frame_rates:
-            rate = rates[step.frames_per_second]
-            line[f"frames_{rate}"] = step.frames
-            line[f"interpolation_difference_{rate}"] = step.interpolation_difference
-            line[f"interpolation_rms_{rate}"] = step.interpolation_rms
-        lines.append(line)
     return Table(
         name="frame_rates",
         title="One motion at many frame rates",
@@ -119,14 +111,18 @@ def frame_rate_table(evidence: Evidence) -> Table | None:
     )
 
 
+def _queried(steps: Sequence[ResolutionStep | FrameRateStep], names: Sequence[int]) -> dict[str, float]:
+    """Return what queries differ by, and what each mesh or sequence of frames would add."""
+    line = {name: max(getattr(step, name) for step in steps) for name in ("largest_displacement", "probe_difference")}
+    for step, name in zip(steps, names, strict=True):
+        line[f"interpolation_difference_{name}"] = step.interpolation_difference
+        line[f"interpolation_rms_{name}"] = step.interpolation_rms
+    return line
+
+
 def nominal_rates(rates: Sequence[float]) -> dict[float, int]:
     """Return for each frame rate one that stands for those near it: whole frames seldom fit a motion's length."""
-    groups: list[list[float]] = []
-    for rate in sorted(set(rates)):
-        if groups and rate <= SAME_RATE * groups[-1][0]:
-            groups[-1].append(rate)
-        else:
-            groups.append([rate])
+    groups = groups_alike(sorted(set(rates)), lambda rate: rate, SAME_RATE)
     return {rate: round(math.sqrt(group[0] * group[-1])) for group in groups for rate in group}
 
 

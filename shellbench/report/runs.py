@@ -7,8 +7,8 @@ quantities, shorter numbers.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -24,6 +24,7 @@ GIVEN_NUMBERS = (
     *("energy_gap", "seconds", "storage_bytes", "seed"),
 )
 GIVEN_FLAGS = ("own_case", "primary", "default_settings", "declared")
+T = TypeVar("T")
 COLUMNS = {
     **dict.fromkeys((*GIVEN, "title", "solution", "variant", "alike", "studies", "reason", "run_id"), object),
     **dict.fromkeys((*GIVEN_NUMBERS, "unknowns", "solve_memory_bytes", "floor"), float),
@@ -92,6 +93,17 @@ def in_order_of_cases(data: pd.DataFrame, by: Sequence[str]) -> pd.DataFrame:
     return data.sort_values(
         by=["case", *by], key=lambda one: one.map(order) if one.name == "case" else one, kind="stable"
     )
+
+
+def groups_alike(items: Iterable[T], size: Callable[[T], float], ratio: float) -> list[tuple[T, ...]]:
+    """Split items in order of size into groups of which none is larger than `ratio` times the first."""
+    groups: list[list[T]] = []
+    for item in items:
+        if groups and size(item) <= ratio * size(groups[-1][0]):
+            groups[-1].append(item)
+        else:
+            groups.append([item])
+    return [tuple(group) for group in groups]
 
 
 def run_ids(data: pd.DataFrame) -> tuple[str, ...]:
