@@ -391,7 +391,7 @@ def _over_time(axes: Axes, case: CaseRuns, ladder: Ladder, ink: Ink) -> None:
     """Draw how far each run is from the finest, the finer the darker, and that from the common run."""
     scale = case.scale or 1.0
     runs = [run for run in ladder.line if run is not ladder.finest]
-    curves = [
+    curves: list[tuple[Difference | None, dict[str, Any]]] = [
         (run.difference(ladder.finest), {"alpha": PALEST + (1 - PALEST) * place / len(runs), "linewidth": 1.1})
         for place, run in enumerate(runs, start=1)
     ]

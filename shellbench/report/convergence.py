@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -181,8 +181,8 @@ def _draw(axes: Axes, course: Course, x: list[float], values: list[float], absci
     last_only = abscissa == "unknowns" and not course.refines
     points = [(a, 100 * v) for a, v in zip(x, values, strict=True) if a > 0 and v > 0][-1 if last_only else 0 :]
     if points:
-        look = {"marker": None} if len(points) > CROWDED else {}
-        draw(axes, *zip(*points, strict=True), ink, _dashes(course), alpha=0.85, **look)
+        look: dict[str, Any] = {"marker": None} if len(points) > CROWDED else {}
+        draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)
 
 
 def _draw_orders(axes: Axes, courses: Sequence[Course], abscissa: Abscissa, inks: Mapping[str, Ink]) -> None:

@@ -189,10 +189,11 @@ def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
     figure, (panels,) = open_figure((WIDTH, HEIGHT + MARGIN), 1, len(LABELS), sharey=True)
     floor = accuracy.yardstick.floor
     for axes, measure in zip(panels, LABELS, strict=True):
-        for course in accuracy.refinements if measure != "memory" else ():
-            x, errors = course.errors(measure)
-            share = 100 * abs(course.reference) / accuracy.yardstick.scale * np.array(errors)
-            axes.plot(x, share, color=inks[course.solver].colour, linewidth=0.6, alpha=0.6)
+        for course in accuracy.refinements:
+            if measure != "memory":
+                x, errors = course.errors(measure)
+                share = 100 * abs(course.reference) / accuracy.yardstick.scale * np.array(errors)
+                axes.plot(x, share, color=inks[course.solver].colour, linewidth=0.6, alpha=0.6)
         for family in accuracy.families:
             _draw(axes, family, measure, inks[family.solver])
         axes.set_xlabel(LABELS[measure])
@@ -213,11 +214,12 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
             ends = [100 * min(point.errors), 100 * max(point.errors)]
             axes.plot([x, x], ends, color=ink.colour, linewidth=0.8, alpha=0.7)
     for sound in (True, False):
-        x, y = ([one[i] for one in shown if one[1].sound is sound] for i in (0, 1))
-        level = len({point.unknowns for point in y}) == 1
+        of_kind = [(x, point) for x, point in shown if point.sound is sound]
+        level = len({point.unknowns for _, point in of_kind}) == 1
         line = "none" if not sound or len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
         look = ALONE if sound and not family.swept else {}
-        draw(axes, x, [100 * point.error for point in y], ink, line, hollow=not sound, **{"linewidth": 1.0, **look})
+        places, errors = [x for x, _ in of_kind], [100 * point.error for _, point in of_kind]
+        draw(axes, places, errors, ink, line, hollow=not sound, **{"linewidth": 1.0, **look})
 
 
 def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -> dict[str, Any]:

@@ -347,8 +347,8 @@ def _asked(
         for level, best in reached[-1:]:
             colour, at = inks[solver].colour, (1.0, best.storage_bytes)
             axes.axhline(best.storage_bytes, color=colour, linewidth=1.3, alpha=0.9)
-            beside = {"xytext": (-2 - 42 * (place % 2), 2), "xycoords": ("axes fraction", "data"), "color": colour}
-            axes.annotate(f"within {100 * level:g} %", at, **beside, **SMALL)
+            beside, inside = (-2 - 42 * (place % 2), 2), ("axes fraction", "data")
+            axes.annotate(f"within {100 * level:g} %", at, beside, xycoords=inside, color=colour, **SMALL)
     what = "frames a second" if of_frames else "points a side"
     finish([axes], f"{what} that are asked for", "bytes that keep it", title)
     axes.margins(x=0.18)
