@@ -52,7 +52,7 @@ WORDS = (
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
-    cases = case_runs(evidence)
+    cases = evidence.once(case_runs)
     tables = (consistency_table(cases), *(make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)))
     found = tuple(table for table in tables if table is not None)
     if not found:

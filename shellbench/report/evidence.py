@@ -6,9 +6,10 @@ A section is made by one module, which knows which runs it can use; the page sho
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -20,6 +21,8 @@ from shellbench.report.palette import Ink, inks
 from shellbench.report.runs import table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,14 @@ class Evidence:
     rows: Sequence[Row]
     folder: Path
     known: Known = catalog.known_values
+    _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, make: Callable[[Evidence], T]) -> T:
+        """Return what is made from it for several sections, made once."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        made: T = self._made[make]
+        return made
 
     @cached_property
     def runs(self) -> pd.DataFrame:

@@ -151,23 +151,23 @@ class Ladder:
     solver: str
     levels: tuple[tuple[Run, ...], ...]
 
-    @property
+    @cached_property
     def runs(self) -> tuple[Run, ...]:
         """All runs, from coarse to fine."""
         return tuple(run for level in self.levels for run in level)
 
-    @property
+    @cached_property
     def finest(self) -> Run:
         """The run that stands for the finest level: most unknowns, and of these most time steps."""
         return leader(self.levels[-1])
 
-    @property
+    @cached_property
     def line(self) -> tuple[Run, ...]:
         """The runs that stand for the levels which have the finest run's time steps, from coarse to fine."""
         leaders = map(leader, self.levels)
         return tuple(run for run in leaders if _near(run.time_steps, self.finest.time_steps))
 
-    @property
+    @cached_property
     def other_time_steps(self) -> tuple[Run, ...]:
         """The runs that stand for the other levels."""
         return tuple(run for run in map(leader, self.levels) if run not in self.line)

@@ -68,7 +68,7 @@ WORDS = (
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run says how many bytes it takes."""
-    found = case_runs(evidence)
+    found = evidence.once(case_runs)
     cases = [one for one in found if any(run.record.storage_bytes for ladder in one.ladders for run in ladder.runs)]
     tables = tuple(t for t in (level_table(cases), rounding_table(cases), solve_table(cases)) if t is not None)
     if not tables:

@@ -42,7 +42,7 @@ def representatives(evidence: Evidence) -> pd.DataFrame:
 
 def _common(evidence: Evidence) -> Iterator[tuple[dict[str, Any], Any]]:
     """Yield what all tables say of a representative, and its record."""
-    for run in representatives(evidence).itertuples():
+    for run in evidence.once(representatives).itertuples():
         yield {"block": run.title, "case": run.case, "solution": run.solution, "run_id": run.run_id}, run.record
 
 
