@@ -21,7 +21,7 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation
 from shellbench.report.palette import DASHES, Ink
-from shellbench.report.panel import add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
+from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
 from shellbench.report.studies import remarks_on
@@ -362,7 +362,7 @@ def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[
         if apart is not None and apart.largest > SMALLEST * scale:
             height = [100 * apart.largest / scale]
             draw(panels[0], [ladder.finest.unknowns], height, inks[ladder.solver], "none", **COMMON)
-    finish(panels[:1], "unknowns", "difference (% of the largest)", "From the solver's finest run")
+    finish(panels[:1], "unknowns", "difference (% of the largest)", "From the solver's finest run", below=FOR_SLOPES)
     draw_slopes(panels[0], fits, line=DASHES[2])
     finish(panels[1:2], "unknowns", "drift (%)", "Headline quantity")
     if case.moves:

@@ -14,7 +14,18 @@ from shellbench.account import HistoryStep
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.palette import DASHES, Dashes, Ink
-from shellbench.report.panel import ERROR_LABEL, add_legend, draw, draw_slopes, entry, finish, open_figure, shade_entry
+from shellbench.report.panel import (
+    ERROR_LABEL,
+    FOR_SLOPES,
+    ROOM,
+    add_legend,
+    draw,
+    draw_slopes,
+    entry,
+    finish,
+    open_figure,
+    shade_entry,
+)
 from shellbench.report.rates import fitted_rate
 from shellbench.report.shells import plain
 from shellbench.report.solutions import variant_name
@@ -154,11 +165,14 @@ def _figure(
             for axes in row[len(shown) :]:
                 axes.remove()
             row = row[: len(shown)]
-            for axes, of_case in zip(row, shown, strict=True):
+            for column, (axes, of_case) in enumerate(zip(row, shown, strict=True)):
+                if i and not slopes:
+                    axes.sharex(panels[band * len(strips), column])
                 for course in of_case:
                     _draw(axes, course, *measure(course), abscissa, inks[course.solver])
             floors = [100 * max(course.floor for course in of_case) * (label == ERROR_LABEL) for of_case in shown]
-            finish(row, AXIS_LABELS[abscissa], label, floor=floors, log="y" if abscissa == "iteration" else "xy")
+            log = "y" if abscissa == "iteration" else "xy"
+            finish(row, AXIS_LABELS[abscissa], label, floor=floors, log=log, below=FOR_SLOPES if slopes else ROOM)
             for axes, of_case in zip(row, shown, strict=True):
                 if i == 0:
                     axes.set_title(plain(of_case[0].title).replace(", ", ",\n", 1), loc="left")

@@ -18,6 +18,7 @@ from shellbench.report.notation import MINUS, TEXT, Notation
 from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
+    FOR_SLOPES,
     add_legend,
     draw,
     draw_slopes,
@@ -197,7 +198,7 @@ def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
         for family in accuracy.families:
             _draw(axes, family, measure, inks[family.solver])
         axes.set_xlabel(LABELS[measure])
-    finish(panels, y=ERROR_LABEL, floor=100 * floor)
+    finish(panels, y=ERROR_LABEL, floor=100 * floor, below=FOR_SLOPES)
     for axes, measure in zip(panels, LABELS, strict=True):
         rates = {solver: accuracy.of(solver)[0].rate(measure, floor) for solver in accuracy.solvers}
         fits = [(rate, f"{rate.slope:.1f}", inks[solver].colour) for solver, rate in rates.items() if rate is not None]

@@ -24,6 +24,7 @@ from shellbench.report.table import Note, Table, frame
 MESH_BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 MESH_DIFFERENCES = "mesh_differences"
 SAME_RATE = 1.2  # ratio up to which frame rates stand in one column
+ADDED = ("interpolation_difference", "interpolation_rms")  # what a mesh, or a sequence of frames, would add
 SOLUTION = column("solution", way=code)
 
 
@@ -55,7 +56,8 @@ def resolution_table(evidence: Evidence) -> Table | None:
             **common,
             "parameters": record.parameters,
             "storage_bytes": record.storage_bytes,
-            **_queried(record.resolution, [step.points for step in record.resolution]),
+            **_queried(record.resolution),
+            **{f"{kind}_{step.points}": getattr(step, kind) for kind in ADDED for step in record.resolution},
         }
         for common, record in seen
     ]
@@ -87,8 +89,12 @@ def frame_rate_table(evidence: Evidence) -> Table | None:
     lines = [
         {
             **common,
-            **{f"frames_{rates[step.frames_per_second]}": step.frames for step in record.frame_rates},
-            **_queried(record.frame_rates, [rates[step.frames_per_second] for step in record.frame_rates]),
+            **_queried(record.frame_rates),
+            **{
+                f"{kind}_{rates[step.frames_per_second]}": getattr(step, kind)
+                for step in record.frame_rates
+                for kind in ("frames", *ADDED)
+            },
         }
         for common, record in seen
     ]
@@ -111,13 +117,8 @@ def frame_rate_table(evidence: Evidence) -> Table | None:
     )
 
 
-def _queried(steps: Sequence[ResolutionStep | FrameRateStep], names: Sequence[int]) -> dict[str, float]:
-    """Return what queries differ by, and what each mesh or sequence of frames would add."""
-    line = {name: max(getattr(step, name) for step in steps) for name in ("largest_displacement", "probe_difference")}
-    for step, name in zip(steps, names, strict=True):
-        line[f"interpolation_difference_{name}"] = step.interpolation_difference
-        line[f"interpolation_rms_{name}"] = step.interpolation_rms
-    return line
+def _queried(steps: Sequence[ResolutionStep | FrameRateStep]) -> dict[str, float]:
+    return {name: max(getattr(step, name) for step in steps) for name in ("largest_displacement", "probe_difference")}
 
 
 def nominal_rates(rates: Sequence[float]) -> dict[float, int]:
