@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -28,7 +27,7 @@ from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open
 from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known
 from shellbench.report.studies import remarks_on
-from shellbench.report.table import Column, Note, Table, frame, present
+from shellbench.report.table import Column, Note, Table, present
 
 STUDY: Study = "thinness"
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
@@ -117,17 +116,41 @@ def known_share(case: Portrait, own: bool, known: Known) -> float | None:
 
 def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
     """Return error, share of bending energy and cost of each solver at each thickness of one shell."""
-    lines: list[dict[str, Any]] = []
-    notes: list[Note] = []
-    for ratio, of_ratio in runs.groupby("ratio", sort=False):
-        first = of_ratio.iloc[0]
-        judged = known_share(first["portrait"], first["own_case"], known)
-        ordered = of_ratio.sort_values(["solver", "default_settings"], ascending=[True, False], kind="stable")
-        for name, group in ordered.groupby("solution", sort=False):
-            lines.append({"block": f"{title}, h/L = {_plain(ratio)}", "ratio": ratio, "solution": name} | _line(group))
-            lines[-1] |= {"known_share": judged, "share_departure": _worst(group["share"] - (judged or math.nan))}
-            reasons = dict.fromkeys(run.reason or run.status for run in group["record"] if run.status != "ok")
-            notes += [Note(f"{name}, h/L = {_plain(ratio)}", reason) for reason in reasons]
+    known_shares = {
+        one.ratio: known_share(one.portrait, one.own_case, known) for one in runs.drop_duplicates("ratio").itertuples()
+    }
+    runs = runs.sort_values(["ratio", "solver", "default_settings"], ascending=[False, True, False], kind="stable")
+    runs = runs.assign(known_share=runs["ratio"].map(known_shares).astype(float), size=runs["relative_error"].abs())
+    runs = runs.assign(
+        departure=runs["share"] - runs["known_share"],
+        estimate=runs["uncertainty"] / runs["value"].abs().replace(0.0, math.nan),
+        known_doubt=runs["reference_uncertainty"] / runs["reference"].abs().replace(0.0, math.nan),
+    )
+    groups = runs.groupby(["ratio", "solution"], sort=False)
+    data = groups.agg(
+        solver=("solver", "first"),
+        case=("case", "first"),
+        runs=("sound", "size"),
+        good=("sound", "sum"),
+        mean_error=("relative_error", "mean"),
+        worst_error=("relative_error", _worst),
+        least_size=("size", "min"),
+        mean_size=("size", "mean"),
+        largest_size=("size", "max"),
+        known_doubt=("known_doubt", "first"),
+        share=("share", "mean"),
+        least_share=("share", "min"),
+        largest_share=("share", "max"),
+        known_share=("known_share", "first"),
+        share_departure=("departure", _worst),
+        own_estimate=("estimate", "max"),
+        gap=("energy_gap", "max"),
+        unknowns=("unknowns", "max"),
+        seconds=("seconds", "mean"),
+        run_ids=("run_id", " ".join),
+    ).reset_index()
+    data.insert(0, "block", data["ratio"].map(lambda ratio: f"{title}, h/L = {_plain(ratio)}"))
+    failed = runs[~runs["sound"]].drop_duplicates(["ratio", "solution", "reason"])
     return Table(
         name=f"{STUDY}_{anchor(title).replace('-', '_')}",
         title=f"{title}: from thick to thin",
@@ -137,7 +160,7 @@ def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
         " quadrature and a finer one, unknowns and wall time. Runs: those that"
         " ended well, of all. Errors of failed runs count as far as these left an answer."
         " *: less than the uncertainty of the known value.",
-        data=frame(lines)[list(DATA)],
+        data=data.astype({"unknowns": "Int64"}),
         columns=(
             "solution",
             Column("Runs", lambda line, notation: f"{int(line['good'])}/{int(line['runs'])}"),
@@ -152,39 +175,11 @@ def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
             "unknowns",
             "seconds",
         ),
-        notes=tuple(notes),
+        notes=tuple(
+            Note(f"{run.solution}, h/L = {_plain(run.ratio)}", run.record.reason or run.record.status)
+            for run in failed.itertuples()
+        ),
     )
-
-
-DATA = (
-    *("block", "ratio", "solution", "solver", "case", "runs", "good", "mean_error", "worst_error"),
-    *("least_size", "mean_size", "largest_size", "known_doubt", "share", "least_share", "largest_share"),
-    *("known_share", "share_departure", "own_estimate", "gap", "unknowns", "seconds", "run_ids"),
-)
-
-
-def _line(group: pd.DataFrame) -> dict[str, Any]:
-    first, errors, shares = group.iloc[0], group["relative_error"], group["share"]
-    return {
-        "solver": first["solver"],
-        "case": first["case"],
-        "runs": len(group),
-        "good": int(group["sound"].sum()),
-        "mean_error": errors.mean(),
-        "worst_error": _worst(errors),
-        "least_size": errors.abs().min(),
-        "mean_size": errors.abs().mean(),
-        "largest_size": errors.abs().max(),
-        "known_doubt": first["reference_uncertainty"] / abs(first["reference"]) if first["reference"] else math.nan,
-        "share": shares.mean(),
-        "least_share": shares.min(),
-        "largest_share": shares.max(),
-        "own_estimate": (group["uncertainty"] / group["value"].abs().replace(0.0, math.nan)).max(),
-        "gap": group["energy_gap"].max(),
-        "unknowns": group["unknowns"].max(),
-        "seconds": group["seconds"].mean(),
-        "run_ids": " ".join(group["run_id"]),
-    }
 
 
 def _worst(values: pd.Series) -> float:
