@@ -85,9 +85,9 @@ def seed_spreads(evidence: Evidence) -> pd.DataFrame:
 def _spread(alike: pd.DataFrame, evidence: Evidence) -> dict[str, Any] | None:
     runs = alike[~alike["run_id"].duplicated(keep="last") | (alike["run_id"] == "")]
     good = runs[runs["sound"] & np.isfinite(runs["value"])]
-    values, seeds, first = good["value"].to_numpy(), good["seed"].astype(int).to_list(), good.iloc[:1].squeeze()
-    if len(good) < 2 or not (mean := float(values.mean())):
+    if len(good) < 2 or not (mean := float(good["value"].mean())):
         return None
+    values, seeds, first = good["value"].to_numpy(), good["seed"].astype(int).to_list(), good.iloc[0]
     known = known_yardstick(evidence.records, list(good["row"]))
     scale = known.scale if known else abs(mean)
     errors = (values - (known.value if known else mean)) / scale
