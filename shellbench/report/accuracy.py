@@ -30,8 +30,6 @@ class Point:
 
     Attributes
     ----------
-    words
-        What the suite calls them; empty with default settings.
     seconds
         Wall time of the solve, the mean of the seeds.
     memory
@@ -42,7 +40,6 @@ class Point:
         Whether all of them ended well.
     """
 
-    words: str
     unknowns: int
     seconds: float
     memory: float | None
@@ -214,7 +211,6 @@ def point_of(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
         if row.peak_memory_bytes and row.idle_memory_bytes and row.peak_memory_bytes > row.idle_memory_bytes
     ]
     return Point(
-        words=answered[0].label if answered[0].overrides else "",
         unknowns=max(row.parameters or 0 for row in answered),
         seconds=fmean(row.seconds or 0.0 for row in answered),
         memory=max(memory, default=None),

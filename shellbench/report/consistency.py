@@ -175,18 +175,19 @@ def order_of(case: CaseRuns, ladder: Ladder) -> Rate | None:
     last = between(ladder.last_step("unknowns"))
     if last is None or not case.scale:
         return None
-    pairs = _to_finest(ladder)
-    x = [float(run.unknowns) for run, _ in pairs]
-    return fitted_rate(x, [found.largest / case.scale for _, found in pairs], last.largest / case.scale)
+    pairs = _to_finest(ladder.line, ladder.finest)
+    errors = [found.largest / case.scale for _, found in pairs]
+    return fitted_rate([float(x) for x, _ in pairs], errors, last.largest / case.scale)
 
 
-def _to_finest(ladder: Ladder) -> list[tuple[Run, Difference]]:
-    runs = (run for run in ladder.line if run is not ladder.finest)
-    return [(run, found) for run in runs if (found := run.difference(ladder.finest)) is not None]
+def _to_finest(runs: Sequence[Run], finest: Run) -> list[tuple[int, Difference]]:
+    """Return unknowns of the runs, and how far they are from the finest."""
+    found = [(run.unknowns, run.difference(finest)) for run in runs if run is not finest]
+    return [(unknowns, one) for unknowns, one in found if one is not None]
 
 
 def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
-    shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and _to_finest(ladder)]
+    shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and _to_finest(ladder.line, ladder.finest)]
     if not shown or not case.scale:
         return None
     finest = shown[0].finest.row
@@ -210,7 +211,7 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         description="; ".join(
             f"{ladder.solver}: from {max(sizes):.2g} m to {min(sizes):.2g} m"
             for ladder in shown
-            if (sizes := [found.largest for _, found in _to_finest(ladder)])
+            if (sizes := [found.largest for _, found in _to_finest(ladder.line, ladder.finest)])
         ),
         figure=consistency_figure(case, shown, inks),
         run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
@@ -340,11 +341,13 @@ def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[
     fits = []
     for ladder in ladders:
         ink = inks[ladder.solver]
-        x, found = _from_finest(ladder.line, ladder.finest, scale)
-        draw(panels[0], x, [100 * one.largest / scale for one in found], ink)
-        draw(panels[0], x, [100 * one.rms / scale for one in found], ink, DASHES[1], marker=None, linewidth=1.0)
-        x, found = _from_finest(ladder.other_time_steps, ladder.finest, scale)
-        draw(panels[0], x, [100 * one.largest / scale for one in found], ink, "none", **_other(ink))
+        found = [pair for pair in _to_finest(ladder.line, ladder.finest) if pair[1].largest > SMALLEST * scale]
+        x, rms = [x for x, _ in found], [100 * one.rms / scale for _, one in found]
+        draw(panels[0], x, [100 * one.largest / scale for _, one in found], ink)
+        draw(panels[0], x, rms, ink, DASHES[1], marker=None, linewidth=1.0)
+        for x_other, one in _to_finest(ladder.other_time_steps, ladder.finest):
+            if one.largest > SMALLEST * scale:
+                draw(panels[0], [x_other], [100 * one.largest / scale], ink, "none", **_other(ink))
         for level in ladder.levels:
             around = spread_of(level)
             if around and around[0] > SMALLEST * scale:
@@ -373,12 +376,6 @@ def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[
 
 def _other(ink: Ink) -> dict[str, Any]:
     return OTHER | {"markeredgecolor": ink.colour}
-
-
-def _from_finest(runs: Sequence[Run], finest: Run, scale: float) -> tuple[list[int], list[Difference]]:
-    found = [(run.unknowns, run.difference(finest)) for run in runs if run is not finest]
-    shown = [(unknowns, one) for unknowns, one in found if one is not None and one.largest > SMALLEST * scale]
-    return [unknowns for unknowns, _ in shown], [one for _, one in shown]
 
 
 def _drifts(runs: Sequence[Run], finest: Run) -> tuple[list[int], list[float]]:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import Line, column, share, words
+from shellbench.report.columns import Line, column, share
 from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -106,7 +106,7 @@ def sampling_table(runs: pd.DataFrame) -> Table:
         data=data[[*order, *data.columns.difference(order, sort=False)]],
         columns=(
             "solver",
-            column("held_fixed", "Held fixed", words),
+            Column("Held fixed", lambda line, notation: notation.escape(line["held_fixed"]), right=False),
             column("a_side", "Points a side", lambda points, line, notation: f"{points:.3g}"),
             column("least_error", "Least error", share),
             column("largest_error", way=share),
