@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from statistics import fmean, geometric_mean
 from typing import Literal
 
-from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
+from shellbench.report.convergence import SURFACE_DIMENSION, Course, courses
+from shellbench.report.evidence import Evidence
 from shellbench.report.rates import Rate, fitted_rate
+from shellbench.report.runs import headlines
 from shellbench.report.solutions import grouped, same_but_for_seed
-from shellbench.report.studies import rows_of_study, studies_of
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
 Measure = Literal["unknowns", "seconds", "memory"]
@@ -30,8 +30,6 @@ class Point:
 
     Attributes
     ----------
-    words
-        What the suite calls them; empty with default settings.
     seconds
         Wall time of the solve, the mean of the seeds.
     memory
@@ -42,7 +40,6 @@ class Point:
         Whether all of them ended well.
     """
 
-    words: str
     unknowns: int
     seconds: float
     memory: float | None
@@ -155,22 +152,19 @@ class CaseAccuracy:
         return sorted((f for f in self.families if f.solver == solver), key=lambda family: -len(family.points))
 
 
-def accuracies(records: Mapping[str, Record], rows: Sequence[Row]) -> list[CaseAccuracy]:
+def accuracies(evidence: Evidence) -> list[CaseAccuracy]:
     """Return the accuracy of each case whose resolution is studied, from runs of the study and with defaults."""
-    headline = [row for row in rows if row.primary and not row.own_case]
-    studied = {row.case for row in rows_of_study(headline, "resolution") if not row.default_settings}
-    shown = [
-        row for row in headline if row.case in studied and (row.default_settings or "resolution" in studies_of(row))
-    ]
-    found = (_accuracy(records, of_case) for of_case in grouped(shown, lambda row: row.case).values())
+    runs, studied = headlines(evidence.runs), headlines(evidence.runs, "resolution")
+    cases = studied.loc[~studied["default_settings"], "case"]
+    shown = runs[runs["case"].isin(cases) & (runs["default_settings"] | runs.index.isin(studied.index))]
+    found = (_accuracy(list(of_case["row"]), evidence) for _, of_case in shown.groupby("case", sort=False))
     return [accuracy for accuracy in found if accuracy is not None]
 
 
-def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccuracy | None:
-    yardstick = yardstick_of(records, rows)
+def _accuracy(rows: Sequence[Row], evidence: Evidence) -> CaseAccuracy | None:
+    first, yardstick = rows[0], yardstick_of(evidence.records, rows)
     if yardstick is None:
         return None
-    first = rows[0]
     families: dict[tuple[str, str], list[Point]] = {}
     for alike in grouped(rows, same_but_for_seed).values():
         point = point_of(alike, yardstick)
@@ -178,6 +172,7 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
             families.setdefault((alike[0].solver, swept_setting(alike[0])), []).append(point)
     if not families:
         return None
+    histories = courses(evidence.records, [row for row in rows if row.default_settings])
     return CaseAccuracy(
         case=first.case,
         title=first.case_title or first.case,
@@ -188,11 +183,7 @@ def _accuracy(records: Mapping[str, Record], rows: Sequence[Row]) -> CaseAccurac
             for (solver, swept), points in sorted(families.items())
         ),
         failed=failed_runs(rows),
-        refinements=tuple(
-            course
-            for course in courses(records, [row for row in rows if row.default_settings])
-            if course.refines and not course.is_field
-        ),
+        refinements=tuple(course for course in histories if course.refines and not course.is_field),
     )
 
 
@@ -220,7 +211,6 @@ def point_of(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
         if row.peak_memory_bytes and row.idle_memory_bytes and row.peak_memory_bytes > row.idle_memory_bytes
     ]
     return Point(
-        words=answered[0].label if answered[0].overrides else "",
         unknowns=max(row.parameters or 0 for row in answered),
         seconds=fmean(row.seconds or 0.0 for row in answered),
         memory=max(memory, default=None),

@@ -17,6 +17,7 @@ from shellbench.report.ladder import ALIKE, CaseRuns, Ladder, Run
 BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 LEVELS = (1e-2, 1e-3, 1e-4)  # errors at which memory is stated, relative to the largest displacement
 Kept = Literal["solved", "rounded", "mesh"]
+Measure = Literal["difference", "error"]  # of the field from the best answer; of the headline from its known value
 
 
 @dataclass(frozen=True)
@@ -53,22 +54,20 @@ def answers(case: CaseRuns, ladder: Ladder) -> list[Answer]:
     return found
 
 
-def fewest(candidates: Sequence[Answer], level: float, among: Sequence[Answer] = ()) -> Answer | None:
-    """Return the answer of fewest bytes whose displacement is within a level everywhere it was asked; None if none.
+def fewest(
+    candidates: Sequence[Answer], level: float, among: Sequence[Answer] = (), measure: Measure = "difference"
+) -> Answer | None:
+    """Return the answer of fewest bytes whose displacement, or headline quantity, is within a level; None if none is.
 
     All runs of the solver that are as fine or finer must be so, as solved and in the same format, other seeds and
     marginally different meshes among them: a lucky run is no answer. `among` are all answers of the solver; the
     candidates themselves if empty.
     """
-    return _smallest([one for one in candidates if _lasts(one, level, "difference", among or candidates)])
+    lasting = [one for one in candidates if _lasts(one, level, measure, among or candidates)]
+    return min(lasting, key=lambda answer: answer.storage_bytes, default=None)
 
 
-def fewest_for_headline(candidates: Sequence[Answer], level: float, among: Sequence[Answer] = ()) -> Answer | None:
-    """Return the answer of fewest bytes whose headline quantity is within a level of its known value; see `fewest`."""
-    return _smallest([one for one in candidates if _lasts(one, level, "error", among or candidates)])
-
-
-def _lasts(answer: Answer, level: float, measure: Literal["difference", "error"], among: Sequence[Answer]) -> bool:
+def _lasts(answer: Answer, level: float, measure: Measure, among: Sequence[Answer]) -> bool:
     finer = [
         other
         for other in among
@@ -159,7 +158,3 @@ def _meshes(case: CaseRuns, run: Run, own: float) -> Iterator[Answer]:
             size = BYTES_A_POINT * grid.points**2 * rate.frames
             added = (grid.interpolation_difference + rate.interpolation_difference) / scale
             yield Answer(run, "mesh", f"{rate.frames} meshes {grid.points}×{grid.points}", size, own + added, None)
-
-
-def _smallest(candidates: Sequence[Answer]) -> Answer | None:
-    return min(candidates, key=lambda answer: answer.storage_bytes, default=None)

@@ -7,27 +7,33 @@ same material points of all runs.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from shellbench.report.consistency_figure import consistency_figure, drift_floor
-from shellbench.report.consistency_pairs import drift, drift_table, pair_table, show_drift
+from shellbench.report.columns import Line, code, column, error, words
 from shellbench.report.digits import Digits, percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.ladder import ALIKE, CaseRuns, Ladder, Run, case_runs
+from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation
-from shellbench.report.palette import inks, style
-from shellbench.report.probes import Difference
+from shellbench.report.palette import DASHES, Ink
+from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
-from shellbench.report.resolution import frame_rate_table, mesh_table, relative, resolution_table
+from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
 from shellbench.report.studies import remarks_on
-from shellbench.report.table import Column, Line, Note, Table, present
+from shellbench.report.table import Column, Note, Table, frame
 
-CONSISTENCY = "consistency_"  # how names of figures begin
+WIDTH, ALONE, HEIGHT, MARGIN = 2.53, 3.3, 2.15, 0.62  # inches: a panel of three, of two, its height, and the legend
+SMALLEST_DRIFT = 1e-9  # relative; no figure here is known better, and smaller ones are drawn at this height
+SMALLEST = 1e-10  # relative difference below which rounding is all there is
+PALEST = 0.25  # opacity of the coarsest run over time
+COMMON: dict[str, Any] = {"marker": "*", "markersize": 8}
+OTHER: dict[str, Any] = {"marker": "x", "markersize": 5, "markeredgewidth": 1.0}
+AROUND: dict[str, Any] = {"marker": "o", "markersize": 6, "markerfacecolor": "none", "markeredgewidth": 1.0}
 WORDS = (
     "One solution was asked for its displacement through grids from coarse to fine and, of a motion, at many frame"
     " rates. A continuous field gives the same answer at the same material point and instant, whoever asks. A mesh or a"
@@ -46,13 +52,8 @@ WORDS = (
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
-    cases = case_runs(evidence)
-    tables = (
-        consistency_table(cases),
-        resolution_table(evidence.records, evidence.rows),
-        frame_rate_table(evidence.records, evidence.rows),
-        mesh_table(evidence.records, evidence.rows),
-    )
+    cases = evidence.once(case_runs)
+    tables = (consistency_table(cases), *(make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)))
     found = tuple(table for table in tables if table is not None)
     if not found:
         return None
@@ -61,7 +62,7 @@ def section(evidence: Evidence) -> Section | None:
         title="Resolution consistency",
         words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=found,
-        exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
+        exhibits=tuple(exhibit for case in cases if (exhibit := _exhibit(case, evidence.inks)) is not None),
         details=details(cases),
     )
 
@@ -76,7 +77,7 @@ def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
     lines = [line for case in cases for ladder in case.ladders if (line := _line(case, ladder)) is not None]
     if not lines:
         return None
-    data = pd.DataFrame(lines).astype(dict.fromkeys(("alike_runs", "alike_unknowns"), "Int64"))
+    data = frame(lines).astype(dict.fromkeys(("alike_runs", "alike_unknowns"), "Int64"))
     stepped = data["step_in_time_largest"].notna().any()
     return Table(
         name="consistency",
@@ -91,38 +92,40 @@ def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
         " to the largest displacement; largest, and root mean square.",
         data=data,
         columns=(
-            Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),
+            "solver",
             Column("Unknowns", _unknowns),
-            Column("Last step", relative("step_largest")),
-            Column("rms", relative("step_rms")),
-            *([Column("Last time step", relative("step_in_time_largest"))] if stepped else []),
-            Column("Slope", _slope),
-            Column("Alike", relative("alike_largest")),
-            Column("Runs alike", _alike),
-            Column("Drift", show_drift),
-            Column("From the common run", relative("yardstick_largest")),
-            Column("rms", relative("yardstick_rms")),
+            column("step_largest", "Last step", of_largest),
+            column("step_rms", "rms", of_largest),
+            *([column("step_in_time_largest", "Last time step", of_largest)] if stepped else []),
+            column("slope", "Slope", lambda slope, _, notation: notation.number(Digits(f"{slope:.1f}"))),
+            column("alike_largest", "Alike", of_largest),
+            column("alike_runs", "Runs alike", _alike),
+            column("drift", "Drift", error),
+            column("yardstick_largest", "From the common run", of_largest),
+            column("yardstick_rms", "rms", of_largest),
         ),
-        notes=tuple(_notes(cases)),
+        notes=tuple(map(_note, cases)),
     )
 
 
-def _alike(line: Line, notation: Notation) -> str:
-    runs = _whole(line["alike_runs"], notation)
-    return notation.escape(f"{runs} of {int(line['alike_unknowns'])}") if present(line["alike_unknowns"]) else runs
+def _unknowns(line: Line, notation: Notation) -> str:
+    first, last = line["coarsest_unknowns"], line["finest_unknowns"]
+    return str(last) if first == last else notation.escape(f"{first}–{last}")
+
+
+def _alike(runs: int, line: Line, notation: Notation) -> str:
+    return notation.escape(f"{int(runs)} of {int(line['alike_unknowns'])}")
 
 
 def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
     finest, yardstick = ladder.finest, case.yardstick
     step = ladder.last_step("unknowns")
-    changed = _between(step)
-    changed_in_time = _between(ladder.last_step("time steps"))
     alike = next(((level, spread) for level in reversed(ladder.levels) if (spread := spread_of(level))), None)
     apart = None if yardstick is None or yardstick is finest else finest.difference(yardstick)
+    changed, changed_in_time = between(step), between(ladder.last_step("time steps"))
     if not any((changed, changed_in_time, alike, apart)):
         return None
     rate = order_of(case, ladder)
-    quantity = finest.row.quantity
     return {
         "block": case.title,
         "case": case.case,
@@ -132,24 +135,26 @@ def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
         "finest_unknowns": finest.unknowns,
         "finest_run_id": finest.record.run_id,
         "largest_displacement": case.scale,
-        "step_largest": changed.largest if changed else None,
-        "step_rms": changed.rms if changed else None,
-        "step_in_time_largest": changed_in_time.largest if changed_in_time else None,
-        "step_in_time_rms": changed_in_time.rms if changed_in_time else None,
+        **_sizes("step", changed),
+        **_sizes("step_in_time", changed_in_time),
         "slope": rate.slope if rate else None,
         "alike_runs": len(alike[0]) if alike else None,
         "alike_unknowns": alike[0][0].unknowns if alike else None,
         "alike_largest": alike[1][0] if alike else None,
         "alike_rms": alike[1][1] if alike else None,
-        "drift_quantity": quantity,
-        "drift": drift(*step, quantity) if step is not None else None,
+        "drift_quantity": finest.row.quantity,
+        "drift": drift(*step, finest.row.quantity) if step is not None else None,
         "yardstick_run_id": yardstick.record.run_id if yardstick else None,
-        "yardstick_largest": apart.largest if apart else None,
-        "yardstick_rms": apart.rms if apart else None,
+        **_sizes("yardstick", apart),
     }
 
 
-def _between(step: tuple[Run, Run] | None) -> Difference | None:
+def _sizes(name: str, found: Difference | None) -> dict[str, float | None]:
+    return {f"{name}_largest": found.largest if found else None, f"{name}_rms": found.rms if found else None}
+
+
+def between(step: tuple[Run, Run] | None) -> Difference | None:
+    """Return how far the runs of a step are from each other."""
     return None if step is None else step[1].difference(step[0])
 
 
@@ -167,58 +172,51 @@ def order_of(case: CaseRuns, ladder: Ladder) -> Rate | None:
     Runs no farther from it than twice its own last step are left out: they owe their small difference to their
     nearness, not to their resolution.
     """
-    last = _between(ladder.last_step("unknowns"))
+    last = between(ladder.last_step("unknowns"))
     if last is None or not case.scale:
         return None
-    pairs = _to_finest(ladder)
-    x = [float(run.unknowns) for run, _ in pairs]
-    return fitted_rate(x, [found.largest / case.scale for _, found in pairs], last.largest / case.scale)
+    pairs = _to_finest(ladder.line, ladder.finest)
+    errors = [found.largest / case.scale for _, found in pairs]
+    return fitted_rate([float(x) for x, _ in pairs], errors, last.largest / case.scale)
 
 
-def _to_finest(ladder: Ladder) -> list[tuple[Run, Difference]]:
-    runs = (run for run in ladder.line if run is not ladder.finest)
-    return [(run, found) for run in runs if (found := run.difference(ladder.finest)) is not None]
+def _to_finest(runs: Sequence[Run], finest: Run) -> list[tuple[int, Difference]]:
+    """Return unknowns of the runs, and how far they are from the finest."""
+    found = [(run.unknowns, run.difference(finest)) for run in runs if run is not finest]
+    return [(unknowns, one) for unknowns, one in found if one is not None]
 
 
-def _exhibits(cases: Sequence[CaseRuns], solvers: Sequence[str]) -> Iterator[Exhibit]:
-    colours = inks(solvers)
-    for case in cases:
-        shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and _to_finest(ladder)]
-        if not shown or not case.scale:
-            continue
-        rates = {ladder.solver: rate for ladder in shown if (rate := order_of(case, ladder)) is not None}
-        spreads = {
-            ladder.solver: [(level[0].unknowns, s[0]) for level in ladder.levels if (s := spread_of(level))]
-            for ladder in case.ladders
-        }
-        with style():
-            figure = consistency_figure(case, shown, spreads, rates, colours)
-        quantity = shown[0].finest.row.description or shown[0].finest.row.quantity
-        second = "Middle" if case.moves else "Right"
-        over_time = (
-            " Right: the same difference over time, the largest over the points, a line for each run, the finer the"
-            " darker; dotted: each solver's finest run from the common one."
-            if case.moves
-            else ""
-        )
-        yield Exhibit(
-            name=f"{CONSISTENCY}{case.case}",
-            title=f"{case.title}: the same material points at many resolutions",
-            caption="Left: difference of the displacement from the same solver's finest run, largest (full) and root"
-            " mean square (dashed) over the same material points; open marks: largest difference between marginally"
-            f" different runs; stars: each solver's finest run from the common one; dotted, where differences fall by a"
-            f" power law: its exponent of the number N of unknowns. {second}: drift of {quantity}"
-            f" from that of the same solver's finest run{drift_floor(case)}.{over_time}"
-            f" {yardstick_words(case)}",
-            description="; ".join(
-                f"{ladder.solver}: from {max(f.largest for _, f in _to_finest(ladder)):.2g} m to"
-                f" {min(f.largest for _, f in _to_finest(ladder)):.2g} m"
-                for ladder in shown
-            ),
-            figure=figure,
-            run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
-            drawing=True,
-        )
+def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
+    shown = [ladder for ladder in case.ladders if len(ladder.levels) > 1 and _to_finest(ladder.line, ladder.finest)]
+    if not shown or not case.scale:
+        return None
+    finest = shown[0].finest.row
+    second = "Middle" if case.moves else "Right"
+    over_time = (
+        " Right: the same difference over time, the largest over the points, a line for each run, the finer the"
+        " darker; dotted: each solver's finest run from the common one."
+        if case.moves
+        else ""
+    )
+    small = any(value < SMALLEST_DRIFT for one in case.ladders for value in _drifts(one.runs, one.finest)[1])
+    return Exhibit(
+        name=f"consistency_{case.case}",
+        title=f"{case.title}: the same material points at many resolutions",
+        caption="Left: difference of the displacement from the same solver's finest run, largest (full) and root"
+        " mean square (dashed) over the same material points; open marks: largest difference between marginally"
+        f" different runs; stars: each solver's finest run from the common one; dotted, where differences fall by a"
+        f" power law: its exponent of the number N of unknowns. {second}: drift of"
+        f" {finest.description or finest.quantity} from that of the same solver's finest run"
+        f"{f' (below {SMALLEST_DRIFT:g} drawn there)' if small else ''}.{over_time} {yardstick_words(case)}",
+        description="; ".join(
+            f"{ladder.solver}: from {max(sizes):.2g} m to {min(sizes):.2g} m"
+            for ladder in shown
+            if (sizes := [found.largest for _, found in _to_finest(ladder.line, ladder.finest)])
+        ),
+        figure=consistency_figure(case, shown, inks),
+        run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
+        drawing=True,
+    )
 
 
 def yardstick_words(case: CaseRuns) -> str:
@@ -241,21 +239,176 @@ def yardstick_words(case: CaseRuns) -> str:
     return f"Held against: {run.row.solver}, {run.name} ({run.unknowns} unknowns), {why}; {known}."
 
 
-def _notes(cases: Sequence[CaseRuns]) -> Iterator[Note]:
-    for case in cases:
-        lost = ", ".join(f"{count} of {solver}" for solver, count in case.failed.items())
-        yield Note(case.title, yardstick_words(case) + (f" Runs that failed and are left out: {lost}." if lost else ""))
+def _note(case: CaseRuns) -> Note:
+    lost = ", ".join(f"{count} of {solver}" for solver, count in case.failed.items())
+    return Note(case.title, yardstick_words(case) + (f" Runs that failed and are left out: {lost}." if lost else ""))
 
 
-def _unknowns(line: Line, notation: Notation) -> str:
-    first, last = line["coarsest_unknowns"], line["finest_unknowns"]
-    return str(last) if first == last else notation.escape(f"{first}–{last}")
+def drift(run: Run, finest: Run, quantity: str) -> float | None:
+    """Return a quantity less that of the finest run, relative to the latter; None if one is missing or that is zero."""
+    ours, theirs = run.record.values.get(quantity), finest.record.values.get(quantity)
+    if ours is None or theirs is None or not theirs.value:
+        return None
+    return (ours.value - theirs.value) / abs(theirs.value)
 
 
-def _slope(line: Line, notation: Notation) -> str:
-    slope = line["slope"]
-    return notation.number(Digits(f"{slope:.1f}")) if present(slope) else notation.missing
+def pair_table(cases: Sequence[CaseRuns]) -> Table | None:
+    """Return a line for each pair of runs that is compared; None if there is none."""
+    lines = [
+        {
+            **_common(case, ladder, run, pair=kind),
+            "other_solver": other.row.solver,
+            "other": other.name,
+            "other_unknowns": other.unknowns,
+            "other_time_steps": other.time_steps,
+            "largest_difference": found.largest,
+            "rms_difference": found.rms,
+            "largest_displacement": case.scale,
+            "run_ids": f"{run.record.run_id} {other.record.run_id}",
+        }
+        for case in cases
+        for ladder in case.ladders
+        for kind, run, other in _pairs(case, ladder)
+        if (found := run.difference(other)) is not None
+    ]
+    if not lines:
+        return None
+    return Table(
+        name="consistency_pairs",
+        title="All pairs of runs",
+        caption="Difference of the displacement at the same material points, relative to the largest displacement.",
+        data=frame(lines),
+        columns=(
+            "solver",
+            "run",
+            column("pair", "Pair", words),
+            column("other", "Other run", words),
+            column("largest_difference", way=of_largest),
+            column("rms_difference", way=of_largest),
+        ),
+    )
 
 
-def _whole(value: Any, notation: Notation) -> str:
-    return str(int(value)) if present(value) else notation.missing
+def _common(case: CaseRuns, ladder: Ladder, run: Run, **kind: str) -> dict[str, Any]:
+    line = {"block": case.title, "case": case.case, "solver": ladder.solver, **kind, "run": run.name}
+    return line | {"unknowns": run.unknowns, "time_steps": run.time_steps}
+
+
+def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
+    for finer in FINER:
+        yield from ((f"next in {finer}", coarse, fine) for coarse, fine in ladder.steps(finer))
+    yield from (("finest of the solver", run, ladder.finest) for run in ladder.runs if run is not ladder.finest)
+    for level in ladder.levels:
+        yield from (("marginally different", other, one) for i, one in enumerate(level) for other in level[:i])
+    common = case.yardstick
+    yield from (("common run", run, common) for run in ladder.runs if common is not None and run is not common)
+
+
+def drift_table(cases: Sequence[CaseRuns]) -> Table | None:
+    """Return a line for each run and quantity: its value, and the finest run's of the same solver."""
+    lines = [
+        {
+            **_common(case, ladder, run),
+            "quantity": name,
+            "value": value.value,
+            "finest_value": ladder.finest.record.values[name].value,
+            "drift": drift(run, ladder.finest, name),
+            "run_ids": f"{run.record.run_id} {ladder.finest.record.run_id}",
+        }
+        for case in cases
+        for ladder in case.ladders
+        for run in ladder.runs
+        if run is not ladder.finest
+        for name, value in run.record.values.items()
+        if name in ladder.finest.record.values
+    ]
+    if not lines:
+        return None
+    return Table(
+        name="consistency_drift",
+        title="Drift of all quantities",
+        caption="Each quantity less that of the same solver's finest run, relative to the latter.",
+        data=frame(lines),
+        columns=("solver", "run", column("quantity", "Quantity", code), column("drift", "Drift", error)),
+    )
+
+
+def consistency_figure(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[str, Ink]) -> Figure:
+    """Draw one case and its solvers with more than one resolution: differences, drift and, in motion, all over time."""
+    widths = [WIDTH] * 3 if case.moves else [ALONE] * 2
+    figure, (panels,) = open_figure((sum(widths), HEIGHT + MARGIN), 1, len(widths))
+    scale = case.scale or 1.0
+    fits = []
+    for ladder in ladders:
+        ink = inks[ladder.solver]
+        found = [pair for pair in _to_finest(ladder.line, ladder.finest) if pair[1].largest > SMALLEST * scale]
+        x, rms = [x for x, _ in found], [100 * one.rms / scale for _, one in found]
+        draw(panels[0], x, [100 * one.largest / scale for _, one in found], ink)
+        draw(panels[0], x, rms, ink, DASHES[1], marker=None, linewidth=1.0)
+        for x_other, one in _to_finest(ladder.other_time_steps, ladder.finest):
+            if one.largest > SMALLEST * scale:
+                draw(panels[0], [x_other], [100 * one.largest / scale], ink, "none", **_other(ink))
+        for level in ladder.levels:
+            around = spread_of(level)
+            if around and around[0] > SMALLEST * scale:
+                look = AROUND | {"markeredgecolor": ink.colour}
+                draw(panels[0], [level[0].unknowns], [100 * around[0] / scale], ink, "none", **look)
+        for runs, line, look in ((ladder.line, "-", {}), (ladder.other_time_steps, "none", _other(ink))):
+            x, sizes = _drifts(runs, ladder.finest)
+            draw(panels[1], x, [100 * max(size, SMALLEST_DRIFT) for size in sizes], ink, line, **look)
+        if (rate := order_of(case, ladder)) is not None:
+            fits.append((rate, rf"$N^{{\,{rate.slope:.1f}}}$", ink.colour))
+        if case.moves:
+            _over_time(panels[2], case, ladder, ink)
+    for ladder in case.ladders:
+        apart = ladder.finest.difference(case.yardstick) if case.yardstick not in (None, ladder.finest) else None
+        if apart is not None and apart.largest > SMALLEST * scale:
+            height = [100 * apart.largest / scale]
+            draw(panels[0], [ladder.finest.unknowns], height, inks[ladder.solver], "none", **COMMON)
+    finish(panels[:1], "unknowns", "difference (% of the largest)", "From the solver's finest run", below=FOR_SLOPES)
+    draw_slopes(panels[0], fits, line=DASHES[2])
+    finish(panels[1:2], "unknowns", "drift (%)", "Headline quantity")
+    if case.moves:
+        finish(panels[2:], "time t (s)", "largest difference (%)", "Over time", log="y")
+    add_legend(figure, _legend(case, ladders, inks), 5)
+    return figure
+
+
+def _other(ink: Ink) -> dict[str, Any]:
+    return OTHER | {"markeredgecolor": ink.colour}
+
+
+def _drifts(runs: Sequence[Run], finest: Run) -> tuple[list[int], list[float]]:
+    found = [(run.unknowns, drift(run, finest, finest.row.quantity)) for run in runs if run is not finest]
+    shown = [(unknowns, abs(one)) for unknowns, one in found if one is not None]
+    return [unknowns for unknowns, _ in shown], [one for _, one in shown]
+
+
+def _over_time(axes: Axes, case: CaseRuns, ladder: Ladder, ink: Ink) -> None:
+    """Draw how far each run is from the finest, the finer the darker, and that from the common run."""
+    scale = case.scale or 1.0
+    runs = [run for run in ladder.line if run is not ladder.finest]
+    curves: list[tuple[Difference | None, dict[str, Any]]] = [
+        (run.difference(ladder.finest), {"alpha": PALEST + (1 - PALEST) * place / len(runs), "linewidth": 1.1})
+        for place, run in enumerate(runs, start=1)
+    ]
+    if case.yardstick is not None and case.yardstick is not ladder.finest:
+        curves.append((ladder.finest.difference(case.yardstick), {"linestyle": DASHES[2], "linewidth": 1.5}))
+    for found, look in curves:
+        if found is not None:
+            shown = found.by_mark > SMALLEST * scale
+            draw(axes, found.marks[shown], 100 * found.by_mark[shown] / scale, ink, **{"marker": None, **look})
+
+
+def _legend(case: CaseRuns, ladders: Sequence[Ladder], inks: Mapping[str, Ink]) -> dict[str, Any]:
+    entries = {ladder.solver: entry(inks[ladder.solver]) for ladder in case.ladders}
+    entries |= {"largest": entry(), "root mean square": entry(linestyle=DASHES[1])}
+    if any(spread_of(level) for ladder in ladders for level in ladder.levels):
+        entries["marginally different runs"] = mark_entry(**AROUND)
+    if any(ladder.other_time_steps for ladder in ladders):
+        entries["other time steps"] = mark_entry(**OTHER)
+    if len(case.ladders) > 1:
+        entries["finest, from the common run"] = mark_entry(**COMMON)
+        if case.moves:
+            entries["the same over time"] = entry(linestyle=DASHES[2], linewidth=1.5)
+    return entries

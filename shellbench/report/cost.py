@@ -2,24 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-import pandas as pd
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from shellbench.report.accuracy import CaseAccuracy, Measure, accuracies
-from shellbench.report.cost_figure import MEASURES, cost_figure
-from shellbench.report.digits import byte_size, duration, percent
+from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies
+from shellbench.report.columns import Line, Way, column, count, seconds, size
+from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MINUS, TEXT, Notation
-from shellbench.report.palette import inks, style
+from shellbench.report.palette import DASHES, Ink
+from shellbench.report.panel import (
+    ERROR_LABEL,
+    FOR_SLOPES,
+    add_legend,
+    draw,
+    draw_slopes,
+    entry,
+    failed_entry,
+    finish,
+    mark_entry,
+    open_figure,
+    shade_entry,
+)
 from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
 from shellbench.report.studies import remarks_on
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table, frame
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)
+WIDTH, HEIGHT, MARGIN = 7.4, 2.5, 0.55  # inches of the figure, of its panels, and of the legend
+ALONE: dict[str, Any] = {"markersize": 6.5, "markeredgecolor": "black", "markeredgewidth": 0.8}
+UNITS: dict[Measure, float] = {"unknowns": 1.0, "seconds": 1.0, "memory": 1e6}
+LABELS: dict[Measure, str] = {
+    "unknowns": "unknowns",
+    "seconds": "wall time of the solve (s)",
+    "memory": "peak memory of the solve (MB)",
+}
 TITLES: dict[Measure, str] = {
     "unknowns": "Unknowns at a stated error",
     "seconds": "Seconds at a stated error",
@@ -30,11 +53,7 @@ WHAT: dict[Measure, str] = {
     "seconds": "Least wall time of the solve, s,",
     "memory": "Least peak memory of the solve, above what the process held before,",
 }
-WRITTEN: dict[Measure, Callable[[float], str]] = {
-    "unknowns": lambda cost: str(round(cost)),
-    "seconds": duration,
-    "memory": byte_size,
-}
+WAYS: dict[Measure, Way] = {"unknowns": count, "seconds": seconds, "memory": size}
 RULE = (
     "with which the headline quantity is within the given error for every seed and in all finer runs of the same sweep,"
     " the uncertainty of the known value counted against it. The exponent is that of a power law fitted to the finest"
@@ -45,23 +64,10 @@ RULE = (
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite studied the resolution of any case."""
-    found = accuracies(evidence.records, evidence.rows)
+    found = accuracies(evidence)
     if not found:
         return None
-    colours = inks(row.solver for row in evidence.rows)
-    with style():
-        exhibits = tuple(
-            Exhibit(
-                name=f"cost_{one.case}",
-                title=f"{one.title}: error and cost",
-                caption=_caption(one),
-                description=_description(one),
-                figure=cost_figure(one, colours),
-                run_ids=_run_ids(one),
-                drawing=True,
-            )
-            for one in found
-        )
+    environments = {making.record.run_id: making.environment for making in makings(evidence.records, evidence.rows)[0]}
     return Section(
         name="cost",
         title="Convergence and cost",
@@ -74,14 +80,20 @@ def section(evidence: Evidence) -> Section | None:
             " process less what it held before the solve; below about 10 MB it tells of the libraries alone.",
             *remarks_on(evidence.rows, "resolution"),
         ),
-        tables=tuple(cost_table(found, measure, environments(evidence)) for measure in MEASURES),
-        exhibits=exhibits,
+        tables=tuple(cost_table(found, measure, environments) for measure in LABELS),
+        exhibits=tuple(
+            Exhibit(
+                name=f"cost_{one.case}",
+                title=f"{one.title}: error and cost",
+                caption=_caption(one),
+                description=_description(one),
+                figure=cost_figure(one, evidence.inks),
+                run_ids=_run_ids(one),
+                drawing=True,
+            )
+            for one in found
+        ),
     )
-
-
-def environments(evidence: Evidence) -> dict[str, int]:
-    """Return the number of each run's environment, as the page counts them."""
-    return {making.record.run_id: making.environment for making in makings(evidence.records, evidence.rows)[0]}
 
 
 def cost_table(found: Sequence[CaseAccuracy], measure: Measure, environment: Mapping[str, int]) -> Table:
@@ -103,24 +115,28 @@ def cost_table(found: Sequence[CaseAccuracy], measure: Measure, environment: Map
                 "environment": ", ".join(map(str, sorted({environment[run] for run in runs if run in environment}))),
             }
             lines.append(line)
-    of_measure = {
-        "unknowns": (Column("Order in h", _figure("order")),),
-        "seconds": (Column("Environment", lambda line, notation: notation.escape(line["environment"])),),
+    own = {
+        "unknowns": (column("order", "Order in h", _exponent),),
+        "seconds": (column("environment", right=True),),
         "memory": (),
     }
     return Table(
         name=f"cost_{measure}",
         title=TITLES[measure],
         caption=f"{WHAT[measure]} {RULE}",
-        data=pd.DataFrame(lines),
+        data=frame(lines),
         columns=(
-            Column("Solver", lambda line, notation: notation.code(line["solver"]), right=False),
-            *(Column(f"{100 * level:g} %", _cost(level, measure)) for level in LEVELS),
-            Column("Exponent", _figure("exponent")),
-            *of_measure[measure],
+            "solver",
+            *(column(f"to_{level:g}", f"{100 * level:g} %", WAYS[measure]) for level in LEVELS),
+            column("exponent", "Exponent", _exponent),
+            *own[measure],
         ),
         notes=tuple(_notes(found)),
     )
+
+
+def _exponent(value: float, line: Line, notation: Notation) -> str:
+    return notation.escape(f"{value:.1f}".replace("-", MINUS))
 
 
 def _notes(found: Sequence[CaseAccuracy]) -> list[Note]:
@@ -133,22 +149,6 @@ def _notes(found: Sequence[CaseAccuracy]) -> list[Note]:
             first = f"; the first, {reasons[0]}" if len(reasons) > 1 else f", {reasons[0]}"
             notes.append(Note(f"{one.title}, {solver}", f"{runs} failed and reached nothing{first}"))
     return notes
-
-
-def _cost(level: float, measure: Measure) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        cost = line[f"to_{level:g}"]
-        return notation.escape(WRITTEN[measure](cost)) if present(cost) else notation.missing
-
-    return show
-
-
-def _figure(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value = line[name]
-        return notation.escape(f"{value:.1f}".replace("-", MINUS)) if present(value) else notation.missing
-
-    return show
 
 
 def _caption(one: CaseAccuracy) -> str:
@@ -183,3 +183,54 @@ def _description(one: CaseAccuracy) -> str:
 def _run_ids(one: CaseAccuracy) -> tuple[str, ...]:
     points = [run_id for family in one.families for point in family.points for run_id in point.run_ids]
     return tuple(dict.fromkeys([*points, *(course.run_id for course in one.refinements)]))
+
+
+def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
+    """Draw error against unknowns, seconds and memory, with the slopes of each solver's largest family."""
+    figure, (panels,) = open_figure((WIDTH, HEIGHT + MARGIN), 1, len(LABELS), sharey=True)
+    floor = accuracy.yardstick.floor
+    for axes, measure in zip(panels, LABELS, strict=True):
+        for course in accuracy.refinements:
+            if measure != "memory":
+                x, errors = course.errors(measure)
+                share = 100 * abs(course.reference) / accuracy.yardstick.scale * np.array(errors)
+                axes.plot(x, share, color=inks[course.solver].colour, linewidth=0.6, alpha=0.6)
+        for family in accuracy.families:
+            _draw(axes, family, measure, inks[family.solver])
+        axes.set_xlabel(LABELS[measure])
+    finish(panels, y=ERROR_LABEL, floor=100 * floor, below=FOR_SLOPES)
+    for axes, measure in zip(panels, LABELS, strict=True):
+        rates = {solver: accuracy.of(solver)[0].rate(measure, floor) for solver in accuracy.solvers}
+        fits = [(rate, f"{rate.slope:.1f}", inks[solver].colour) for solver, rate in rates.items() if rate is not None]
+        draw_slopes(axes, fits, UNITS[measure])
+    add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0]))
+    return figure
+
+
+def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
+    """Draw a family: a line through the sizes that ended well, dotted if only its cost changes, and a mark for each."""
+    shown = [(cost / UNITS[measure], point) for point in family.points if (cost := point.cost(measure)) is not None]
+    for x, point in shown:
+        if max(point.errors) > min(point.errors):
+            ends = [100 * min(point.errors), 100 * max(point.errors)]
+            axes.plot([x, x], ends, color=ink.colour, linewidth=0.8, alpha=0.7)
+    for sound in (True, False):
+        of_kind = [(x, point) for x, point in shown if point.sound is sound]
+        level = len({point.unknowns for _, point in of_kind}) == 1
+        line = "none" if not sound or len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
+        look = ALONE if sound and not family.swept else {}
+        places, errors = [x for x, _ in of_kind], [100 * point.error for _, point in of_kind]
+        draw(axes, places, errors, ink, line, hollow=not sound, **{"linewidth": 1.0, **look})
+
+
+def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -> dict[str, Any]:
+    families = accuracy.families
+    entries = {solver: entry(inks[solver]) for solver in accuracy.solvers}
+    if any(not family.swept for family in families):
+        entries["default settings"] = mark_entry(**ALONE)
+    if accuracy.refinements:
+        entries["refinement within a run"] = entry(linewidth=0.6)
+    entries |= failed_entry(any(not point.sound for family in families for point in family.points))
+    if any(family.rate(measure, accuracy.yardstick.floor) for family in families for measure in LABELS):
+        entries["fitted slope"] = entry(linewidth=0.8, linestyle=DASHES[1])
+    return entries | shade_entry(in_view, "uncertainty of the reference")

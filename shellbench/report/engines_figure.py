@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullLocator
 
-from shellbench.report.convergence import ERROR_LABEL
 from shellbench.report.engines_cases import CheckedCase, Contender
 from shellbench.report.engines_table import LEVELS
 from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.panel import ERROR_LABEL
 from shellbench.report.shells import plain
 
 WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows

@@ -6,15 +6,23 @@ A section is made by one module, which knows which runs it can use; the page sho
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
+from typing import Any, TypeVar
+
+import pandas as pd
 
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.exhibit import Exhibit
+from shellbench.report.palette import Ink, inks
+from shellbench.report.runs import table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -59,6 +67,24 @@ class Evidence:
     rows: Sequence[Row]
     folder: Path
     known: Known = catalog.known_values
+    _made: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def once(self, make: Callable[[Evidence], T]) -> T:
+        """Return what is made from it for several sections, made once."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        made: T = self._made[make]
+        return made
+
+    @cached_property
+    def runs(self) -> pd.DataFrame:
+        """The rows as one table, see `shellbench.report.runs`."""
+        return table_of_runs(self.records, self.rows)
+
+    @cached_property
+    def inks(self) -> Mapping[str, Ink]:
+        """Colour and marker of each solver."""
+        return inks(row.solver for row in self.rows)
 
 
 Maker = Callable[[Evidence], Section | None]

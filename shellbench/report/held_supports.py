@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import math
 
-import pandas as pd
+import numpy as np
 
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
-from shellbench.report import cells
-from shellbench.report.digits import percent, quoted, rounded
+from shellbench.report.columns import Line, column, words
+from shellbench.report.digits import quoted
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import Notation
-from shellbench.report.solutions import STATUS_WORDS, solution_name
-from shellbench.report.table import Column, Line, Note, Table, present
+from shellbench.report.resolution import metres, of_largest
+from shellbench.report.runs import in_order_of_cases
+from shellbench.report.solutions import STATUS_WORDS
+from shellbench.report.table import Note, Table
 
 SUPPORT_ERROR = "support_error"  # diagnostics of a solver that can leak: the largest displacement at held places, m
 PENALTY = "penalty"  # the weight of the penalty, None where supports are built into the field
@@ -22,7 +22,7 @@ PENALTY = "penalty"  # the weight of the penalty, None where supports are built 
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run held its supports by a penalty."""
-    table = support_table(evidence.records, evidence.rows)
+    table = support_table(evidence)
     if table is None:
         return None
     return Section(
@@ -39,79 +39,51 @@ def section(evidence: Evidence) -> Section | None:
     )
 
 
-def support_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+def support_table(evidence: Evidence) -> Table | None:
     """Return a line for each run that says how well it holds its supports, of cases with a penalty in any run."""
-    found = [
-        (row, record.diagnostics, _largest(record))
-        for row in rows
-        if row.primary
-        and (record := records.get(row.run_id or "")) is not None
-        and _number(record.diagnostics.get(SUPPORT_ERROR)) is not None
-    ]
-    soft = {row.case for row, diagnostics, _ in found if _number(diagnostics.get(PENALTY))}
-    kept = [one for one in found if one[0].case in soft]
-    kept = [one for one in kept if _number(one[1].get(PENALTY)) or one[0].default_settings]
-    seeds = {(row.case, solution_name(row)): row.seed for row, _, _ in reversed(kept)}  # the first of each
-    kept = [one for one in kept if one[0].seed == seeds[one[0].case, solution_name(one[0])]]
-    if not kept:
+    runs = evidence.runs[evidence.runs["primary"]].dropna(subset="record")
+    found = runs.assign(
+        penalty=[_number(record, PENALTY) for record in runs["record"]],
+        support_error=[_number(record, SUPPORT_ERROR) for record in runs["record"]],
+        largest_displacement=[
+            max((step.largest_displacement for step in record.resolution), default=math.nan)
+            for record in runs["record"]
+        ],
+    ).dropna(subset="support_error")
+    soft = found["penalty"].fillna(0.0) != 0
+    found = found[found["case"].isin(found.loc[soft, "case"]) & (soft | found["default_settings"])]
+    first = found.groupby(["case", "solution"], sort=False)["seed"].transform(lambda seeds: seeds.iloc[0])
+    found = found[(found["seed"] == first) | (found["seed"].isna() & first.isna())]
+    if found.empty:
         return None
-    cases = list(dict.fromkeys(row.case for row, _, _ in kept))
-    kept.sort(key=lambda one: (cases.index(one[0].case), _number(one[1].get(PENALTY)) or float("inf")))
-    lines: list[dict[str, Any]] = [
-        {
-            "block": row.case_title or row.case,
-            "case": row.case,
-            "solution": solution_name(row),
-            "run_id": row.run_id,
-            "penalty": _number(diagnostics.get(PENALTY)),
-            "support_error": _number(diagnostics.get(SUPPORT_ERROR)),
-            "largest_displacement": largest,
-            "relative_error": row.relative_error,
-            "ended": "solved" if row.status == "ok" else STATUS_WORDS.get(row.status, row.status),
-        }
-        for row, diagnostics, largest in kept
-    ]
-    reasons = dict.fromkeys(
-        (solution_name(row), row.reason) for row, _, _ in kept if row.status != "ok" and row.reason is not None
-    )
+    found = in_order_of_cases(found.assign(weight=found["penalty"].replace(0.0, np.nan)), ["weight"])
+    failed = found[~found["sound"] & (found["reason"] != "")].drop_duplicates(["solution", "reason"])
+    ended = found["status"].map({"ok": "solved", **STATUS_WORDS})
+    data = found.assign(block=found["title"], ended=ended.fillna(found["status"]))
+    shown = ["block", "case", "solution", "run_id", "penalty", "support_error", "largest_displacement"]
     return Table(
         name="supports",
         title="Hard and soft supports",
         caption="Weight of the penalty (none: the support is built into the field), largest displacement at held"
         " places, that share of the largest displacement of the shell, and the error of the headline quantity."
         " One seed.",
-        data=pd.DataFrame(lines),
+        data=data[[*shown, "relative_error", "ended"]],
         columns=(
-            Column("Solution", cells.solution, right=False),
-            Column("Weight", _weight),
-            Column("At held places (m)", _metres),
-            Column("Of the largest", _leak),
-            Column("Error", cells.error("relative_error")),
-            Column("Ended", lambda line, notation: notation.escape(line["ended"]), right=False),
+            "solution",
+            column("penalty", "Weight", _weight, instead=lambda line, notation: "none"),
+            column("support_error", "At held places (m)", metres),
+            column("support_error", "Of the largest", of_largest),
+            "relative_error",
+            column("ended", way=words),
         ),
-        notes=tuple(Note(name, reason) for name, reason in reasons),
+        notes=tuple(Note(one.solution, one.reason) for one in failed.itertuples()),
     )
 
 
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+def _number(record: Record, name: str) -> float:
+    value = record.diagnostics.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
 
 
-def _largest(record: Record) -> float | None:
-    return max((step.largest_displacement for step in record.resolution), default=None)
-
-
-def _weight(line: Line, notation: Notation) -> str:
-    return notation.number(quoted(line["penalty"])) if present(line["penalty"]) else "none"
-
-
-def _metres(line: Line, notation: Notation) -> str:
-    value = line["support_error"]
-    return notation.number(rounded(value, value / 10)) if value else "0"
-
-
-def _leak(line: Line, notation: Notation) -> str:
-    value, largest = line["support_error"], line["largest_displacement"]
-    if not present(largest) or not largest:
-        return notation.missing
-    return notation.number(percent(value / largest, signed=False)) + notation.per_cent
+def _weight(value: float, line: Line, notation: Notation) -> str:
+    return notation.number(quoted(value))

@@ -1,29 +1,107 @@
 """Runs of one case ordered by resolution, solver by solver, and the run that all are held against.
 
-A level holds the runs of one solver that are marginally different discretisations of each other: meshes with a row
-of cells more, other diagonals, or other seeds. Between levels the resolution differs in earnest.
+All runs of a case were asked at the same material points, their probes. A level holds the runs of one solver that are
+marginally different discretisations of each other: meshes with a row of cells more, other diagonals, or other seeds.
+Between levels the resolution differs in earnest.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
-from shellbench.report.probes import Difference, Probes, difference, read_probes
-from shellbench.report.solutions import grouped, variant_name
-from shellbench.report.studies import studies_of
+from shellbench.report.runs import groups_alike, in_study
+from shellbench.report.solutions import variant_name
 from shellbench.report.suites import compared, leading_rows
 
-ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
-STUDY = "resolution"
-TIME_STEP = "time_step"  # the setting of a solver that is told its steps
+Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]
+
+SAME = 1e-6  # relative difference of marks, or of points in units of the largest coordinate, that are one
+ALIKE = 1.15  # ratio of unknowns, or of time steps, up to which discretisations differ marginally
+TIME_STEP = "time_step"  # the setting of a solver that is told its steps
+FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
+
+
+@dataclass(frozen=True)
+class Probes:
+    """Displacements (j, m, 3), m, at material points (m, 2) and marks (j,); see `shellbench.bench.record.Record`."""
+
+    points: Array
+    marks: Array
+    displacements: Array
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of the displacement, m."""
+        return float(np.linalg.norm(self.displacements, axis=-1).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far two runs are from each other at the same material points.
+
+    Attributes
+    ----------
+    marks
+        (j,) marks that both reached.
+    by_mark
+        (j,) largest magnitude over the points, m.
+    rms
+        Root of the mean square of the magnitude over points and marks, m.
+    """
+
+    marks: Array
+    by_mark: Array
+    rms: float
+
+    @property
+    def largest(self) -> float:
+        """Largest magnitude over points and marks, m."""
+        return float(self.by_mark.max())
+
+
+def read_probes(record: Record, folder: Path) -> Probes | None:
+    """Return what a run answered at its probes; None if it kept none, or they are lost, damaged or not finite."""
+    if record.fields_file is None:
+        return None
+    try:
+        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
+            points, marks, displacements = (
+                np.asarray(stored[name], dtype=float) for name in ("probes", "probe_marks", "probe_displacements")
+            )
+    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
+        return None
+    whole = displacements.size > 0 and displacements.shape == (len(marks), len(points), 3)
+    finite = all(np.all(np.isfinite(a)) for a in (points, marks, displacements))
+    return Probes(points, marks, displacements) if whole and finite else None
+
+
+def difference(ours: Probes | None, theirs: Probes | None) -> Difference | None:
+    """Return how far two runs are from each other; None if they have no point or no mark in common."""
+    if ours is None or theirs is None or ours.points.shape != theirs.points.shape:
+        return None
+    if not np.allclose(ours.points, theirs.points, rtol=0.0, atol=SAME * np.abs(theirs.points).max()):
+        return None
+    extent = np.abs(theirs.marks).max()
+    near = np.abs(ours.marks[:, None] - theirs.marks) <= SAME * max(extent, SAME)
+    i, j = np.nonzero(near)
+    if not len(i):
+        return None
+    apart = np.linalg.norm(ours.displacements[i] - theirs.displacements[j], axis=-1)
+    return Difference(theirs.marks[j], apart.max(axis=1), float(np.sqrt(np.mean(apart**2))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,23 +151,23 @@ class Ladder:
     solver: str
     levels: tuple[tuple[Run, ...], ...]
 
-    @property
+    @cached_property
     def runs(self) -> tuple[Run, ...]:
         """All runs, from coarse to fine."""
         return tuple(run for level in self.levels for run in level)
 
-    @property
+    @cached_property
     def finest(self) -> Run:
         """The run that stands for the finest level: most unknowns, and of these most time steps."""
         return leader(self.levels[-1])
 
-    @property
+    @cached_property
     def line(self) -> tuple[Run, ...]:
         """The runs that stand for the levels which have the finest run's time steps, from coarse to fine."""
         leaders = map(leader, self.levels)
         return tuple(run for run in leaders if _near(run.time_steps, self.finest.time_steps))
 
-    @property
+    @cached_property
     def other_time_steps(self) -> tuple[Run, ...]:
         """The runs that stand for the other levels."""
         return tuple(run for run in map(leader, self.levels) if run not in self.line)
@@ -101,7 +179,8 @@ class Ladder:
             below = [other for other in self.levels[:place] if _next(leader(other), leader(level), finer)]
             if below:
                 fine = leader(level)
-                pairs.append((_of_seed(below[-1], fine.row.seed), fine))
+                of_seed = [run for run in below[-1] if run.row.seed == fine.row.seed]
+                pairs.append((leader(of_seed or below[-1]), fine))
         return pairs
 
     def last_step(self, finer: Finer) -> tuple[Run, Run] | None:
@@ -113,9 +192,6 @@ class Ladder:
         pairs = [pair for finer in FINER if (pair := self.last_step(finer)) is not None]
         found = [change for coarse, fine in pairs if (change := fine.difference(coarse)) is not None]
         return max(found, key=lambda change: change.largest, default=None)
-
-
-FINER: tuple[Finer, Finer] = ("unknowns", "time steps")
 
 
 @dataclass(frozen=True)
@@ -197,37 +273,33 @@ def leader(level: Sequence[Run]) -> Run:
 
 def case_runs(evidence: Evidence) -> list[CaseRuns]:
     """Return the runs of each case with default settings, and those of studies of the resolution."""
-    rows = [row for row in evidence.rows if row.primary]
-    plain = leading_rows(compared(rows))
-    chosen = {id(row) for row in plain} | {id(row) for row in rows if STUDY in studies_of(row)}
+    headline = evidence.runs[evidence.runs["primary"]]
+    leading = {id(row) for row in leading_rows(compared(list(headline["row"])))}
+    chosen = headline[headline["row"].map(id).isin(leading) | in_study(headline, "resolution")]
     found = []
-    by_case = grouped((row for row in rows if id(row) in chosen), lambda row: (row.case, row.own_case))
-    for (case, _), of_case in by_case.items():
-        ladders: list[Ladder] = []
-        failed: dict[str, int] = {}
-        for solver, of_solver in grouped(of_case, lambda row: row.solver).items():
-            runs = [run for row in _once(of_solver) if (run := _run(row, evidence)) is not None]
-            if not any(TIME_STEP in row.overrides for row in of_solver):
-                runs = [replace(run, time_steps=max(other.time_steps for other in runs)) for run in runs]
-            lost = sum(row.status in {"failed", "timeout"} for row in of_solver)
-            failed |= {solver: lost} if lost else {}
-            if runs:
-                ladders.append(Ladder(solver, _levels(runs)))
+    for (case, _), of_case in chosen.groupby(["case", "own_case"], sort=False):
+        solvers = of_case.groupby("solver", sort=False)
+        ladders = [Ladder(str(solver), _levels(runs)) for solver, one in solvers if (runs := _runs(one, evidence))]
+        lost = of_case["status"].isin(("failed", "timeout")).groupby(of_case["solver"], sort=False).sum()
         if ladders:
             moves = any(run.time_steps for ladder in ladders for run in ladder.runs)
-            found.append(CaseRuns(case, of_case[0].case_title or case, moves, tuple(ladders), failed))
+            failed = {str(solver): int(count) for solver, count in lost.items() if count}
+            found.append(CaseRuns(case, of_case["title"].iloc[0], moves, tuple(ladders), failed))
     return found
 
 
-def _once(rows: Sequence[Row]) -> list[Row]:
-    return list({row.run_id: row for row in reversed(rows)}.values())[::-1]
-
-
-def _run(row: Row, evidence: Evidence) -> Run | None:
-    record = evidence.records.get(row.run_id or "")
-    if record is None or record.status != "ok" or not record.parameters:
-        return None
-    return Run(row, record, _time_steps(record), read_probes(record, evidence.folder))
+def _runs(of_solver: pd.DataFrame, evidence: Evidence) -> list[Run]:
+    """Return the runs of a solver that came to their end, each once."""
+    ended = of_solver.drop_duplicates("run_id").dropna(subset="record")
+    runs = [
+        Run(one.row, one.record, _time_steps(one.record), read_probes(one.record, evidence.folder))
+        for one in ended.itertuples()
+        if one.record.status == "ok" and one.record.parameters
+    ]
+    if not any(TIME_STEP in row.overrides for row in of_solver["row"]):
+        most = max((run.time_steps for run in runs), default=0)
+        runs = [replace(run, time_steps=most) for run in runs]
+    return runs
 
 
 def _time_steps(record: Record) -> int:
@@ -244,20 +316,9 @@ def _levels(runs: Sequence[Run]) -> tuple[tuple[Run, ...], ...]:
     ordered = sorted(runs, key=lambda run: (run.unknowns, run.time_steps, run.row.seed or 0))
     return tuple(
         level
-        for like in _alike(ordered, lambda run: run.unknowns)
-        for level in _alike(sorted(like, key=lambda run: run.time_steps), lambda run: run.time_steps)
+        for like in groups_alike(ordered, lambda run: run.unknowns, ALIKE)
+        for level in groups_alike(sorted(like, key=lambda run: run.time_steps), lambda run: run.time_steps, ALIKE)
     )
-
-
-def _alike(runs: Sequence[Run], size: Callable[[Run], int]) -> list[tuple[Run, ...]]:
-    """Split runs in order of size into groups of which none is larger than `ALIKE` times the first."""
-    groups: list[list[Run]] = []
-    for run in runs:
-        if groups and size(run) <= ALIKE * size(groups[-1][0]):
-            groups[-1].append(run)
-        else:
-            groups.append([run])
-    return [tuple(group) for group in groups]
 
 
 def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
@@ -269,10 +330,6 @@ def _next(coarse: Run, fine: Run, finer: Finer) -> bool:
 
 def _near(one: int, other: int) -> bool:
     return max(one, other) <= ALIKE * min(one, other)
-
-
-def _of_seed(level: Sequence[Run], seed: int | None) -> Run:
-    return leader([run for run in level if run.row.seed == seed] or level)
 
 
 def _error(row: Row) -> float | None:

@@ -2,20 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
-from shellbench.report.answers import LEVELS, answers, fewest, field_is_known
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from shellbench.report.answers import (
+    BYTES_A_POINT,
+    LEVELS,
+    Answer,
+    answers,
+    change_by_rounding,
+    fewest,
+    field_is_known,
+    headline_is_known,
+)
+from shellbench.report.columns import Line, column, error, present, words
 from shellbench.report.consistency import yardstick_words
+from shellbench.report.digits import byte_size, percent, quoted
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.ladder import CaseRuns, case_runs
-from shellbench.report.memory_figure import memory_figure
-from shellbench.report.memory_tables import level_table, percents, rounding_table, solve_table
-from shellbench.report.palette import inks, style
+from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
+from shellbench.report.notation import TEXT, Notation
+from shellbench.report.palette import DASHES, Ink
+from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
+from shellbench.report.resolution import of_largest
 from shellbench.report.studies import remarks_on
-from shellbench.report.table import Table
+from shellbench.report.table import Column, Show, Table, frame
 
-MEMORY = "memory_"  # how names of figures begin
+NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"
+OWN, MESH = "its own numbers", "a mesh"
+FIELD, HEADLINE = "field", "headline"
+WIDTH, PAIR, HEIGHT, MARGIN = 2.53, 3.5, 2.15, 0.45  # inches: a panel of three, of two, its height, and the legend
+MEGABYTE = 1e6
+SMALLEST = 1e-10  # relative difference below which rounding is all there is
+FORMATS: Mapping[str, dict[str, Any]] = {
+    "float32": {"markersize": 4.5, "fillstyle": "none", "markeredgewidth": 0.7},
+    "float16": {"markersize": 3.0, "fillstyle": "none", "markeredgewidth": 0.7},
+}
+MESHES: dict[str, Any] = {"linestyle": ":", "marker": ".", "markersize": 5, "linewidth": 1.1}
+SMALL: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 6.0}
 WORDS = (
     "The bytes of a solution are those of the numbers that give its displacement: the weights of a field, the"
     " coefficients and mesh lines of finite elements, of a motion for all times that are kept, with rates where the"
@@ -40,16 +68,18 @@ WORDS = (
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run says how many bytes it takes."""
-    cases = [case for case in case_runs(evidence) if _says_bytes(case)]
+    found = evidence.once(case_runs)
+    cases = [one for one in found if any(run.record.storage_bytes for ladder in one.ladders for run in ladder.runs)]
     tables = tuple(t for t in (level_table(cases), rounding_table(cases), solve_table(cases)) if t is not None)
     if not tables:
         return None
+    studied = [case for case in cases if any(len(ladder.levels) > 1 for ladder in case.ladders)]
     return Section(
         name="memory",
         title="Memory",
         words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=tables,
-        exhibits=tuple(_exhibits(cases, [row.solver for row in evidence.rows])),
+        exhibits=tuple(one for case in studied or cases if (one := _exhibit(case, evidence.inks)) is not None),
         details=details(cases),
     )
 
@@ -60,41 +90,288 @@ def details(cases: Sequence[CaseRuns]) -> tuple[Table, ...]:
     return () if table is None else (table,)
 
 
-def _says_bytes(case: CaseRuns) -> bool:
-    return any(run.record.storage_bytes for ladder in case.ladders for run in ladder.runs)
+def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
+    kept = {ladder.solver: answers(case, ladder) for ladder in case.ladders}
+    if not any(answer.difference for found in kept.values() for answer in found):
+        return None
+    said = [
+        f"{solver}: within {percents(level)} in {best.storage_bytes} bytes, {best.format}"
+        for solver, found in kept.items()
+        for level in LEVELS
+        if (best := fewest(found, level)) is not None and field_is_known(case, level)
+    ]
+    frames = (
+        " Lower left: bytes against frames a second; lower right: memory of the solve."
+        if case.moves
+        else " Right: memory of the solve, less what its process held before."
+    )
+    return Exhibit(
+        name=f"memory_{case.case}",
+        title=f"{case.title}: memory at stated error",
+        caption=f"{'Upper left' if case.moves else 'Left'}: difference from the best answer against the bytes that"
+        " keep a solution, as solved (full marks), rounded (open marks), and as a mesh made from it (dotted);"
+        " levels of 1 %, 0.1 % and 0.01 % (dashed); grey: how well the best answer is known itself."
+        f" {'Upper right' if case.moves else 'Middle'}: bytes against the resolution at which the answer is asked:"
+        " a mesh of the best answer, with what interpolation adds, and for each solver the fewest bytes at the"
+        f" level it reaches.{frames} {yardstick_words(case)}",
+        description="; ".join(said) or "no level is reached",
+        figure=memory_figure(case, kept, inks),
+        run_ids=tuple(run.record.run_id for ladder in case.ladders for run in ladder.runs),
+        drawing=True,
+    )
 
 
-def _exhibits(cases: Sequence[CaseRuns], solvers: Sequence[str]) -> Iterator[Exhibit]:
-    colours = inks(solvers)
-    studied = [case for case in cases if any(len(ladder.levels) > 1 for ladder in case.ladders)]
-    for case in studied or cases:
-        kept = {ladder.solver: answers(case, ladder) for ladder in case.ladders}
-        if not any(answer.difference for found in kept.values() for answer in found):
+def percents(level: float) -> str:
+    """Say a level in percent, as the heading of a column."""
+    return f"{quoted(float(f'{100 * level:.6g}')).mantissa} %"
+
+
+def level_table(cases: Sequence[CaseRuns]) -> Table | None:
+    """Return the fewest bytes for each case, solver, way of keeping and level; None if nothing is known of any."""
+    lines = [line for case in cases for ladder in case.ladders for line in _level_lines(case, ladder)]
+    if not lines:
+        return None
+    data = frame(lines)
+    kinds = [(kind, level) for kind in (FIELD, HEADLINE) for level in LEVELS]
+    return Table(
+        name="memory",
+        title="Bytes at stated error",
+        caption="The fewest bytes in which a solver's answer, of any resolution it was computed at, can be kept so that"
+        " the displacement at all probes is within 1 %, 0.1 % or 0.01 % of the largest displacement of the best answer"
+        " available, and so that the headline quantity is as near to its known value (a position: relative to the"
+        " largest displacement); all finer runs of the solver, other seeds among them, must be so too. Its own numbers:"
+        " coefficients or weights, as solved or rounded, where rounding's largest difference is added; a mesh: vertices"
+        " of a regular grid (of a motion, times frames), where the interpolation's is added. Not known: the best"
+        " answer, or the known value, is less certain than the level.",
+        data=data.astype({name: "Int64" for name in data if str(name).startswith("bytes_")}),
+        columns=(
+            "solver",
+            column("kept_as", "Kept as", words),
+            *(Column(f"{kind.capitalize()}, {percents(level)}", _size(kind, level)) for kind, level in kinds),
+            Column("Runs", _runs, right=False, wide=True),
+        ),
+    )
+
+
+def _level_lines(case: CaseRuns, ladder: Ladder) -> Iterator[dict[str, Any]]:
+    found = answers(case, ladder)
+    for kept_as in (OWN, MESH):
+        candidates = [answer for answer in found if (answer.kept == "mesh") == (kept_as == MESH)]
+        if not candidates:
             continue
-        with style():
-            figure = memory_figure(case, kept, colours)
-        words = []
-        for solver, found in kept.items():
-            for level in LEVELS:
-                best = fewest(found, level)
-                if best is not None and field_is_known(case, level):
-                    words.append(f"{solver}: within {percents(level)} in {best.storage_bytes} bytes, {best.format}")
-        frames = (
-            " Lower left: bytes against frames a second; lower right: memory of the solve."
-            if case.moves
-            else " Right: memory of the solve, less what its process held before."
-        )
-        yield Exhibit(
-            name=f"{MEMORY}{case.case}",
-            title=f"{case.title}: memory at stated error",
-            caption=f"{'Upper left' if case.moves else 'Left'}: difference from the best answer against the bytes that"
-            " keep a solution, as solved (full marks), rounded (open marks), and as a mesh made from it (dotted);"
-            " levels of 1 %, 0.1 % and 0.01 % (dashed); grey: how well the best answer is known itself."
-            f" {'Upper right' if case.moves else 'Middle'}: bytes against the resolution at which the answer is asked:"
-            " a mesh of the best answer, with what interpolation adds, and for each solver the fewest bytes at the"
-            f" level it reaches.{frames} {yardstick_words(case)}",
-            description="; ".join(words) or "no level is reached",
-            figure=figure,
-            run_ids=tuple(run.record.run_id for ladder in case.ladders for run in ladder.runs),
-            drawing=True,
-        )
+        line: dict[str, Any] = {"block": case.title, "case": case.case, "solver": ladder.solver, "kept_as": kept_as}
+        for level in LEVELS:
+            known = field_is_known(case, level)
+            line |= _entry(FIELD, level, known, fewest(candidates, level, found) if known else None)
+            known = headline_is_known(case, ladder, level) and kept_as == OWN
+            line |= _entry(HEADLINE, level, known, fewest(candidates, level, found, "error") if known else None)
+        yield line
+
+
+def _entry(kind: str, level: float, known: bool, answer: Answer | None) -> dict[str, Any]:
+    key = f"{kind}_{level:g}"
+    return {
+        f"status_{key}": REACHED if answer else NOT_REACHED if known else NOT_KNOWN,
+        f"bytes_{key}": answer.storage_bytes if answer else None,
+        f"format_{key}": answer.format if answer else "",
+        f"run_{key}": answer.run.name if answer else "",
+        f"run_id_{key}": answer.run.record.run_id if answer else "",
+    }
+
+
+def _size(kind: str, level: float) -> Show:
+    key = f"{kind}_{level:g}"
+
+    def show(line: Line, notation: Notation) -> str:
+        count = line[f"bytes_{key}"]
+        if present(count):
+            short = line[f"format_{key}"].removeprefix("mesh ").replace("as solved", "")
+            return notation.escape(f"{byte_size(count)}{f' ({short})' if short else ''}")
+        mesh = line["kept_as"] == MESH and kind == HEADLINE
+        return notation.missing if mesh else notation.escape(line[f"status_{key}"])
+
+    return show
+
+
+def _runs(line: Line, notation: Notation) -> str:
+    names = dict.fromkeys(line[f"run_{kind}_{level:g}"] for kind in (FIELD, HEADLINE) for level in LEVELS)
+    return notation.escape("; ".join(name for name in names if name)) or notation.missing
+
+
+def rounding_table(cases: Sequence[CaseRuns]) -> Table | None:
+    """Return what shorter numbers do to each solver's finest run; None if none was rounded."""
+    lines = [
+        {
+            "block": case.title,
+            "case": case.case,
+            "solver": ladder.solver,
+            "run": ladder.finest.name,
+            "run_id": ladder.finest.record.run_id,
+            "format": step.format,
+            "storage_bytes": step.storage_bytes,
+            "largest_difference": step.largest_difference,
+            "rms_difference": step.rms_difference,
+            "largest_displacement": ladder.finest.largest or None,
+            "quantity": ladder.finest.row.quantity,
+            "change": change_by_rounding(ladder.finest, step),
+        }
+        for case in cases
+        for ladder in case.ladders
+        for step in ladder.finest.record.precision
+    ]
+    if not lines:
+        return None
+    return Table(
+        name="memory_rounding",
+        title="Shorter numbers",
+        caption="The numbers that each solver's finest run is kept in, rounded to a shorter format: bytes, difference"
+        " from the solution as solved at the probes, relative to its largest displacement, and change of the headline"
+        " quantity. What is asked of the rounded solution is computed in double precision.",
+        data=frame(lines),
+        columns=(
+            "solver",
+            column("format", "Format", words),
+            "storage_bytes",
+            column("largest_difference", way=of_largest, instead=_not_finite),
+            column("rms_difference", way=of_largest, instead=_not_finite),
+            column("change", "Headline quantity", error),
+        ),
+    )
+
+
+def _not_finite(line: Line, notation: Notation) -> str:
+    return notation.escape("not finite")
+
+
+def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table | None:
+    """Return the memory of the solve, of each solver's finest run or of all; None if it was never measured."""
+    lines = [
+        {
+            "block": case.title,
+            "case": case.case,
+            "solver": ladder.solver,
+            "run": run.name,
+            "run_id": run.record.run_id,
+            "unknowns": run.unknowns,
+            "time_steps": run.time_steps,
+            "storage_bytes": run.record.storage_bytes,
+            "peak_memory_bytes": peak,
+            "solve_memory_bytes": peak - idle if (idle := run.record.idle_memory_bytes) is not None else None,
+        }
+        for case in cases
+        for ladder in case.ladders
+        for run in ((ladder.finest,) if finest_only else ladder.runs)
+        if (peak := run.record.peak_memory_bytes) is not None
+    ]
+    if not lines:
+        return None
+    return Table(
+        name="memory_solve" if finest_only else "memory_runs",
+        title="Memory of the solve" if finest_only else "Memory of all runs",
+        caption="Largest resident memory of the solving process; and the same less what the process held before the"
+        " solve, its libraries above all." + (" Each solver's finest run." if finest_only else ""),
+        data=frame(lines),
+        columns=(
+            *("solver", "run", "unknowns", "storage_bytes", "solve_memory_bytes"),
+            column("peak_memory_bytes", "Peak"),
+        ),
+    )
+
+
+def memory_figure(case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink]) -> Figure:
+    """Draw one case, with the ways in which each solver's answers can be kept."""
+    rows, columns, width = (2, 2, PAIR) if case.moves else (1, 3, WIDTH)
+    figure, panels = open_figure((width * columns, HEIGHT * rows + MARGIN), rows, columns)
+    first, points, *frames, last = panels.flat
+    _errors(first, case, kept, inks)
+    _asked(points, case, kept, inks, of_frames=False)
+    for axes in frames:
+        _asked(axes, case, kept, inks, of_frames=True)
+    for ladder in case.ladders:
+        for runs, line in ((ladder.line, "-"), ([run for run in ladder.runs if run not in ladder.line], "none")):
+            draw(last, *_peaks(runs), inks[ladder.solver], line)
+    finish([last], "unknowns", "peak less idle (MB)", "Memory of the solve")
+    shown = {answer.format for found in kept.values() for answer in found if answer.kept == "rounded"}
+    entries = {ladder.solver: entry(inks[ladder.solver]) for ladder in case.ladders}
+    entries |= {format: mark_entry(**look) for format, look in FORMATS.items() if format in shown}
+    add_legend(figure, entries | {"mesh made from it": entry(**MESHES)})
+    return figure
+
+
+def _errors(axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink]) -> None:
+    for ladder in case.ladders:
+        ink = inks[ladder.solver]
+        known = [one for one in kept[ladder.solver] if one.difference is not None and one.difference > SMALLEST]
+        solved = [answer for answer in known if answer.kept == "solved"]
+        draw(axes, *_points(one for one in solved if one.run in ladder.line), ink)
+        draw(axes, *_points(one for one in solved if one.run not in ladder.line), ink, "none")
+        for format, look in FORMATS.items():
+            rim = {"markeredgecolor": ink.colour}
+            draw(axes, *_points(one for one in known if one.format == format), ink, "none", **look | rim)
+        draw(axes, *_points(_front([answer for answer in known if answer.kept == "mesh"])), ink, **MESHES)
+    for level in LEVELS:
+        axes.axhline(100 * level, color="#444444", linewidth=0.7, linestyle=DASHES[1], zorder=1)
+    doubt = 100 * case.doubt / case.scale if case.doubt and case.scale else 0.0
+    finish([axes], y="difference (% of the largest)", title="Error against bytes", floor=doubt)
+    axes.set_xlabel("bytes that keep it")
+    axes.xaxis.set_major_formatter(EngFormatter("B"))
+
+
+def _front(candidates: Sequence[Answer]) -> list[Answer]:
+    """Return the meshes that no smaller one outdoes, from small to large."""
+    front: list[Answer] = []
+    for answer in sorted(candidates, key=lambda one: (one.storage_bytes, one.difference or 0.0)):
+        if not front or (answer.difference or 0.0) < (front[-1].difference or 0.0):
+            front.append(answer)
+    return front
+
+
+def _points(found: Iterable[Answer]) -> tuple[list[int], list[float]]:
+    ordered = sorted(found, key=lambda answer: answer.storage_bytes)
+    return [answer.storage_bytes for answer in ordered], [100 * (answer.difference or 0.0) for answer in ordered]
+
+
+def _asked(
+    axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink], *, of_frames: bool
+) -> None:
+    """Draw the bytes of meshes, with what they add, and level lines of solutions that answer at any resolution."""
+    mesh, title = _meshes(case, of_frames)
+    axes.plot([x for x, _, _ in mesh], [count for _, count, _ in mesh], color=GREY, linestyle=":", marker=".")
+    for x, count, added in mesh[:-1]:  # the finest is what the others are held against
+        said = TEXT.number(percent(added / (case.scale or 1.0), signed=False)) + " %"
+        axes.annotate(said, (x, count), xytext=(-3, 2), color="#444444", **SMALL)
+    known = [level for level in LEVELS if field_is_known(case, level)]
+    for place, (solver, found) in enumerate(kept.items()):
+        own = [answer for answer in found if answer.kept != "mesh"]
+        reached = [(level, best) for level in known if (best := fewest(own, level, found)) is not None]
+        for level, best in reached[-1:]:
+            colour, at = inks[solver].colour, (1.0, best.storage_bytes)
+            axes.axhline(best.storage_bytes, color=colour, linewidth=1.3, alpha=0.9)
+            beside, inside = (-2 - 42 * (place % 2), 2), ("axes fraction", "data")
+            axes.annotate(f"within {100 * level:g} %", at, beside, xycoords=inside, color=colour, **SMALL)
+    what = "frames a second" if of_frames else "points a side"
+    finish([axes], f"{what} that are asked for", "bytes that keep it", title)
+    axes.margins(x=0.18)
+    axes.yaxis.set_major_formatter(EngFormatter("B"))
+
+
+def _meshes(case: CaseRuns, of_frames: bool) -> tuple[list[tuple[float, int, float]], str]:
+    """Return abscissa, bytes and what interpolation adds, m, of the meshes of the best answer; and a title."""
+    run = case.yardstick
+    grids = sorted(run.record.resolution, key=lambda step: step.points) if run else []
+    rates = sorted(run.record.frame_rates, key=lambda step: step.frames) if run else []
+    points, frames = (grids[-1].points if grids else 1), (rates[-1].frames if rates else 1)
+    if of_frames:
+        size = BYTES_A_POINT * points**2
+        found = [(step.frames_per_second, size * step.frames, step.interpolation_difference) for step in rates]
+        return found, f"Asked for frames, {points}×{points} points"
+    states = frames if case.moves else len(run.probes.marks) if run and run.probes else 1
+    size = BYTES_A_POINT * states
+    meshes = [(float(step.points), size * step.points**2, step.interpolation_difference) for step in grids]
+    return meshes, f"Asked for points, {frames} frames" if case.moves else "Asked for points"
+
+
+def _peaks(runs: Sequence[Run]) -> tuple[list[int], list[float]]:
+    found = [(run.unknowns, run.record.peak_memory_bytes, run.record.idle_memory_bytes) for run in runs]
+    shown = [(unknowns, peak - idle) for unknowns, peak, idle in found if peak and idle is not None and peak > idle]
+    return [unknowns for unknowns, _ in shown], [size / MEGABYTE for _, size in shown]

@@ -2,132 +2,39 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
-from shellbench.bench.record import Record
-from shellbench.bench.row import Row
-from shellbench.report import cells
+from shellbench.report.columns import Line, column, count, share
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import TEXT, Notation
-from shellbench.report.palette import inks, style
-from shellbench.report.seed_figure import seed_figure
-from shellbench.report.solutions import grouped, same_but_for_seed, solution_name
-from shellbench.report.studies import studies_of
+from shellbench.report.panel import SHADE, SMALLEST, add_legend, draw, entry, finish, open_figure, shade_entry
+from shellbench.report.runs import run_ids
+from shellbench.report.shells import plain
 from shellbench.report.suites import rows_at_home, suite_title
-from shellbench.report.table import Column, Line, Note, Table
-from shellbench.report.yardstick import Yardstick, known_yardstick
+from shellbench.report.table import Column, Note, Table
+from shellbench.report.yardstick import known_yardstick
 
-
-@dataclass(frozen=True)
-class SeedSpread:
-    """The headline values of runs that differ in their seed alone.
-
-    Attributes
-    ----------
-    values
-        Of the runs that ended well, in the order of `seeds`.
-    studied
-        Whether it is part of a study alone, rather than of a comparison of solvers.
-    asked
-        How many runs there are, failed ones counted.
-    known
-        The known value that errors are relative to, or None.
-    """
-
-    case: str
-    title: str
-    solver: str
-    solution: str
-    unit: str
-    studied: bool
-    with_defaults: bool
-    seeds: tuple[int, ...]
-    values: tuple[float, ...]
-    asked: int
-    known: Yardstick | None
-    run_ids: tuple[str, ...]
-
-    @property
-    def mean(self) -> float:
-        """Mean of the values, in `unit`."""
-        return float(np.mean(self.values))
-
-    @property
-    def deviation(self) -> float:
-        """Sample standard deviation (of n - 1), in `unit`."""
-        return float(np.std(self.values, ddof=1))
-
-    @property
-    def scale(self) -> float:
-        """What differences are relative to, positive: that of the known value, or the mean where there is none."""
-        return self.known.scale if self.known is not None else abs(self.mean)
-
-    @property
-    def reference(self) -> float | None:
-        """The known value."""
-        return None if self.known is None else self.known.value
-
-    @property
-    def floor(self) -> float:
-        """Relative uncertainty of the known value."""
-        return 0.0 if self.known is None else self.known.floor
-
-    @property
-    def largest_from_mean(self) -> float:
-        """Largest distance of a value from the mean, relative."""
-        return float(np.max(np.abs(np.asarray(self.values) - self.mean))) / self.scale
-
-    @property
-    def errors(self) -> tuple[float, ...]:
-        """Signed relative errors; from the mean where no value is known."""
-        centre = self.mean if self.reference is None else self.reference
-        return tuple((value - centre) / self.scale for value in self.values)
-
-    @property
-    def worst(self) -> int:
-        """Seed of the largest error."""
-        return self.seeds[int(np.argmax(np.abs(self.errors)))]
+WIDTH, LINE, GAP, MARGIN = 6.2, 0.155, 0.1, 1.0  # inches of the figure, a line, between cases, and of axis and legend
+DRAWN = ("title", "solver", "studied", "with_defaults", "unit", "floor", "errors")  # and not in the table
 
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no solver answered a case with two seeds."""
-    found = seed_spreads(evidence.records, evidence.rows)
-    if not found:
+    found = seed_spreads(evidence)
+    if found.empty:
         return None
-    colours = inks(row.solver for row in evidence.rows)
-    shown: dict[str, list[SeedSpread]] = {}
     homes = rows_at_home([row for row in evidence.rows if row.primary])
     home = {row.run_id: suite for suite, rows in homes.items() for row in rows}
-    for spread in found:
-        if spread.with_defaults:
-            shown.setdefault(home.get(spread.run_ids[0], ""), []).append(spread)
-    with style():
-        exhibits = tuple(
-            Exhibit(
-                name=f"seeds_{suite}" if suite else "seeds",
-                title=f"{suite_title(suite)}: seeds" if suite else "Seeds",
-                caption="Relative error of the headline quantity for each seed, default settings; a mark is a run."
-                " Shaded: the uncertainty of the known value, below which errors can't be told apart. Where no value is"
-                " known (marked with a dagger) the distance from the mean of the seeds.",
-                description="; ".join(
-                    f"{spread.title}, {spread.solution}: largest {TEXT.number(percent(max(spread.errors, key=abs)))} %"
-                    for spread in of_suite
-                ),
-                figure=seed_figure(of_suite, colours),
-                run_ids=tuple(run_id for spread in of_suite for run_id in spread.run_ids),
-                drawing=True,
-            )
-            for suite, of_suite in shown.items()
-        )
+    shown = found[found["with_defaults"]]
+    suites = shown["run_ids"].map(lambda ids: home.get(ids.partition(" ")[0], ""))
     return Section(
         name="seeds",
         title="Spread over seeds",
@@ -136,48 +43,76 @@ def section(evidence: Evidence) -> Section | None:
             " lie apart, no single one is the solver's answer, and the worst seed is what a user may get.",
         ),
         tables=_tables(found, studied=False),
-        exhibits=exhibits,
+        exhibits=tuple(_exhibit(suite, of_suite, evidence) for suite, of_suite in shown.groupby(suites, sort=False)),
         details=_tables(found, studied=True),
     )
 
 
-def _tables(found: Sequence[SeedSpread], studied: bool) -> tuple[Table, ...]:
-    """Return the table of the spreads in studies, or of the others, if there are any."""
-    kind = [spread for spread in found if spread.studied is studied]
-    return (seed_table(kind, studied),) if kind else ()
-
-
-def seed_spreads(records: Mapping[str, Record], rows: Sequence[Row]) -> list[SeedSpread]:
-    """Return the spread of each case and solver of which two seeds or more ended well."""
-    found = []
-    headline = [row for row in rows if row.primary and row.seed is not None]
-    for alike in grouped(headline, lambda row: (row.case, row.own_case, same_but_for_seed(row))).values():
-        runs = list({row.run_id or f"{i}": row for i, row in enumerate(alike)}.values())
-        good = [row for row in runs if row.status == "ok" and row.value is not None and math.isfinite(row.value)]
-        if len(good) < 2 or not np.mean([row.value for row in good]):
-            continue
-        first = good[0]
-        found.append(
-            SeedSpread(
-                case=first.case,
-                title=first.case_title or first.case,
-                solver=first.solver,
-                solution=solution_name(first),
-                unit=first.unit,
-                studied=not first.default_settings and bool(studies_of(first)),
-                with_defaults=first.default_settings and not first.own_case,
-                seeds=tuple(row.seed or 0 for row in good),
-                values=tuple(row.value or 0.0 for row in good),
-                asked=len(runs),
-                known=known_yardstick(records, good),
-                run_ids=tuple(row.run_id or "" for row in good),
-            )
-        )
-    order = list(dict.fromkeys(spread.case for spread in found))
-    return sorted(
-        found,
-        key=lambda spread: (order.index(spread.case), spread.studied, naturally(spread.solution)),
+def _exhibit(suite: str, spreads: pd.DataFrame, evidence: Evidence) -> Exhibit:
+    return Exhibit(
+        name=f"seeds_{suite}" if suite else "seeds",
+        title=f"{suite_title(suite)}: seeds" if suite else "Seeds",
+        caption="Relative error of the headline quantity for each seed, default settings; a mark is a run."
+        " Shaded: the uncertainty of the known value, below which errors can't be told apart. Where no value is"
+        " known (marked with a dagger) the distance from the mean of the seeds.",
+        description="; ".join(
+            f"{spread.title}, {spread.solution}: largest {TEXT.number(percent(max(spread.errors, key=abs)))} %"
+            for spread in spreads.itertuples()
+        ),
+        figure=seed_figure(spreads, evidence),
+        run_ids=run_ids(spreads),
+        drawing=True,
     )
+
+
+def seed_spreads(evidence: Evidence) -> pd.DataFrame:
+    """Return a line for each case and solver of which two seeds or more ended well: those of the table, and `DRAWN`.
+
+    Errors are relative to the known value, or from the mean where there is none.
+    """
+    seeded = evidence.runs[evidence.runs["primary"] & evidence.runs["seed"].notna()]
+    groups = seeded.groupby(["case", "own_case", "alike"], sort=False)
+    found = pd.DataFrame([line for _, alike in groups if (line := _spread(alike, evidence)) is not None])
+    if found.empty:
+        return found
+    order = {case: place for place, case in enumerate(found["case"].unique())}
+    keys = [  # numbers in words are what pandas does not sort by
+        (order[line.case], line.studied, naturally(line.solution)) for line in found.itertuples()
+    ]
+    return found.iloc[sorted(range(len(found)), key=keys.__getitem__)]
+
+
+def _spread(alike: pd.DataFrame, evidence: Evidence) -> dict[str, Any] | None:
+    runs = alike[~alike["run_id"].duplicated(keep="last") | (alike["run_id"] == "")]
+    good = runs[runs["sound"] & np.isfinite(runs["value"])]
+    if len(good) < 2 or not (mean := float(good["value"].mean())):
+        return None
+    values, seeds, first = good["value"].to_numpy(), good["seed"].astype(int).to_list(), good.iloc[0]
+    known = known_yardstick(evidence.records, list(good["row"]))
+    scale = known.scale if known else abs(mean)
+    errors = (values - (known.value if known else mean)) / scale
+    worst = int(np.argmax(np.abs(errors)))
+    deviation = float(values.std(ddof=1))
+    return {
+        "block": f"{first['title']} ({first['unit']})" if first["unit"] else first["title"],
+        **{name: first[name] for name in ("case", "title", "solver", "solution", "unit")},
+        "studied": not first["default_settings"] and bool(first["studies"]),
+        "with_defaults": first["default_settings"] and not first["own_case"],
+        "seeds": " ".join(map(str, seeds)),
+        "answered": len(good),
+        "asked": len(runs),
+        "mean": mean,
+        "standard_deviation": deviation,
+        "relative_standard_deviation": deviation / scale,
+        "largest_from_mean": float(np.max(np.abs(values - mean))) / scale,
+        "mean_error": float(np.mean(errors)) if known else None,
+        "largest_error": float(errors[worst]) if known else None,
+        "worst_seed": seeds[worst],
+        "reference": known.value if known else None,
+        "floor": known.floor if known else 0.0,
+        "errors": tuple(map(float, errors)),
+        "run_ids": " ".join(good["run_id"]),
+    }
 
 
 def naturally(words: str) -> list[tuple[int, str]]:
@@ -186,29 +121,13 @@ def naturally(words: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
 
 
-def seed_table(found: Sequence[SeedSpread], studied: bool = False) -> Table:
+def _tables(found: pd.DataFrame, studied: bool) -> tuple[Table, ...]:
+    kind = found[found["studied"] == studied]
+    return (seed_table(kind, studied),) if len(kind) else ()
+
+
+def seed_table(found: pd.DataFrame, studied: bool = False) -> Table:
     """Return the table of spreads of runs that compare solvers, or of those that are `studied` at many sizes."""
-    lines: list[dict[str, Any]] = [
-        {
-            "block": f"{spread.title} ({spread.unit})" if spread.unit else spread.title,
-            "case": spread.case,
-            "solution": spread.solution,
-            "seeds": " ".join(map(str, spread.seeds)),
-            "answered": len(spread.values),
-            "asked": spread.asked,
-            "mean": spread.mean,
-            "standard_deviation": spread.deviation,
-            "relative_standard_deviation": spread.deviation / spread.scale,
-            "largest_from_mean": spread.largest_from_mean,
-            "mean_error": float(np.mean(spread.errors)) if spread.reference is not None else None,
-            "largest_error": max(spread.errors, key=abs) if spread.reference is not None else None,
-            "worst_seed": spread.worst,
-            "reference": spread.reference,
-            "run_ids": " ".join(spread.run_ids),
-        }
-        for spread in found
-    ]
-    lost = [spread for spread in found if len(spread.values) < spread.asked]
     return Table(
         name="seeds_studied" if studied else "seeds",
         title="Spread over seeds in studies" if studied else "Spread over seeds",
@@ -217,20 +136,20 @@ def seed_table(found: Sequence[SeedSpread], studied: bool = False) -> Table:
         " largest error against the known value, and the seed that has the largest. Those of a position are relative to"
         " the extent of the shell. Runs that failed are not in these"
         " figures.",
-        data=pd.DataFrame(lines),
+        data=found.drop(columns=list(DRAWN)),
         columns=(
-            Column("Solution", cells.solution, right=False),
+            "solution",
             Column("Seeds", _seeds),
-            Column("Mean", _mean),
-            Column("Standard deviation", cells.share("relative_standard_deviation")),
-            Column("Largest from mean", cells.share("largest_from_mean")),
-            Column("Mean error", cells.error("mean_error")),
-            Column("Largest error", cells.error("largest_error")),
-            Column("Worst seed", lambda line, notation: str(line["worst_seed"])),
+            column("mean", "Mean", _mean),
+            column("relative_standard_deviation", "Standard deviation", share),
+            column("largest_from_mean", "Largest from mean", share),
+            "mean_error",
+            "largest_error",
+            column("worst_seed", way=count),
         ),
         notes=tuple(
-            Note(f"{spread.title}, {spread.solution}", f"{spread.asked - len(spread.values)} of {spread.asked} failed.")
-            for spread in lost
+            Note(f"{spread.title}, {spread.solution}", f"{spread.asked - spread.answered} of {spread.asked} failed.")
+            for spread in found[found["answered"] < found["asked"]].itertuples()
         ),
     )
 
@@ -240,5 +159,36 @@ def _seeds(line: Line, notation: Notation) -> str:
     return str(asked) if answered == asked else notation.strong(f"{answered} of {asked}")
 
 
-def _mean(line: Line, notation: Notation) -> str:
-    return notation.number(rounded(line["mean"], line["standard_deviation"] or None))
+def _mean(mean: float, line: Line, notation: Notation) -> str:
+    return notation.number(rounded(mean, line["standard_deviation"] or None))
+
+
+def seed_figure(spreads: pd.DataFrame, evidence: Evidence) -> Figure:
+    """Draw the magnitude of each seed's error; cases in their order from the top, solvers below each other."""
+    cases = spreads.groupby("title", sort=False)
+    figure, ((axes,),) = open_figure((WIDTH, LINE * len(spreads) + GAP * len(cases) + MARGIN))
+    sizes = spreads["errors"].map(lambda errors: sorted(100 * max(SMALLEST, abs(error)) for error in errors))
+    left = min(map(min, sizes)) / 3
+    y, ticks = 0.0, {}
+    for title, of_case in cases:
+        top = y
+        for place, spread in of_case.iterrows():
+            y += LINE
+            draw(axes, sizes[place], [y - LINE / 2] * len(sizes[place]), evidence.inks[spread["solver"]], linewidth=0.8)
+        floor = 100 * of_case["floor"].max()
+        if floor > left:
+            axes.add_patch(
+                Rectangle((left, top), floor - left, y - top, color=SHADE, alpha=0.35, linewidth=0, zorder=0)
+            )
+        ticks[(top + y) / 2] = plain(title) + (" †" if of_case["reference"].isna().iloc[0] else "")
+        y += GAP
+    finish([axes], "magnitude of the relative error (%)", log="x")
+    axes.set_xlim(left, max(map(max, sizes)) * 3)
+    axes.set_ylim(y, -GAP)
+    axes.set_yticks(list(ticks), list(ticks.values()))
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+    axes.spines["left"].set_visible(False)
+    entries = {solver: entry(evidence.inks[solver]) for solver in spreads["solver"].unique()}
+    add_legend(figure, entries | shade_entry(100 * spreads["floor"].max() > left), 4)
+    return figure

@@ -9,53 +9,23 @@ scopes for screen readers.)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import isfinite
 from typing import Any, Literal
 
 import pandas as pd
 
+from shellbench.report.columns import VOCABULARY, Column, Line, Show, column, present
 from shellbench.report.latex_table import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
+
+__all__ = ["Column", "Line", "Note", "Show", "Table", "frame", "present"]
 
 Format = Literal["text", "markdown", "latex", "csv", "html"]
 Cells = list[str]
 FORMULA = re.compile(r"\s*[=+\-@]|\t")  # as spreadsheets and OWASP's page on CSV injection have it
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-Line = Mapping[str, Any]
-Show = Callable[[Line, Notation], str]
-
-
-@dataclass(frozen=True)
-class Column:
-    """One column of a table.
-
-    Attributes
-    ----------
-    heading
-        Plain words.
-    show
-        Writes the cell of a row of the data in a notation.
-    right
-        Whether numbers are aligned to the right.
-    wide
-        Whether it holds sentences: neither the terminal nor a printed page has room for it.
-    key
-        Column of the data by which a reader sorts this one at full precision; what its cells show if empty.
-    """
-
-    heading: str
-    show: Show
-    right: bool = True
-    wide: bool = False
-    key: str = ""
-
-    def sort_value(self, line: Line) -> float | None:
-        """Return the number by which a row of the data is sorted; None if it has none."""
-        value = line.get(self.key)
-        return float(value) if isinstance(value, int | float) and present(value) and isfinite(value) else None
 
 
 @dataclass(frozen=True)
@@ -82,13 +52,15 @@ class Table:
         Stem of its files and its label in LaTeX.
     data
         One row for each row of the table, at full precision; the column `block` says under which heading.
+    columns
+        By their names in the vocabulary of `shellbench.report.columns`, or whole where they depart from it.
     """
 
     name: str
     title: str
     caption: str
     data: pd.DataFrame
-    columns: tuple[Column, ...]
+    columns: tuple[str | Column, ...]
     notes: tuple[Note, ...] = ()
     sources: tuple[str, ...] = field(default=())
 
@@ -97,9 +69,14 @@ class Table:
         """Keys of all sources in the table and its remarks."""
         return tuple(dict.fromkeys([*self.sources, *(note.source for note in self.notes if note.source)]))
 
+    @cached_property
+    def declared(self) -> tuple[Column, ...]:
+        """The columns, those of the vocabulary with all that it says of them."""
+        return tuple(column(one) if isinstance(one, str) else one for one in self.columns)
+
     def columns_in(self, notation: Notation) -> tuple[Column, ...]:
         """Return the columns that a notation shows."""
-        return tuple(column for column in self.columns if not column.wide or notation not in (TEXT, LATEX_NOTATION))
+        return tuple(one for one in self.declared if not one.wide or notation not in (TEXT, LATEX_NOTATION))
 
     def lines(self) -> Iterator[tuple[str, list[Line]]]:
         """Yield the heading of each block (plain words) with its rows of the data."""
@@ -125,9 +102,10 @@ class Table:
         return WRITERS[format](self)
 
 
-def present(value: Any) -> bool:
-    """Tell whether a cell of the data has a value."""
-    return value is not None and value is not pd.NA and value == value and value != ""
+def frame(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return lines as the data of a table, whole numbers as such though some be missing."""
+    data = pd.DataFrame(list(lines))
+    return data.astype({name: "Int64" for name in data if name in VOCABULARY and column(str(name)).whole})
 
 
 def write_text(table: Table) -> str:
@@ -155,14 +133,14 @@ def write_text(table: Table) -> str:
 
 def write_markdown(table: Table) -> str:
     """Write a pipe table; a block is headed by a row in bold."""
-    width = len(table.columns)
+    width = len(table.declared)
 
     def line(cells: Cells) -> str:
         return f"| {' | '.join(cells)} |"
 
     lines = [
-        line([MARKDOWN.escape(column.heading) for column in table.columns]),
-        line(["---:" if column.right else ":---" for column in table.columns]),
+        line([MARKDOWN.escape(column.heading) for column in table.declared]),
+        line(["---:" if column.right else ":---" for column in table.declared]),
     ]
     for heading, block in table.blocks(MARKDOWN):
         if heading:
@@ -207,7 +185,7 @@ def _telling(table: Table) -> list[Column]:
     """Return the columns that say something in some row: the page leaves out the others."""
     lines = [line for _, block in table.lines() for line in block]
     silent = ("", HTML.missing)
-    first, *rest = table.columns
+    first, *rest = table.declared
     return [first, *(c for c in rest if not lines or any(c.show(line, HTML) not in silent for line in lines))]
 
 

@@ -6,54 +6,51 @@ must be able to bend it without stretching. The share of bending energy shows wh
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from statistics import fmean
-from typing import Any
+import math
+from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
-from shellbench.bench.row import Row
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
-from shellbench.report import cells
+from shellbench.report.columns import Line, column, error, share
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MARKDOWN, Notation, anchor
-from shellbench.report.palette import inks
-from shellbench.report.solutions import Known, grouped, solution_name
-from shellbench.report.studies import remarks_on, studies_of
-from shellbench.report.table import Column, Line, Note, Show, Table, present
-from shellbench.report.thinness_figure import thinness_figure
+from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
+from shellbench.report.runs import in_study
+from shellbench.report.solutions import Known
+from shellbench.report.studies import remarks_on
+from shellbench.report.table import Column, Note, Table, present
 
 STUDY: Study = "thinness"
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
-INTEGERS = ("runs", "good", "unknowns")
-
-
-@dataclass(frozen=True)
-class Member:
-    """A run of the study: its headline row, its record, its case and the known values of that."""
-
-    row: Row
-    record: Record
-    case: Portrait
-    ratio: float
+SIZE = (7.2, 5.0)  # inches
+KNOWN = "#999999"
+SPREAD = 0.012  # decades between the marks of two solutions, so that bars do not hide each other
+PANELS = {
+    "relative error (%)": ("mean_size", "least_size", "largest_size", 100.0),
+    "bending energy in strain energy (%)": ("share", "least_share", "largest_share", 100.0),
+    "unknowns": ("unknowns", "unknowns", "unknowns", 1.0),
+    "wall time (s)": ("seconds", "seconds", "seconds", 1.0),
+}  # by ordinate: what is drawn, the ends of its bars, and the factor of them
 
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section of the thinness study; None if no shell was solved at two thicknesses."""
-    families = thinning(evidence.records, evidence.rows)
+    families = thinning(evidence)
     if not families:
         return None
-    colours = inks(row.solver for row in evidence.rows)
-    tables, exhibits, words = [], [], [_what_to_look_for(families)]
-    for members in families:
-        title = family_title(members)
-        table = thinness_table(members, title, evidence.known)
+    tables, exhibits, words = [], [], [_what_to_look_for(pd.concat(families)["ratio"])]
+    for runs in families:
+        title = family_title(list(runs["portrait"]))
+        table = thinness_table(runs, title, evidence.known)
         tables.append(table)
         exhibits.append(
             Exhibit(
@@ -63,8 +60,8 @@ def section(evidence: Evidence) -> Section | None:
                 " share of the bending energy in the strain energy (grey: known), unknowns and wall time of the solve."
                 " Bars span the seeds; an open mark: at least one run failed its solver's own check.",
                 description=" ".join(findings(table.data)),
-                figure=thinness_figure(table.data, colours),
-                run_ids=tuple(member.record.run_id for member in members),
+                figure=thinness_figure(table.data, evidence.inks),
+                run_ids=tuple(runs["run_id"]),
                 drawing=True,
             )
         )
@@ -73,27 +70,33 @@ def section(evidence: Evidence) -> Section | None:
     return Section(STUDY, "Thin and thinner shells", tuple(words), tuple(tables), tuple(exhibits))
 
 
-def thinning(records: Mapping[str, Record], rows: Iterable[Row]) -> list[list[Member]]:
+def thinning(evidence: Evidence) -> list[pd.DataFrame]:
     """Return the runs of the study by shell, thickest first; shells of one thickness are left out.
 
-    A shell is the same if its case differs in nothing but the thickness, names, prose and loads.
+    Each has the `portrait` of its case, its `ratio` of thickness over length, and its `share` of bending energy. A
+    shell is the same if its case differs in nothing but the thickness, names, prose and loads.
     """
-    found: dict[str, list[Member]] = {}
-    for row in rows:
-        record = records.get(row.run_id or "")
-        if record is None or not row.primary or STUDY not in studies_of(row):
-            continue
-        case = portrait_of(record)
-        if case is not None and (thin := case.thinness) is not None:
-            found.setdefault(thin.family, []).append(Member(row, record, case, thin.ratio))
-    families = [sorted(members, key=lambda member: -member.ratio) for members in found.values()]
-    return [members for members in families if members[0].ratio > members[-1].ratio]
+    runs = evidence.runs[evidence.runs["primary"] & in_study(evidence.runs, STUDY)].dropna(subset="record")
+    runs = runs.assign(portrait=[portrait_of(record) for record in runs["record"]])
+    thin = [portrait.thinness if portrait is not None else None for portrait in runs["portrait"]]
+    runs = runs.assign(
+        family=[one.family if one else None for one in thin],
+        ratio=[one.ratio if one else math.nan for one in thin],
+        share=[
+            bending_share(one.portrait, {name: measured.value for name, measured in one.record.values.items()})
+            if one.portrait is not None
+            else math.nan
+            for one in runs.itertuples()
+        ],
+    ).astype({"share": float})
+    families = [family for _, family in runs.groupby("family", sort=False)]
+    return [one.sort_values("ratio", ascending=False, kind="stable") for one in families if one["ratio"].nunique() > 1]
 
 
-def family_title(members: Sequence[Member]) -> str:
+def family_title(cases: Sequence[Portrait]) -> str:
     """Return what the titles of all cases have in common, part by part; the first title if that is nothing."""
-    titles = [member.case.title.split(", ") for member in members]
-    return ", ".join(part for part in titles[0] if all(part in title for title in titles)) or members[0].case.title
+    titles = [case.title.split(", ") for case in cases]
+    return ", ".join(part for part in titles[0] if all(part in title for title in titles)) or cases[0].title
 
 
 def bending_share(case: Portrait, values: Mapping[str, float]) -> float | None:
@@ -111,20 +114,43 @@ def known_share(case: Portrait, own: bool, known: Known) -> float | None:
     return None if own else bending_share(case, {judge.quantity: judge.value for judge in judges})
 
 
-def thinness_table(members: Sequence[Member], title: str, known: Known) -> Table:
+def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
     """Return error, share of bending energy and cost of each solver at each thickness of one shell."""
-    lines: list[dict[str, Any]] = []
-    notes: list[Note] = []
-    by_run = {member.record.run_id: member for member in members}
-    for ratio in dict.fromkeys(member.ratio for member in members):
-        of_ratio = [member for member in members if member.ratio == ratio]
-        share = known_share(of_ratio[0].case, of_ratio[0].record.own_case, known)
-        ordered = sorted((member.row for member in of_ratio), key=lambda row: (row.solver, not row.default_settings))
-        for name, rows in grouped(ordered, solution_name).items():
-            group = [by_run[row.run_id or ""] for row in rows]
-            common = {"block": f"{title}, h/L = {_plain(ratio)}", "ratio": ratio, "solution": name}
-            lines.append(common | _line(group, share))
-            notes += _notes(name, ratio, group)
+    known_shares = {
+        one.ratio: known_share(one.portrait, one.own_case, known) for one in runs.drop_duplicates("ratio").itertuples()
+    }
+    runs = runs.sort_values(["ratio", "solver", "default_settings"], ascending=[False, True, False], kind="stable")
+    runs = runs.assign(known_share=runs["ratio"].map(known_shares).astype(float), size=runs["relative_error"].abs())
+    runs = runs.assign(
+        departure=runs["share"] - runs["known_share"],
+        estimate=runs["uncertainty"] / runs["value"].abs().replace(0.0, math.nan),
+        known_doubt=runs["reference_uncertainty"] / runs["reference"].abs().replace(0.0, math.nan),
+    )
+    groups = runs.groupby(["ratio", "solution"], sort=False)
+    data = groups.agg(
+        solver=("solver", "first"),
+        case=("case", "first"),
+        runs=("sound", "size"),
+        good=("sound", "sum"),
+        mean_error=("relative_error", "mean"),
+        worst_error=("relative_error", _worst),
+        least_size=("size", "min"),
+        mean_size=("size", "mean"),
+        largest_size=("size", "max"),
+        known_doubt=("known_doubt", "first"),
+        share=("share", "mean"),
+        least_share=("share", "min"),
+        largest_share=("share", "max"),
+        known_share=("known_share", "first"),
+        share_departure=("departure", _worst),
+        own_estimate=("estimate", "max"),
+        gap=("energy_gap", "max"),
+        unknowns=("unknowns", "max"),
+        seconds=("seconds", "mean"),
+        run_ids=("run_id", " ".join),
+    ).reset_index()
+    data.insert(0, "block", data["ratio"].map(lambda ratio: f"{title}, h/L = {_plain(ratio)}"))
+    failed = runs[~runs["sound"]].drop_duplicates(["ratio", "solution", "reason"])
     return Table(
         name=f"{STUDY}_{anchor(title).replace('-', '_')}",
         title=f"{title}: from thick to thin",
@@ -134,68 +160,35 @@ def thinness_table(members: Sequence[Member], title: str, known: Known) -> Table
         " quadrature and a finer one, unknowns and wall time. Runs: those that"
         " ended well, of all. Errors of failed runs count as far as these left an answer."
         " *: less than the uncertainty of the known value.",
-        data=pd.DataFrame(lines).astype(dict.fromkeys(INTEGERS, "Int64")),
+        data=data.astype({"unknowns": "Int64"}),
         columns=(
-            Column("Solution", cells.solution, right=False),
-            Column("Runs", _runs),
-            Column("Error", _error("mean_error")),
-            Column("Worst", _error("worst_error")),
-            Column("Bending energy (%)", _share),
-            Column("from known (points)", _departure),
-            Column("Own estimate", cells.share("own_estimate")),
-            Column("Energy gap", cells.share("gap")),
-            Column("Unknowns", cells.count("unknowns")),
-            Column("Time (s)", cells.seconds),
+            "solution",
+            Column("Runs", lambda line, notation: f"{int(line['good'])}/{int(line['runs'])}"),
+            column("mean_error", "Error", _error),
+            column("worst_error", way=_error),
+            column("share", "Bending energy (%)", _share),
+            column(
+                "share_departure", "from known (points)", lambda value, _, notation: notation.number(percent(value))
+            ),
+            column("own_estimate", "Own estimate", share),
+            column("gap", "Energy gap", share),
+            "unknowns",
+            "seconds",
         ),
-        notes=tuple(notes),
+        notes=tuple(
+            Note(f"{run.solution}, h/L = {_plain(run.ratio)}", run.record.reason or run.record.status)
+            for run in failed.itertuples()
+        ),
     )
 
 
-def _line(group: Sequence[Member], known: float | None) -> dict[str, Any]:
-    rows = [member.row for member in group]
-    errors = [row.relative_error for row in rows if row.relative_error is not None]
-    measured = [
-        bending_share(member.case, {name: one.value for name, one in member.record.values.items()}) for member in group
-    ]
-    shares = [share for share in measured if share is not None]
-    estimates = [row.uncertainty / abs(row.value) for row in rows if row.uncertainty is not None and row.value]
-    gaps = [row.energy_gap for row in rows if row.energy_gap is not None]
-    first = rows[0]
-    return {
-        "solver": first.solver,
-        "case": first.case,
-        "runs": len(rows),
-        "good": sum(row.status == "ok" for row in rows),
-        "mean_error": fmean(errors) if errors else None,
-        "worst_error": max(errors, key=abs, default=None),
-        "least_size": min(map(abs, errors), default=None),
-        "mean_size": fmean(map(abs, errors)) if errors else None,
-        "largest_size": max(map(abs, errors), default=None),
-        "known_doubt": first.reference_uncertainty / abs(first.reference)
-        if first.reference and first.reference_uncertainty is not None
-        else None,
-        "share": fmean(shares) if shares else None,
-        "least_share": min(shares, default=None),
-        "largest_share": max(shares, default=None),
-        "known_share": known,
-        "share_departure": max((share - known for share in shares), key=abs, default=None)
-        if known is not None
-        else None,
-        "own_estimate": max(estimates, default=None),
-        "gap": max(gaps, default=None),
-        "unknowns": max((row.parameters for row in rows if row.parameters is not None), default=None),
-        "seconds": fmean(seconds) if (seconds := [row.seconds for row in rows if row.seconds is not None]) else None,
-        "run_ids": " ".join(member.record.run_id for member in group),
-    }
+def _worst(values: pd.Series) -> float:
+    """Return the value of largest magnitude; NaN if there is none."""
+    there = values.dropna()
+    return float(there.loc[there.abs().idxmax()]) if len(there) else math.nan
 
 
-def _notes(name: str, ratio: float, group: Sequence[Member]) -> list[Note]:
-    reasons = dict.fromkeys(m.record.reason or m.record.status for m in group if m.record.status != "ok")
-    return [Note(f"{name}, h/L = {_plain(ratio)}", reason) for reason in reasons]
-
-
-def _what_to_look_for(families: Sequence[Sequence[Member]]) -> str:
-    ratios = [member.ratio for members in families for member in members]
+def _what_to_look_for(ratios: pd.Series) -> str:
     stiffest, softest = (MARKDOWN.number(rounded(12 / r**2, 1 / r**2)) for r in (min(ratios), max(ratios)))
     return (
         f"The same shell with h/L from {_plain(max(ratios))} to {_plain(min(ratios))}, h its thickness and L its"
@@ -224,7 +217,7 @@ def findings(data: pd.DataFrame) -> list[str]:
             )
             gap = judged[-1]["gap"]
             if present(gap):
-                parts.append(f"energy gap {_unsigned(gap, MARKDOWN)} at h/L = {_plain(judged[-1]['ratio'])}")
+                parts.append(f"energy gap {share(gap, {}, MARKDOWN)} at h/L = {_plain(judged[-1]['ratio'])}")
         departures = [line for line in lines.to_dict("records") if present(line["share_departure"])]
         if departures:
             most = max(departures, key=lambda line: abs(line["share_departure"]))
@@ -241,29 +234,67 @@ def _plain(ratio: float) -> str:
     return f"{float(f'{ratio:.2g}'):.1e}".replace(".0e", "e").replace("e-0", "e-")
 
 
-def _runs(line: Line, notation: Notation) -> str:
-    return f"{int(line['good'])}/{int(line['runs'])}"
+def _error(value: float, line: Line, notation: Notation) -> str:
+    doubt = line["known_doubt"]
+    return error(value, line, notation) + (notation.escape("*") if present(doubt) and abs(value) < doubt else "")
 
 
-def _error(which: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        error, doubt = line[which], line["known_doubt"]
-        if not present(error):
-            return notation.missing
-        return notation.error(error) + (notation.escape("*") if present(doubt) and abs(error) < doubt else "")
-
-    return show
+def _share(value: float, line: Line, notation: Notation) -> str:
+    return notation.number(rounded(100 * value, SHARE_DIGIT))
 
 
-def _share(line: Line, notation: Notation) -> str:
-    share = line["share"]
-    return notation.number(rounded(100 * share, SHARE_DIGIT)) if present(share) else notation.missing
+def thinness_figure(data: pd.DataFrame, inks: Mapping[str, Ink]) -> Figure:
+    """Draw the table of one shell, thinner to the right; variants of a solver differ in their dashes."""
+    figure, panels = open_figure(SIZE, 2, 2, sharex=True)
+    solutions = data.groupby("solution", sort=False)
+    dashes = {name: _dashes(name, list(solutions.groups)) for name, _ in solutions}
+    for axes, (label, columns) in zip(panels.flat, PANELS.items(), strict=True):
+        linear = columns[0] == "share"
+        for place, (name, lines) in enumerate(solutions):
+            shift = 10 ** (SPREAD * (place - (len(solutions) - 1) / 2))
+            seen = lines[lines[columns[0]].notna() & (linear | (lines[columns[0]] > 0))]
+            _curve(axes, seen, columns, shift, inks[lines["solver"].iloc[0]], dashes[name])
+        finish([axes], y=label, log="x" if linear else "xy")
+    _known(panels[0, 0], panels[0, 1], data.drop_duplicates("ratio"))
+    for axes in panels[1]:
+        axes.set_xlabel("thickness over length h/L")
+    panels[0, 0].invert_xaxis()
+    entries = {name: entry(inks[name.partition(", ")[0]], linestyle=dashes[name]) for name in solutions.groups}
+    if data["known_share"].notna().any():
+        entries["known share"] = entry(color=KNOWN, linewidth=3)
+    add_legend(figure, entries | shade_entry(data["known_doubt"].notna().any()), 4)
+    return figure
 
 
-def _departure(line: Line, notation: Notation) -> str:
-    points = line["share_departure"]
-    return notation.number(percent(points)) if present(points) else notation.missing
+def _curve(
+    axes: Axes, seen: pd.DataFrame, columns: tuple[str, str, str, float], shift: float, ink: Ink, dashes: Dashes
+) -> None:
+    """Draw a solution with bars over its seeds, its marks open where a run failed."""
+    *names, factor = columns
+    x = seen["ratio"].to_numpy(dtype=float) * shift
+    middle, low, high = (factor * seen[name].to_numpy(dtype=float) for name in names)
+    bars = np.vstack([middle - low, high - middle])
+    if np.any(bars > 0):
+        axes.errorbar(x, middle, bars, color=ink.colour, linestyle="none", linewidth=0.8, capsize=2)
+    failed = (seen["good"] < seen["runs"]).to_numpy(dtype=bool)
+    draw(axes, x, middle, ink, dashes)
+    draw(axes, x[failed], middle[failed], ink, "none", hollow=True)
 
 
-def _unsigned(error: float, notation: Notation) -> str:
-    return notation.number(percent(error, signed=False)) + notation.per_cent
+def _known(errors: Axes, shares: Axes, known: pd.DataFrame) -> None:
+    """Draw what is known of the answer: the uncertainty of its value, and its share of bending energy."""
+    doubt = known[known["known_doubt"].fillna(0) > 0]
+    if len(doubt):
+        bottom = min(errors.get_ylim()[0], 50 * doubt["known_doubt"].min())
+        upper = 100 * doubt["known_doubt"].to_numpy(dtype=float)
+        errors.fill_between(doubt["ratio"].to_numpy(dtype=float), bottom, upper, color=SHADE, alpha=0.35, linewidth=0)
+        errors.set_ylim(bottom=bottom)
+    share = known[known["known_share"].notna()]
+    shares.plot(share["ratio"], 100 * share["known_share"], color=KNOWN, linewidth=3, zorder=0)
+
+
+def _dashes(solution: str, solutions: list[str]) -> Dashes:
+    """Return the dashes of a solution: the variants of one solver have different ones."""
+    solver = solution.partition(", ")[0]
+    alike = [name for name in solutions if name.partition(", ")[0] == solver]
+    return DASHES[alike.index(solution) % len(DASHES)]

@@ -3,96 +3,58 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from shellbench.bench.kinds import portrait_of
-from shellbench.bench.record import Record
-from shellbench.bench.row import Row
+from shellbench.report.columns import Line, column
 from shellbench.report.digits import duration, percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import read_fields
 from shellbench.report.notation import TEXT, Notation
-from shellbench.report.palette import inks, style
+from shellbench.report.palette import Ink
+from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, finish
+from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.scene import drawn
-from shellbench.report.shells import Shell
-from shellbench.report.solutions import grouped
-from shellbench.report.studies import rows_of_study
-from shellbench.report.table import Column, Line, Show, Table, present
-from shellbench.report.training_figure import training_figure
+from shellbench.report.shells import Shell, colour_bar, draw_deformed, plain
+from shellbench.report.states import aspect
+from shellbench.report.table import Column, Table
 
 ITERATIONS = "iterations"  # the setting that stops a training
 ENERGY = "certified_energy"  # a solver's own word for its energy on a finer rule than it was trained on, J
 ENERGY_DIGIT = 1e-7  # of an energy: what trainings differ by at their end
-
-
-@dataclass(frozen=True)
-class Stop:
-    """A training stopped after so many iterations.
-
-    Attributes
-    ----------
-    seconds
-        Of training: up to the last entry of the history, without what is measured afterwards.
-    error
-        Relative, signed, of the headline quantity; None where no value is known.
-    mean_displacement
-        Mean of the displacement's magnitude over the record's grid, in the unit of the case's displacements.
-    energy
-        Potential energy of the state on a fine quadrature, J, if the solver reports it.
-    shell
-        The state, ready to be drawn.
-    course
-        (k,) training seconds and relative errors on the way, in magnitude.
-    """
-
-    case: str
-    title: str
-    solver: str
-    iterations: int
-    seconds: float
-    value: float | None
-    unit: str
-    error: float | None
-    floor: float
-    mean_displacement: float | None
-    energy: float | None
-    sound: bool
-    shell: Shell | None
-    course: tuple[tuple[float, float], ...]
-    run_id: str
+WIDTH, WIDEST = 7.2, 1.9  # inches of a row of states, and of one state
+LOWEST, HIGHEST = 0.8, 1.5  # inches a state
+TITLE, BAR, CURVES = 0.3, 0.5, 2.3  # inches of the states' titles, of the colour bar, and of the curves
+FACETS = 48  # a side: a state is small
 
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite stopped a training early."""
-    stops = training_stops(evidence.records, evidence.rows, evidence.folder)
-    if not stops:
+    stops = training_stops(evidence)
+    if stops.empty:
         return None
-    colours = inks(row.solver for row in evidence.rows)
-    exhibits = []
-    with style():
-        for case, of_case in by_case(stops).items():
-            title = of_case[0].title
-            exhibits.append(
-                Exhibit(
-                    name=f"training_{case}",
-                    title=f"{title}: state over training time",
-                    caption="Above, the deformed shell when training is stopped, at one scale and in one range of"
-                    " colours, under the iterations and the seconds of training. Below, the error of the headline"
-                    " quantity (thin line: within the longest training) and the mean magnitude of the displacement over"
-                    " a grid, against the seconds of training. Each mark is a run of its own from the start.",
-                    description="; ".join(_words(stop) for stop in of_case),
-                    figure=training_figure(of_case, colours),
-                    run_ids=tuple(stop.run_id for stop in of_case),
-                    drawing=False,
-                )
-            )
+    exhibits = [
+        Exhibit(
+            name=f"training_{case}",
+            title=f"{of_case['title'].iloc[0]}: state over training time",
+            caption="Above, the deformed shell when training is stopped, at one scale and in one range of"
+            " colours, under the iterations and the seconds of training. Below, the error of the headline"
+            " quantity (thin line: within the longest training) and the mean magnitude of the displacement over"
+            " a grid, against the seconds of training. Each mark is a run of its own from the start.",
+            description="; ".join(map(_words, of_case.to_dict("records"))),
+            figure=training_figure(of_case, evidence),
+            run_ids=tuple(of_case["run_id"]),
+            drawing=False,
+        )
+        for case, of_case in stops.groupby("case", sort=False)
+    ]
     return Section(
         name="training_time",
         title="State over training time",
@@ -110,94 +72,66 @@ def section(evidence: Evidence) -> Section | None:
     )
 
 
-def by_case(stops: Sequence[Stop]) -> dict[str, list[Stop]]:
-    """Return the stops of each case."""
-    cases: dict[str, list[Stop]] = {}
-    for stop in stops:
-        cases.setdefault(stop.case, []).append(stop)
-    return cases
+def training_stops(evidence: Evidence) -> pd.DataFrame:
+    """Return the stopped trainings, by case, solver and iterations; one run of each.
+
+    Beside the columns of runs, each has its `iterations`, and what `_state` says.
+    """
+    runs = headlines(evidence.runs, "training")
+    asked = [row.settings.get(ITERATIONS) for row in runs["row"]]
+    runs = runs.assign(iterations=[one if isinstance(one, int) else math.nan for one in asked])
+    runs = runs.drop_duplicates(["case", "solver", "iterations"]).dropna(subset=["iterations", "record"])
+    several = runs.groupby("case")["iterations"].transform("nunique") > 1
+    stops = in_order_of_cases(runs[several].astype({"iterations": int}), ["solver", "iterations"])
+    states = [_state(run, evidence.folder) for run in stops.to_dict("records")]
+    return stops.assign(**{name: [state[name] for state in states] for name in states[0]}) if states else stops
 
 
-def training_stops(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> list[Stop]:
-    """Return the stopped trainings, by case, solver and iterations; one run of each."""
-    headline = [row for row in rows_of_study(rows, "training") if row.primary and not row.own_case]
-    stops = []
-    for (_, _, iterations), alike in grouped(headline, _stopped_at).items():
-        row = alike[0]
-        record = records.get(row.run_id or "")
-        if record is not None and iterations is not None:
-            stops.append(_stop(row, record, iterations, folder))
-    several = {case for case, of_case in by_case(stops).items() if len({stop.iterations for stop in of_case}) > 1}
-    cases = list(dict.fromkeys(stop.case for stop in stops))
-    return sorted(
-        (stop for stop in stops if stop.case in several),
-        key=lambda stop: (cases.index(stop.case), stop.solver, stop.iterations),
-    )
+def _state(run: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Return what became of a training when it was stopped.
 
-
-def _stopped_at(row: Row) -> tuple[str, str, int | None]:
-    iterations = row.settings.get(ITERATIONS)
-    return row.case, row.solver, iterations if isinstance(iterations, int) else None
-
-
-def _stop(row: Row, record: Record, iterations: int, folder: Path) -> Stop:
+    These are its seconds, up to the last entry of the history, without what is measured afterwards; the mean magnitude
+    of the displacement over the record's grid; the potential energy on a fine quadrature, J, if the solver reports it;
+    the shell, ready to be drawn; and the course: seconds and magnitudes of relative errors on the way.
+    """
+    record, reference = run["record"], run["reference"]
     steps = [step for step in record.history if step.phase == "solve"]
+    watched = [step for step in steps if run["quantity"] in step.quantities]
     fields, case = read_fields(record, folder), portrait_of(record)
-    reference = row.reference if row.relative_error is not None else None
     energy = record.diagnostics.get(ENERGY)
-    watched = [(step.seconds, step.quantities[row.quantity]) for step in steps if row.quantity in step.quantities]
-    return Stop(
-        case=row.case,
-        title=row.case_title or row.case,
-        solver=row.solver,
-        iterations=iterations,
-        seconds=steps[-1].seconds if steps else record.seconds,
-        value=row.value,
-        unit=row.unit,
-        error=row.relative_error,
-        floor=(row.reference_uncertainty or 0.0) / abs(reference) if reference else 0.0,
-        mean_displacement=float(np.linalg.norm(fields.displacement, axis=-1).mean()) if fields is not None else None,
-        energy=float(energy) if isinstance(energy, int | float) and math.isfinite(energy) else None,
-        sound=record.status == "ok",
-        shell=drawn(record, case, fields, fields.displacement) if fields is not None and case is not None else None,
-        course=tuple((s, abs(value / reference - 1)) for s, value in watched) if reference else (),
-        run_id=record.run_id,
-    )
+    judged = math.isfinite(run["relative_error"])
+    course = [(step.seconds, abs(step.quantities[run["quantity"]] / reference - 1)) for step in watched if judged]
+    return {
+        "seconds": steps[-1].seconds if steps else record.seconds,
+        "mean_displacement": float(np.linalg.norm(fields.displacement, axis=-1).mean()) if fields else math.nan,
+        "energy": float(energy) if isinstance(energy, int | float) and math.isfinite(energy) else math.nan,
+        "shell": drawn(record, case, fields, fields.displacement) if fields and case else None,
+        "course": tuple(course),
+        "floor": run["floor"] if judged else 0.0,
+        "sound": record.status == "ok",
+    }
 
 
-def training_table(stops: Sequence[Stop]) -> Table:
+def training_table(stops: pd.DataFrame) -> Table:
     """Return the table of stopped trainings."""
-    lines: list[dict[str, Any]] = [
-        {
-            "block": f"{stop.title} ({stop.unit})" if stop.unit else stop.title,
-            "case": stop.case,
-            "solver": stop.solver,
-            "iterations": stop.iterations,
-            "seconds": stop.seconds,
-            "value": stop.value,
-            "relative_error": stop.error,
-            "mean_displacement": stop.mean_displacement,
-            "energy": stop.energy,
-            "failed": not stop.sound,
-            "run_id": stop.run_id,
-        }
-        for stop in stops
-    ]
+    units = stops["unit"].map(lambda unit: f" ({unit})" if unit else "")
+    data = stops.assign(block=stops["title"] + units, failed=~stops["sound"])
+    shown = ["block", "case", "solver", "iterations", "seconds", "value", "relative_error"]
     return Table(
         name="training_time",
         title="State over training time",
         caption="Headline quantity, its error, and the mean magnitude of the displacement over a grid when training is"
         " stopped after so many iterations and seconds; and the potential energy of the state on a quadrature finer"
         " than it was trained on. Training on points drawn at random lowers it in the mean only.",
-        data=pd.DataFrame(lines),
+        data=data[[*shown, "mean_displacement", "energy", "failed", "run_id"]],
         columns=(
             Column("Solver", _solver, right=False),
-            Column("Iterations", lambda line, notation: str(int(line["iterations"]))),
-            Column("Training (s)", lambda line, notation: notation.escape(duration(line["seconds"]))),
-            Column("Headline quantity", _number("value")),
-            Column("Error", _error),
-            Column("Mean displacement", _number("mean_displacement")),
-            Column("Energy (J)", _energy),
+            "iterations",
+            column("seconds", "Training (s)"),
+            column("value", "Headline quantity", _number),
+            "relative_error",
+            column("mean_displacement", "Mean displacement", _number),
+            column("energy", "Energy (J)", _energy),
         ),
     )
 
@@ -206,22 +140,66 @@ def _solver(line: Line, notation: Notation) -> str:
     return notation.code(line["solver"]) + (" " + notation.strong("failed") if line["failed"] else "")
 
 
-def _number(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        return notation.number(rounded(line[name])) if present(line[name]) else notation.missing
-
-    return show
+def _number(value: float, line: Line, notation: Notation) -> str:
+    return notation.number(rounded(value))
 
 
-def _energy(line: Line, notation: Notation) -> str:
-    energy = line["energy"]
-    return notation.number(rounded(energy, ENERGY_DIGIT * abs(energy))) if present(energy) else notation.missing
+def _energy(energy: float, line: Line, notation: Notation) -> str:
+    return notation.number(rounded(energy, ENERGY_DIGIT * abs(energy)))
 
 
-def _error(line: Line, notation: Notation) -> str:
-    return notation.error(line["relative_error"]) if present(line["relative_error"]) else notation.missing
+def _words(stop: dict[str, Any]) -> str:
+    size = stop["relative_error"]
+    error = f", error {TEXT.number(percent(size))} %" if math.isfinite(size) else ""
+    return f"{stop['solver']}, {stop['iterations']} iterations, {duration(stop['seconds'])} s{error}"
 
 
-def _words(stop: Stop) -> str:
-    error = f", error {TEXT.number(percent(stop.error))} %" if stop.error is not None else ""
-    return f"{stop.solver}, {stop.iterations} iterations, {duration(stop.seconds)} s{error}"
+def training_figure(stops: pd.DataFrame, evidence: Evidence) -> Figure:
+    """Draw a row of states for each solver, and error and mean displacement of all of them below."""
+    solvers = stops.groupby("solver", sort=False)
+    shells = [shell for shell in stops["shell"] if shell is not None]
+    columns = int(solvers.size().max())
+    width = min(WIDEST, WIDTH / columns)
+    low = float(np.clip(width * aspect(shells), LOWEST, HIGHEST)) + TITLE if shells else 0.1
+    upper = low * len(solvers) + BAR
+    figure = Figure(figsize=(WIDTH, upper + CURVES), layout="constrained")
+    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(upper, CURVES)).flat
+    panels = above.subplots(len(solvers), columns, squeeze=False)
+    for row, (solver, of_solver) in zip(panels, solvers, strict=True):
+        for axes in row:
+            axes.set_axis_off()
+        for axes, stop in zip(row, of_solver.to_dict("records"), strict=False):
+            _draw_state(axes, stop, shells)
+        look = {"rotation": 90, "ha": "right", "va": "center", "color": evidence.inks[solver].colour, "fontsize": 7.5}
+        row[0].annotate(plain(solver), (0, 0.5), (-4, 0), xycoords="axes fraction", textcoords="offset points", **look)
+    if shells:
+        colour_bar(above, list(panels.flat), *shells, shrink=0.5, aspect=34)
+    errors, means = below.subplots(1, 2)
+    for solver, of_solver in solvers:
+        _draw_curves(errors, means, of_solver, evidence.inks[solver])
+    unit = stops["unit"].iloc[0] or "m"
+    finish([errors], "training time (s)", ERROR_LABEL, floor=100 * stops["floor"].max())
+    finish([means], "training time (s)", f"mean displacement ({unit})", log="x")
+    means.set_ylim(bottom=0.0)
+    add_legend(below, {solver: entry(evidence.inks[solver]) for solver, _ in solvers}, len(solvers))
+    return figure
+
+
+def _draw_state(axes: Axes, stop: dict[str, Any], shells: list[Shell]) -> None:
+    words = f"{stop['iterations']} iteration{'' if stop['iterations'] == 1 else 's'}\n{duration(stop['seconds'])} s"
+    axes.set_title(words + ("" if stop["sound"] else ", failed"), fontsize=7.5, pad=2)
+    if stop["shell"] is not None:
+        draw_deformed(axes, stop["shell"], shells, cells=FACETS)
+
+
+def _draw_curves(errors: Axes, means: Axes, stops: pd.DataFrame, ink: Ink) -> None:
+    longest = stops.loc[stops["iterations"].idxmax()]
+    if longest["course"]:
+        seconds, sizes = np.transpose(longest["course"])
+        errors.plot(seconds, 100 * sizes.clip(min=SMALLEST), color=ink.colour, linewidth=0.6, alpha=0.6)
+    shown = stops.dropna(subset="mean_displacement")
+    means.plot(shown["seconds"], shown["mean_displacement"], color=ink.colour, linewidth=0.8)
+    for sound, of_kind in stops.groupby("sound"):
+        sizes = 100 * of_kind["relative_error"].abs().clip(lower=SMALLEST)
+        draw(errors, of_kind["seconds"], sizes, ink, "none", hollow=not sound)
+        draw(means, of_kind["seconds"], of_kind["mean_displacement"], ink, "none", hollow=not sound)

@@ -8,8 +8,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.consistency import consistency_table, details, section, yardstick_words
-from shellbench.report.ladder import case_runs
-from shellbench.report.probes import Probes, difference, read_probes
+from shellbench.report.ladder import Probes, case_runs, difference, read_probes
 from shellbench.report.resolution import nominal_rates
 from tests.report.resolutions import (
     LENGTH,

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from matplotlib.colors import to_hex
 
 from shellbench.report.accuracy import accuracies
-from shellbench.report.cost import LEVELS, cost_table, section
-from shellbench.report.cost_figure import SPACING, apart, cost_figure
+from shellbench.report.cost import LEVELS, cost_figure, cost_table, section
 from shellbench.report.evidence import Evidence
 from shellbench.report.palette import inks
+from shellbench.report.panel import SPACING, apart
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import (
     BYTES_AN_UNKNOWN,
@@ -33,8 +33,7 @@ def square(errors):
 
 
 def only(folder, runs):
-    held = evidence(folder, runs)
-    (one,) = accuracies(held.records, held.rows)
+    (one,) = accuracies(evidence(folder, runs))
     return one
 
 

@@ -254,7 +254,7 @@ def test_runs_that_failed_are_told(tmp_path):
 
 def test_without_the_first_solver_nothing_is_related(tmp_path):
     table = table_of(tmp_path, sweep(tmp_path, PEER, SLOW))
-    assert "From" not in " ".join(column.heading for column in table.columns)
+    assert "From" not in " ".join(column.heading for column in table.declared)
     assert "(×" not in table.write("text")
 
 

@@ -18,6 +18,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench import store as bench
+from shellbench.report.evidence import Evidence
 from shellbench.report.page import write_report
 from shellbench.report.resolution import mesh_table, resolution_table
 from shellbench.report.tables import displacement_tables, render
@@ -235,8 +236,8 @@ def numbers_of(text: str, format: str) -> list[tuple[float, float]]:
 def test_other_tables_print_the_same_numbers_in_all_formats(store: Store, nonlinear: Store) -> None:
     found = []
     for made in (store, nonlinear):
-        records = {record.run_id: record for record in made.records}
-        found += [resolution_table(records, made.rows), mesh_table(records, made.rows)]
+        evidence = Evidence({record.run_id: record for record in made.records}, made.rows, made.folder)
+        found += [resolution_table(evidence), mesh_table(evidence)]
         found += displacement_tables(made.rows, made.known_values)
     tables = [table for table in found if table is not None]
     assert len(tables) > 3
@@ -248,7 +249,7 @@ def test_other_tables_print_the_same_numbers_in_all_formats(store: Store, nonlin
 
 def test_resolution_is_printed_as_recorded(store: Store) -> None:
     records = {record.run_id: record for record in store.records}
-    table = resolution_table(records, [row for row in store.rows if row.solver == "fem"])
+    table = resolution_table(Evidence(records, [row for row in store.rows if row.solver == "fem"], store.folder))
     assert table is not None
     heads, *rows = lines(table.write("markdown"), "markdown")
     seen = 0

@@ -20,7 +20,7 @@ def runs(tmp_path):
 
 def test_lines_are_ordered_by_weight_and_hold_what_the_records_say(tmp_path, runs):
     found = evidence(tmp_path, runs)
-    data = support_table(found.records, found.rows).data
+    data = support_table(found).data
     assert list(data["penalty"]) == [1.0, 100.0, 1e10]
     assert list(data["support_error"]) == [1e-3, 1e-5, 1e-13]
     assert data["relative_error"].tolist() == pytest.approx([1e-1, 1e-3, 0.5], rel=1e-6)
@@ -28,14 +28,14 @@ def test_lines_are_ordered_by_weight_and_hold_what_the_records_say(tmp_path, run
 
 def test_a_failed_run_is_shown_with_its_reason(tmp_path, runs):
     found = evidence(tmp_path, runs)
-    table = support_table(found.records, found.rows)
+    table = support_table(found)
     assert list(table.data["ended"]) == ["solved", "solved", "run failed"]
     assert [note.text for note in table.notes] == ["it was refused"]
 
 
 def test_the_share_is_of_the_largest_displacement(tmp_path, runs):
     found = evidence(tmp_path, runs)
-    data = support_table(found.records, found.rows).data
+    data = support_table(found).data
     largest = [max(s.largest_displacement for s in record.resolution) for record, _ in runs]
     assert sorted(data["largest_displacement"]) == sorted(largest)
 
@@ -45,7 +45,7 @@ def test_a_support_that_holds_exactly_stands_last(tmp_path, runs):
     hard = run(tmp_path, {}, 1e-6, 0.0, None)
     hard = (hard[0], hard[1].model_copy(update={"default_settings": True, "overrides": {}, "label": ""}))
     found = evidence(tmp_path, [hard, *runs])
-    data = support_table(found.records, found.rows).data
+    data = support_table(found).data
     assert data["penalty"].isna().tolist() == [False, False, False, True]
     assert data["support_error"].tolist()[-1] == 0.0
 

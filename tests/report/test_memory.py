@@ -6,10 +6,18 @@ from types import SimpleNamespace
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.report.answers import BYTES_A_POINT, LEVELS, answers, fewest, fewest_for_headline
+from shellbench.report.answers import BYTES_A_POINT, LEVELS, answers, fewest
 from shellbench.report.ladder import case_runs
-from shellbench.report.memory import details, section
-from shellbench.report.memory_tables import NOT_KNOWN, NOT_REACHED, REACHED, level_table, rounding_table, solve_table
+from shellbench.report.memory import (
+    NOT_KNOWN,
+    NOT_REACHED,
+    REACHED,
+    details,
+    level_table,
+    rounding_table,
+    section,
+    solve_table,
+)
 from tests.report.resolutions import (
     HEADLINE,
     INTERPOLATION,
@@ -238,14 +246,14 @@ def test_smallest_of_the_candidates(sharp):
     (case,) = case_runs(sharp)
     found = answers(case, ladder(case, "shells"))
     for level in LEVELS:
-        for choose, measure in ((fewest, "difference"), (fewest_for_headline, "error")):
-            best = choose(found, level)
+        for measure in ("difference", "error"):
+            best = fewest(found, level, measure=measure)
             assert getattr(best, measure) <= level
             smaller = [a for a in found if a.storage_bytes < best.storage_bytes]
             assert all(getattr(a, measure) is None or getattr(a, measure) > level for a in smaller)
             finest = max(a.run.unknowns for a in found if a.kept == "solved")
             spoilt = [replace(a, **{measure: 2 * level}) if a.kept == "solved" and a.run.unknowns == finest else a for a in found]  # fmt: skip
-            assert choose(spoilt, level) is None  # a coarser run alone was lucky
+            assert fewest(spoilt, level, measure=measure) is None  # a coarser run alone was lucky
     assert fewest(found, 1e-12) is None
     assert fewest([], 1.0) is None
 

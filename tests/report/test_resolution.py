@@ -1,5 +1,6 @@
 import pytest
 
+from shellbench.report.evidence import Evidence
 from shellbench.report.resolution import mesh_table, resolution_table
 from tests.report.conftest import COURSE, TRUTH, Store
 
@@ -9,8 +10,13 @@ def by_id(store: Store):
     return {record.run_id: record for record in store.records}
 
 
-def test_bytes_and_differences_are_the_records(store, by_id):
-    table = resolution_table(by_id, store.rows)
+@pytest.fixture(scope="module")
+def evidence(store: Store, by_id):
+    return Evidence(by_id, store.rows, store.folder)
+
+
+def test_bytes_and_differences_are_the_records(by_id, evidence):
+    table = resolution_table(evidence)
     assert table.data["case"].drop_duplicates().tolist() == list(COURSE)
     for line in table.data.to_dict("records"):
         record = by_id[line["run_id"]]
@@ -20,8 +26,8 @@ def test_bytes_and_differences_are_the_records(store, by_id):
             assert line[f"interpolation_difference_{step.points}"] == step.interpolation_difference
 
 
-def test_differences_are_printed_relative_to_the_largest_displacement(store, by_id):
-    text = resolution_table(by_id, store.rows).write("text")
+def test_differences_are_printed_relative_to_the_largest_displacement(evidence):
+    text = resolution_table(evidence).write("text")
     plate = next(line for line in text.splitlines() if line.strip().startswith("fem"))
     assert plate.split()[-8:] == ["2.0", "%", "0.50", "%", "0.080", "%", "0.020", "%"]  # 2 / n**2 of the largest
     assert "393 kB" in plate  # 8 bytes for each of 49152 unknowns
@@ -29,14 +35,14 @@ def test_differences_are_printed_relative_to_the_largest_displacement(store, by_
     assert "200×200 points: 960 kB" in text  # 3 doubles a point
 
 
-def test_one_line_for_each_solver_whatever_the_seeds(store, by_id):
-    data = resolution_table(by_id, store.rows).data
+def test_one_line_for_each_solver_whatever_the_seeds(evidence):
+    data = resolution_table(evidence).data
     for case in COURSE:
         assert data.loc[data["case"] == case, "solution"].tolist() == ["fem", "ndf-ritz", "ndf", "ndf-ritz, GELU"]
 
 
-def test_meshes_stand_in_order_with_their_differences(store, by_id):
-    data = mesh_table(by_id, store.rows).data
+def test_meshes_stand_in_order_with_their_differences(evidence):
+    data = mesh_table(evidence).data
     plate = data[data["case"] == "square_plate"]
     assert plate["mesh"].tolist() == ["16×16", "32×32", "64×64"]
     assert plate["difference"].tolist() == [1e-3 / n**2 for n in (16, 32, 64)]
@@ -45,8 +51,8 @@ def test_meshes_stand_in_order_with_their_differences(store, by_id):
 
 def test_nothing_reported_is_no_table(store, by_id):
     silent = {name: record.model_copy(update={"diagnostics": {}, "resolution": ()}) for name, record in by_id.items()}
-    assert resolution_table(silent, store.rows) is None
-    assert mesh_table(silent, store.rows) is None
+    assert resolution_table(Evidence(silent, store.rows, store.folder)) is None
+    assert mesh_table(Evidence(silent, store.rows, store.folder)) is None
 
 
 @pytest.mark.parametrize("odd", [None, "text", [1, 2], [{"cells": [8]}], [{"largest_difference": "x"}]])
@@ -54,4 +60,4 @@ def test_a_plug_ins_own_words_do_no_harm(store, by_id, odd):
     strange = {
         name: record.model_copy(update={"diagnostics": {"mesh_differences": odd}}) for name, record in by_id.items()
     }
-    assert mesh_table(strange, store.rows) is None
+    assert mesh_table(Evidence(strange, store.rows, store.folder)) is None

@@ -1,8 +1,6 @@
 import pytest
 
-from shellbench.report.palette import inks
-from shellbench.report.sampling_figure import sampling_figure
-from shellbench.report.sampling_study import points_of, samplings, section
+from shellbench.report.sampling_study import points_of, sampled_runs, sampling_figure, section
 from tests.report.studied import evidence, studied
 
 SEEDS = (0, 1, 2)
@@ -45,9 +43,8 @@ def runs(tmp_path):
 
 
 def test_points_a_side_are_the_solver_s_own_count_or_the_cells_of_its_samples(tmp_path, runs):
-    held = evidence(tmp_path, runs)
-    found = [(one.solver, one.a_side) for one in samplings(held.records, held.rows)]
-    assert found == [("adam", 5), ("adam", 25), ("ritz", 5), ("ritz", 25)]
+    found = sampled_runs(evidence(tmp_path, runs))[["solver", "a_side"]].drop_duplicates()
+    assert list(found.itertuples(index=False, name=None)) == [("adam", 5), ("adam", 25), ("ritz", 5), ("ritz", 25)]
 
 
 def test_the_table_has_least_and_largest_of_the_seeds(tmp_path, runs):
@@ -68,7 +65,7 @@ def test_refused_runs_are_shown_with_their_value_and_gap_and_marked(tmp_path, ru
     assert "3 of 3" in found.tables[0].write("text")
     above, below = found.exhibits[0].figure.axes
     hollow = [
-        sorted(float(line.get_ydata()[0]) for line in axes.get_lines() if line.get_markerfacecolor() == "white")
+        sorted(float(y) for line in axes.get_lines() if line.get_markerfacecolor() == "white" for y in line.get_ydata())
         for axes in (above, below)
     ]
     assert hollow == [pytest.approx([90.0, 95.0, 99.0]), pytest.approx([1e8] * 3)]
@@ -76,9 +73,8 @@ def test_refused_runs_are_shown_with_their_value_and_gap_and_marked(tmp_path, ru
 
 def test_the_line_is_the_median_of_the_seeds(tmp_path, runs):
     held = evidence(tmp_path, runs)
-    adam = [one for one in samplings(held.records, held.rows) if one.solver == "adam"]
-    above = sampling_figure([adam], inks(["adam"])).axes[0]
-    (line,) = [line for line in above.get_lines() if len(line.get_xdata()) > 1]
+    above = sampling_figure(sampled_runs(held).query("solver == 'adam'"), held).axes[0]
+    (line,) = [line for line in above.get_lines() if line.get_linestyle() == "-"]
     assert list(line.get_xdata()) == [5, 25]
     assert list(line.get_ydata()) == pytest.approx([20.0, 0.2])
 
@@ -97,8 +93,9 @@ def test_a_run_that_left_no_value_is_still_counted(tmp_path, runs):
     made, of = studied(tmp_path, "sampling", "adam", {"fixed": 500, "cells": [5, 5]}, 0.0, seed=3, status="timeout")
     empty = (made, of.model_copy(update={"value": None, "relative_error": None}))
     held = evidence(tmp_path, [*runs, empty])
-    (coarse,) = [one for one in samplings(held.records, held.rows) if (one.solver, one.points) == ("adam", 25)]
-    assert (len(coarse.marks), len(coarse.errors), coarse.failed) == (4, 3, 1)
+    (coarse,) = section(held).tables[0].data.query("solver == 'adam' and points == 25").to_dict("records")
+    assert (coarse["runs"], coarse["failed"], coarse["largest_error"]) == (4, 1, pytest.approx(0.3))
+    assert sampled_runs(held).query("solver == 'adam' and points == 25")["error"].count() == 3
 
 
 @pytest.mark.parametrize("cells", [None, 5, [5], "5x5", [5.5, 2]])

@@ -61,7 +61,7 @@ def sizes_of(text, format):
 
 def assert_they_agree(tables):
     for table in tables:
-        shown = replace(table, columns=tuple(column for column in table.columns if not column.wide))
+        shown = replace(table, columns=tuple(column for column in table.declared if not column.wide))
         first, *others = (
             [*numbers_of(text, format), *sizes_of(text, format)] for format in MARKUP for text in (shown.write(format),)
         )

@@ -3,9 +3,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.evidence import Evidence
-from shellbench.report.palette import inks
-from shellbench.report.seed_figure import seed_figure
-from shellbench.report.seeds import naturally, section, seed_spreads, seed_table
+from shellbench.report.seeds import naturally, section, seed_figure, seed_spreads, seed_table
 from tests.report.conftest import TRUTH, UNCERTAINTY, record, row
 from tests.report.studied import evidence, studied
 
@@ -17,8 +15,12 @@ def runs(tmp_path):
     return [studied(tmp_path, "resolution", "field", {"neurons": 60}, e, seed=seed) for seed, e in ERRORS.items()]
 
 
+def spreads_of(rows):
+    return seed_spreads(Evidence({}, rows, None))
+
+
 def line(rows):
-    (found,) = seed_table(seed_spreads({}, rows)).data.to_dict("records")
+    (found,) = seed_table(spreads_of(rows)).data.to_dict("records")
     return found
 
 
@@ -40,18 +42,18 @@ def test_the_largest_error_keeps_its_sign(tmp_path):
     ]
     found = line(rows)
     assert (found["largest_error"], found["worst_seed"]) == (pytest.approx(-2e-3), 7)
-    assert "-0.20 %" in seed_table(seed_spreads({}, rows)).write("text")
+    assert "-0.20 %" in seed_table(spreads_of(rows)).write("text")
 
 
 def test_without_a_known_value_spreads_are_relative_to_the_mean(runs):
     rows = [of.model_copy(update={"reference": None, "relative_error": None}) for _, of in runs]
-    (spread,) = seed_spreads({}, rows)
+    (errors,) = spreads_of(rows)["errors"]
     values = 1 + np.array(list(ERRORS.values()))
-    assert spread.errors == pytest.approx(values / values.mean() - 1)
+    assert errors == pytest.approx(values / values.mean() - 1)
     found = line(rows)
     assert found["relative_standard_deviation"] == pytest.approx(np.std(values, ddof=1) / values.mean())
-    assert found["largest_error"] is None
-    labels = seed_figure([spread], inks(["field"])).axes[0].get_yticklabels()
+    assert np.isnan(found["largest_error"]) if found["largest_error"] is not None else True
+    labels = seed_figure(spreads_of(rows), Evidence({}, rows, None)).axes[0].get_yticklabels()
     assert labels[0].get_text().endswith("†")
 
 
@@ -59,21 +61,22 @@ def test_a_failed_seed_is_counted_and_left_out(tmp_path, runs):
     failed = studied(tmp_path, "resolution", "field", {"neurons": 60}, 0.9, seed=3, status="failed")
     rows = [of for _, of in [*runs, failed]]
     assert line(rows)["mean"] == line(rows[:3])["mean"]
-    text = seed_table(seed_spreads({}, rows)).write("text")
+    text = seed_table(spreads_of(rows)).write("text")
     assert "3 of 4" in text
     assert "1 of 4 failed" in text
 
 
 def test_one_seed_has_no_spread(runs):
-    assert seed_spreads({}, [runs[0][1]]) == []
+    assert spreads_of([runs[0][1]]).empty
     assert section(Evidence({}, [runs[0][1]], None)) is None
 
 
 def test_runs_with_other_settings_are_not_mixed(tmp_path, runs):
     other = [studied(tmp_path, "resolution", "field", {"neurons": 7}, 10 * e, seed=s) for s, e in ERRORS.items()]
-    spreads = seed_spreads({}, [of for pair in zip(runs, other, strict=True) for _, of in pair])
-    assert [spread.solution for spread in spreads] == ["field, neurons 7", "field, neurons 60"]  # by number
-    assert spreads[0].deviation == pytest.approx(10 * spreads[1].deviation)
+    spreads = spreads_of([of for pair in zip(runs, other, strict=True) for _, of in pair])
+    assert spreads["solution"].to_list() == ["field, neurons 7", "field, neurons 60"]  # by number
+    wide, narrow = spreads["standard_deviation"]
+    assert wide == pytest.approx(10 * narrow)
 
 
 def test_numbers_in_words_sort_as_numbers():
@@ -97,12 +100,12 @@ def test_a_figure_for_each_suite_marks_every_run_with_default_settings(tmp_path,
 
 def test_the_known_value_s_uncertainty_is_shaded_where_it_is_in_view(tmp_path):
     rows = [studied(tmp_path, "resolution", "field", {"n": 1}, e, seed=s)[1] for s, e in enumerate((1e-9, 1e-6))]
-    axes = seed_figure(seed_spreads({}, rows), inks(["field"])).axes[0]
+    axes = seed_figure(spreads_of(rows), Evidence({}, rows, None)).axes[0]
     (shade,) = axes.patches
     assert shade.get_x() + shade.get_width() == pytest.approx(100 * UNCERTAINTY)
 
 
 def test_default_runs_that_a_study_declares_too_stand_with_the_comparison_of_solvers(tmp_path, runs):
     as_defaults = [of.model_copy(update={"overrides": {}, "default_settings": True}) for _, of in runs]
-    assert [spread.studied for spread in seed_spreads({}, as_defaults)] == [False]
-    assert [spread.studied for spread in seed_spreads({}, [of for _, of in runs])] == [True]
+    assert spreads_of(as_defaults)["studied"].to_list() == [False]
+    assert spreads_of([of for _, of in runs])["studied"].to_list() == [True]

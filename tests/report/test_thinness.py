@@ -240,7 +240,7 @@ def test_other_shells_are_families_of_their_own(tmp_path):
     for change, families in ((shorter, 0), (loads, 1)):
         other = json.loads(thin.model_copy(update=change).model_dump_json())
         changed = [records[0], records[1].model_copy(update={"case": other})]
-        found = thinning({made.run_id: made for made in changed}, [row_of(made) for made in changed])
+        found = thinning(evidence(tmp_path, changed))
         assert len(found) == families
 
 

@@ -46,8 +46,7 @@ def runs(tmp_path):
 
 
 def stops(folder, runs):
-    held = evidence(folder, runs)
-    return training_stops(held.records, held.rows, held.folder)
+    return training_stops(evidence(folder, runs))
 
 
 def test_the_table_follows_the_iterations_with_the_seconds_of_training_alone(tmp_path, runs):
@@ -66,7 +65,7 @@ def test_the_mean_displacement_is_that_of_the_stored_field(tmp_path, runs):
 
 
 def test_a_single_stop_is_no_course(tmp_path, runs):
-    assert stops(tmp_path, runs[:1]) == []
+    assert stops(tmp_path, runs[:1]).empty
     assert section(evidence(tmp_path, runs[:1])) is None
 
 
@@ -92,7 +91,7 @@ def test_each_state_stands_under_its_iterations_and_seconds(tmp_path, runs):
         "1 iteration\n0.10 s",
     ]
     marks = [line for line in below.axes[0].get_lines() if line.get_linestyle() == "None"]
-    drawn = {float(line.get_ydata()[0]): float(line.get_xdata()[0]) for line in marks}
+    drawn = {float(y): float(x) for line in marks for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)}
     assert sorted(drawn) == pytest.approx(sorted(100 * abs(error) for error in [*COURSE.values(), 1e-3, 1e-5]))
     assert drawn[max(drawn)] == pytest.approx(0.1)  # the error of 90 % after one iteration
 
@@ -110,4 +109,4 @@ def test_a_failed_state_is_marked(tmp_path, runs):
 @pytest.mark.parametrize("odd", [None, "low", [1.0]])
 def test_an_energy_that_is_no_number_is_none(tmp_path, odd):
     runs = [stopped(tmp_path, "adam", n, 0.1, energy=odd) for n in (1, 2)]
-    assert [stop.energy for stop in stops(tmp_path, runs)] == [None, None]
+    assert stops(tmp_path, runs)["energy"].isna().tolist() == [True, True]

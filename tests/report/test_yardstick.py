@@ -41,7 +41,7 @@ def test_errors_of_a_position_are_relative_to_the_extent_of_the_shell(tmp_path, 
     yardstick = yardstick_of(held.records, held.rows)
     assert yardstick.scale == pytest.approx(SIDE)
     assert yardstick.floor == pytest.approx(UNCERTAINTY * TRUTH["square_plate"] / SIDE)
-    (one,) = accuracies(held.records, held.rows)
+    (one,) = accuracies(held)
     expected = [error * TRUTH["square_plate"] / SIDE for error in ERRORS.values()]
     assert [point.error for point in one.families[0].points] == pytest.approx(expected)
     assert "extent of the shell, 100 m" in section(held).exhibits[0].caption
@@ -73,7 +73,7 @@ def test_seeds_of_a_position_spread_relative_to_the_extent(tmp_path):
         for made, of in meshes(tmp_path, "field", {(4, 4): error}, seed=seed)
     ]
     held = evidence(tmp_path, runs)
-    (spread,) = seed_spreads(held.records, held.rows)
+    (spread,) = seed_spreads(held).itertuples()
     truth = TRUTH["square_plate"]
     assert spread.errors == pytest.approx((1e-3 * truth / SIDE, 3e-3 * truth / SIDE))
     assert spread.largest_from_mean == pytest.approx(1e-3 * truth / SIDE)

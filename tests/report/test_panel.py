@@ -1,0 +1,97 @@
+"""The panel on logarithmic axes: marks, limits, shade, ticks and slopes."""
+
+import pytest
+from matplotlib.figure import Figure
+
+from shellbench.report.palette import Ink
+from shellbench.report.panel import (
+    BELOW,
+    FLOOR_SHOWN,
+    FOR_SLOPES,
+    add_legend,
+    draw,
+    draw_slopes,
+    entry,
+    failed_entry,
+    finish,
+    open_figure,
+    shade_entry,
+)
+from shellbench.report.rates import Rate
+
+INK = Ink("#0072B2", "o")
+
+
+@pytest.fixture
+def axes():
+    return Figure().subplots()
+
+
+def labels(axis):
+    """The labels of an axis that are in view."""
+    axis.axes.figure.draw_without_rendering()
+    low, high = sorted(axis.get_view_interval())
+    return [t.get_text() for t, at in zip(axis.get_ticklabels(), axis.get_ticklocs(), strict=True) if low <= at <= high]
+
+
+def test_decades_are_labelled_plain_numbers_where_few_are_in_view(axes):
+    draw(axes, [1e2, 1e6], [1e-4, 10.0], INK)
+    finish([axes], "unknowns", "error (%)", "A title")
+    assert labels(axes.yaxis) == ["10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "1", "10"]
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left")) == ("unknowns", "error (%)", "A title")
+
+
+def test_fewer_decades_have_more_labels_each(axes):
+    draw(axes, [10.0, 50.0], [2.0, 3.0], INK)
+    finish([axes])
+    assert labels(axes.xaxis) == ["10", "20", "50"]
+    assert labels(axes.yaxis) == ["1", "3"]
+
+
+def test_what_was_told_to_be_linear_and_what_is_empty_have_no_logarithm(axes):
+    finish([axes])
+    assert axes.get_yscale() == "linear"
+    draw(axes, [1.0, 2.0], [1.0, 2.0], INK)
+    finish([axes], log="y")
+    assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "log")
+
+
+def test_the_shade_ends_at_the_floor_and_is_drawn_where_it_is_in_view():
+    _, (panels,) = open_figure((4.0, 2.0), 1, 2, sharey=True)
+    for axes in panels:
+        draw(axes, [1.0, 10.0], [1.0, 1e-3], INK)
+    finish(panels, floor=[1e-2, 1e-9])
+    assert [len(axes.patches) for axes in panels] == [1, 0]
+    assert panels[0].patches[0].get_y() + panels[0].patches[0].get_height() == pytest.approx(1e-2)
+    low, _ = panels[0].get_ylim()
+    assert 1e-2 / FLOOR_SHOWN <= low < 1e-3
+
+
+def test_a_slope_is_drawn_below_its_curve_with_its_words_at_its_end(axes):
+    rate = Rate(slope=-2.0, factor=1.0, first=10.0, last=100.0)
+    draw(axes, [10.0, 100.0], [100 * rate(10.0), 100 * rate(100.0)], INK)
+    finish([axes], below=FOR_SLOPES)
+    draw_slopes(axes, [(rate, "-2.0", INK.colour)], unit=10.0)
+    slope = axes.get_lines()[-1]
+    assert list(slope.get_xdata()) == [1.0, 10.0]
+    assert list(slope.get_ydata()) == pytest.approx([100 * rate(x) / BELOW for x in (10.0, 100.0)])
+    (text,) = axes.texts
+    assert (text.get_text(), text.get_color()) == ("−2.0", INK.colour)
+    end = axes.transAxes.inverted().transform(axes.transData.transform((1.0, slope.get_ydata()[1])))[1]
+    assert text.get_position()[1] == pytest.approx(end)
+    assert slope.get_ydata()[1] > axes.get_ylim()[0]
+
+
+def test_open_marks_have_a_white_face_in_the_solvers_colour(axes):
+    draw(axes, [1.0], [1.0], INK, "none", hollow=True)
+    draw(axes, [1.0], [1.0], INK)
+    opened, full = axes.get_lines()
+    assert (opened.get_markerfacecolor(), opened.get_markeredgecolor()) == ("white", INK.colour)
+    assert full.get_markerfacecolor() == full.get_color() == INK.colour
+
+
+def test_one_legend_names_what_is_there():
+    figure, _ = open_figure((4.0, 2.0))
+    add_legend(figure, {"costs $": entry(INK)} | failed_entry(True) | failed_entry(False) | shade_entry(False))
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [r"costs \$", "failed run"]
