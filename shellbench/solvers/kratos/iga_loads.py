@@ -1,31 +1,30 @@
-"""Loads of a case as forces on the control points of its part: their work on the part's own functions."""
+"""Loads of a part's case as forces on its control points: their work on the part's own functions."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.symmetry import point_forces
 from shellbench.solvers.kratos.nurbs import NurbsPatch
-from shellbench.solvers.kratos.symmetry import Part, point_forces
 
 Array = NDArray[np.float64]
 
 EXTRA_POINTS = 2  # a span and coordinate, beyond degree + 1: loads may be any formula
 
 
-def control_forces(part: Part, patch: NurbsPatch, t: float) -> Array:
+def control_forces(case: Case, patch: NurbsPatch, t: float) -> Array:
     """Return the forces (3, n1, n2) on control points at time or load factor t, N."""
-    return _area(part, patch, t) + _edges(part, patch, t) + _points(part, patch, t)
+    return _area(case, patch, t) + _edges(case, patch, t) + _points(case, patch, t)
 
 
-def _area(part: Part, patch: NurbsPatch, t: float) -> Array:
-    case = part.case
+def _area(case: Case, patch: NurbsPatch, t: float) -> Array:
     (first, w1), (second, w2) = (basis.gauss(basis.degree + 1 + EXTRA_POINTS) for basis in patch.bases)
-    grid = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1)
-    points = case.surface.domain.wrap(grid.reshape(-1, 2))
+    points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     density = load_density(case, points, t)
     if not np.any(density):
         return np.zeros((3, *patch.shape))
@@ -35,15 +34,13 @@ def _area(part: Part, patch: NurbsPatch, t: float) -> Array:
     return patch.gather(patch.bases[0].matrices(first, 0)[0], density, patch.bases[1].matrices(second, 0)[0])
 
 
-def _edges(part: Part, patch: NurbsPatch, t: float) -> Array:
-    case, total = part.case, np.zeros((3, *patch.shape))
+def _edges(case: Case, patch: NurbsPatch, t: float) -> Array:
+    total = np.zeros((3, *patch.shape))
     for load in case.loads:
         for name in load.on if isinstance(load, EdgeLoad) else ():
             edge = case.places[name]
             assert isinstance(load, EdgeLoad)
             assert isinstance(edge, Edge)
-            if (edge.axis, edge.side) in part.planes:
-                continue  # its image is on the part
             running = 1 - edge.axis
             basis = patch.bases[running]
             nodes, weights = basis.gauss(basis.degree + 1 + EXTRA_POINTS)
@@ -60,13 +57,9 @@ def _edges(part: Part, patch: NurbsPatch, t: float) -> Array:
     return total
 
 
-def _points(part: Part, patch: NurbsPatch, t: float) -> Array:
+def _points(case: Case, patch: NurbsPatch, t: float) -> Array:
     total = np.zeros((3, *patch.shape))
-    for xi, force in point_forces(part.case, t):
-        found = part.place((float(xi[0]), float(xi[1])))
-        if found is None:
-            continue
-        place, share = found
-        left, right = (basis.matrices(np.array([place[a]]), 0)[0, 0] for a, basis in enumerate(patch.bases))
-        total += share * force[:, None, None] * np.outer(left, right)
+    for xi, force in point_forces(case, t):
+        left, right = (basis.matrices(np.array([xi[a]]), 0)[0, 0] for a, basis in enumerate(patch.bases))
+        total += force[:, None, None] * np.outer(left, right)
     return total

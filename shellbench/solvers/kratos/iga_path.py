@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
+from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.kratos.iga_declines import controlled
 from shellbench.solvers.kratos.iga_loads import control_forces
 from shellbench.solvers.kratos.iga_mechanics import integrals
 from shellbench.solvers.kratos.iga_model import IgaModel
-from shellbench.solvers.kratos.symmetry import Part
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ def equilibrium(
     """
     surface = model.midsurface
     inner = integrals(part.case, surface.patch, surface.control_points, displacements)
-    outer = control_forces(part, surface.patch, factor)
+    outer = control_forces(part.case, surface.patch, factor)
     left = np.abs(model.conditions.balanced(inner.forces - outer)).max()
     largest = max(float(np.abs(inner.forces).max()), float(np.abs(outer).max()))
     residual = float(left / largest) if largest > 0 else 0.0
@@ -91,10 +91,10 @@ def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Ite
     SolveFailure
         If Newton's method fails however short its steps, or forces are not in balance.
     """
-    case = part.case
+    case = part.whole
     if case.linear:
         for mark in case.states:
-            forces = control_forces(part, model.midsurface.patch, mark)
+            forces = control_forces(part.case, model.midsurface.patch, mark)
             displacements, solves, gap = _linear(model, part, forces, rounding)
             yield replace(equilibrium(model, part, mark, mark, displacements, True, solves), rounding=gap)
     elif case.path.control == "displacement":
@@ -102,7 +102,7 @@ def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Ite
     else:
         patch = model.midsurface.patch
         step = case.path.until / load_steps
-        for mark, kept, iterations in _marks(model, case.states, step, lambda t: control_forces(part, patch, t)):
+        for mark, kept, iterations in _marks(model, case.states, step, lambda t: control_forces(part.case, patch, t)):
             yield equilibrium(model, part, mark, mark, model.displacements(), kept, iterations)
 
 
@@ -169,14 +169,14 @@ def _by_displacement(model: IgaModel, part: Part, load_steps: int) -> Iterator[S
     assert found is not None  # else the case is declined
     component, point, sign = found
     patch, surface = model.midsurface.patch, model.midsurface
-    unit = model.conditions.balanced(control_forces(part, patch, 1.0))[component][point]
+    unit = model.conditions.balanced(control_forces(part.case, patch, 1.0))[component][point]
     none = np.zeros((3, *patch.shape))
 
     def prescribe(mark: float) -> Array:
         model.prescribe(component, point, sign * mark)
         return none
 
-    for mark, kept, iterations in _marks(model, part.case.states, part.case.path.until / load_steps, prescribe):
+    for mark, kept, iterations in _marks(model, part.whole.states, part.whole.path.until / load_steps, prescribe):
         u = model.displacements()
         inner = integrals(part.case, patch, surface.control_points, u)
         factor = float(model.conditions.balanced(inner.forces)[component][point] / unit)

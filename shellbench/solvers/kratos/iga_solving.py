@@ -13,14 +13,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
 from shellbench.problems.shell.history import displacements, with_answer_first
 from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos import iga_path
 from shellbench.solvers.kratos.engine import failing_with_kratos
 from shellbench.solvers.kratos.iga_model import IgaModel
 from shellbench.solvers.kratos.iga_solution import IgaSolution, Lines
 from shellbench.solvers.kratos.iga_solver import KratosIgaSettings
-from shellbench.solvers.kratos.iga_supports import conditions_of, corner_end
+from shellbench.solvers.kratos.iga_supports import conditions_of, end_of
 from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
-from shellbench.solvers.kratos.symmetry import Part, part_of, whole_of
 
 
 @dataclass
@@ -52,7 +52,7 @@ class _Course:
 
     def add(self, state: iga_path.State) -> None:
         """Note a state, and keep it if the case asks for it."""
-        case = self.part.case
+        case = self.part.whole
         if state.kept:
             self.kept.append(state)
         self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
@@ -85,22 +85,12 @@ def solve(case: Case, settings: KratosIgaSettings, progress: ProgressCallback) -
 
 def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
     """Return the knot lines of the part, closer together toward the end of a coordinate where a point load acts."""
-    loaded = []
-    for load in part.case.loads:
-        for name in load.on if isinstance(load, PointLoad) else ():
-            place = part.case.places[name]
-            found = part.place(place.xi) if isinstance(place, Point) else None
-            if found:
-                loaded.append(found[0])
-    for name in part.case.focus:
-        place = part.case.places[name]
-        found = part.place(place.xi) if isinstance(place, Point) else None
-        if found:
-            loaded.append(found[0])
+    names = [name for load in part.whole.loads if isinstance(load, PointLoad) for name in load.on]
+    marked = [part.seen(part.whole.places[name]) for name in (*names, *part.whole.focus)]
     lines = []
     for axis in (0, 1):
         unit = np.linspace(0.0, 1.0, settings.cells[axis] + 1)
-        ends = {corner_end(part, xi, axis) for xi in loaded}
+        ends = {end_of(part.case, place.xi, axis) for place in marked if isinstance(place, Point)}
         if ends == {0}:
             unit = unit**settings.grading
         elif ends == {-1}:
@@ -112,9 +102,9 @@ def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
 
 
 def _solve(course: _Course) -> IgaSolution:
-    part, case = course.part, course.part.case
+    part, case = course.part, course.part.whole
     surface = course.midsurface
-    conditions = conditions_of(part, surface.patch.shape)
+    conditions = conditions_of(part.case, surface.patch.shape)
     course.unknowns = conditions.free
     course.figures |= {
         "engine": course.settings.engine,

@@ -7,7 +7,6 @@ a plane of symmetry ties the second row to the first one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,8 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
-from shellbench.problems.shell.places import Edge, Point, Side, Whole
-from shellbench.solvers.kratos.symmetry import Mirror, Part
+from shellbench.problems.shell.places import Edge, Place, Point
+from shellbench.problems.shell.symmetry import Mirror, Part
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -72,14 +71,6 @@ class Conditions:
         return np.asarray(np.where(self.fixed, 0.0, total.reshape(self.fixed.shape)))
 
 
-def _row(axis: int, side: Side, held: tuple[int, ...], tied: tuple[int, ...]) -> Row:
-    first, second = (0, 1) if side == "min" else (-1, -2)
-    every = slice(None)
-    return Row(
-        (first, every) if axis == 0 else (every, first), (second, every) if axis == 0 else (every, second), held, tied
-    )
-
-
 def tied_by(case: Case, support: Support, edge: Edge) -> tuple[int, ...] | None:
     """Return the components that a held slope leaves without a derivative across the edge.
 
@@ -126,58 +117,41 @@ def _direction(vectors: Array) -> int | None:
     return direction if np.delete(unit, direction, axis=-1).max() <= ALONG else None
 
 
-def rows_of(part: Part, place: Edge | Point, held: Sequence[int], tied: Sequence[int]) -> Iterator[Row]:
-    """Yield the row of a place of the case, if it is on the part's own boundary; a point has to be a corner."""
+def row_of(case: Case, support: Support, place: Place) -> Row:
+    """Return what a support asks along an edge of the shell, or at one of its corners; of a case that is taken."""
+    held, every = tuple("xyz".index(c) for c in support.held), slice(None)
     if isinstance(place, Edge):
-        if (place.axis, place.side) not in part.planes:
-            yield _row(place.axis, place.side, tuple(held), tuple(tied))
-        return
-    found = part.place(place.xi)
-    if found is not None:
-        ends = [corner_end(part, found[0], axis) for axis in (0, 1)]
-        assert ends[0] is not None, "the case is declined"
-        assert ends[1] is not None, "the case is declined"
-        index = (ends[0], ends[1])
-        yield Row(index, index, tuple(held), ())
+        tied = tied_by(case, support, place)
+        assert tied is not None, "the case is declined"
+        first, second = (0, 1) if place.side == "min" else (-1, -2)
+        if place.axis == 0:
+            return Row((first, every), (second, every), held, tied)
+        return Row((every, first), (every, second), held, tied)
+    corner = corner_of(case, place.xi) if isinstance(place, Point) else None
+    assert corner is not None, "the case is declined"
+    return Row(corner, corner, held, ())
 
 
-def corner_end(part: Part, xi: tuple[float, float], axis: int) -> int | None:
-    """Return 0 or -1 where a point is at the lower or the upper end of a coordinate of the part, else None."""
-    size = part.upper[axis] - part.lower[axis]
-    if abs(xi[axis] - part.lower[axis]) <= ALONG * size:
+def corner_of(case: Case, xi: tuple[float, float]) -> tuple[int, int] | None:
+    """Return the control point at a corner of the shell, its numbers 0 or -1; None if a point is no corner."""
+    first, second = (end_of(case, xi, axis) for axis in (0, 1))
+    return None if first is None or second is None else (first, second)
+
+
+def end_of(case: Case, xi: tuple[float, float], axis: int) -> int | None:
+    """Return 0 or -1 where a point is at the lower or the upper end of a coordinate, else None."""
+    domain = case.surface.domain
+    slack = ALONG * domain.size[axis]
+    if abs(xi[axis] - domain.lower[axis]) <= slack:
         return 0
-    return -1 if abs(xi[axis] - part.upper[axis]) <= ALONG * size else None
+    return -1 if abs(xi[axis] - domain.upper[axis]) <= slack else None
 
 
-def support_rows(part: Part, support: Support, images: Sequence[Mirror] = ()) -> Iterator[Row]:
-    """Yield the rows of a support on the part, or on the copy of the part to which mirrors lead."""
-    held = ["xyz".index(c) for c in support.held]
-    for name in support.on:
-        place = part.case.places[name]
-        assert not isinstance(place, Whole)
-        tied = tied_by(part.case, support, place) if isinstance(place, Edge) else ()
-        assert tied is not None
-        for mirror in images:
-            place = _image(place, mirror)
-        yield from rows_of(part, place, held, tied)
-
-
-def _image(place: Edge | Point, mirror: Mirror) -> Edge | Point:
-    if isinstance(place, Point):
-        first, second = mirror.image(place.xi)
-        return Point(place.name, (float(first), float(second)))
-    if place.axis != mirror.axis:
-        return place
-    return Edge(place.name, place.axis, "max" if place.side == "min" else "min")
-
-
-def conditions_of(part: Part, shape: tuple[int, int]) -> Conditions:
-    """Return what holds the control points (n1, n2) of the part."""
+def conditions_of(case: Case, shape: tuple[int, int]) -> Conditions:
+    """Return what holds the control points (n1, n2) of a shell."""
     fixed = np.zeros((3, *shape), dtype=bool)
     leader = np.broadcast_to(np.arange(shape[0] * shape[1]).reshape(shape), (3, *shape)).copy()
-    rows = [row for support in part.case.supports for row in support_rows(part, support)]
-    for (axis, side), normal in part.planes.items():
-        rows.append(_row(axis, side, (normal,), tuple(c for c in range(3) if c != normal)))
+    rows = [row_of(case, support, place) for support, place in case.supported_places()]
     for row in rows:
         for component in row.held:
             fixed[component][row.index] = True
@@ -192,19 +166,16 @@ def conditions_of(part: Part, shape: tuple[int, int]) -> Conditions:
     return Conditions(fixed, leader)
 
 
-def held_by(part: Part, number: int, images: Sequence[Mirror], shape: tuple[int, int]) -> Mask:
-    """Tell which components (3, n1, n2) a support acts on, on the copy of the part to which mirrors lead.
+def held_by(part: Part, number: int, mirrors: tuple[Mirror, ...], shape: tuple[int, int]) -> Mask:
+    """Tell which components (3, n1, n2) a support of the whole acts on, on the copy of the part to which mirrors lead.
 
     Where two supports share a control point the one that the case names first is said to act.
     """
-    masks = []
-    for support in part.case.supports[: number + 1]:
-        mask = np.zeros((3, *shape), dtype=bool)
-        for row in support_rows(part, support, images):
-            for component in row.held:
-                mask[component][row.index] = True
-            for component in row.tied:
-                mask[component][row.index] = mask[component][row.second] = True
-        masks.append(mask)
-    earlier = np.any(masks[:-1], axis=0) if number else np.zeros_like(masks[0])
-    return np.asarray(masks[-1] & ~earlier)
+    acting = np.zeros((len(part.whole.supports), 3, *shape), dtype=bool)
+    for other, support, place in part.supported(mirrors):
+        row = row_of(part.case, support, place)
+        for component in row.held:
+            acting[other, component][row.index] = True
+        for component in row.tied:
+            acting[other, component][row.index] = acting[other, component][row.second] = True
+    return np.asarray(acting[number] & ~acting[:number].any(axis=0))

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import Edge, Point
-from shellbench.solvers.kratos.symmetry import Part
 from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
 from shellbench.solvers.kratos.thin_supports import node_at
 
@@ -28,15 +28,15 @@ GAUSS_POINTS = 3  # along a side of a cell; exact to degree 5
 
 @dataclass(frozen=True)
 class Loads:
-    """What acts on the nodes of a part.
+    """What acts on the nodes of a shell.
 
     Attributes
     ----------
-    part, mesh
-        What is solved, and its mesh.
+    case, mesh
+        What is solved, the case of a part for one, and its mesh.
     """
 
-    part: Part
+    case: Case
     mesh: QuadMesh
 
     @cached_property
@@ -46,7 +46,7 @@ class Loads:
         places = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
         corners = np.stack([a.ravel() for a in np.indices(self.mesh.cells)], axis=-1)
         points = (self.mesh.lower + (corners[:, None] + places) * self.mesh.steps).reshape(-1, 2)
-        tangents = self.part.case.surface.derivatives(points, order=1)
+        tangents = self.case.surface.derivatives(points, order=1)
         stretch = np.linalg.norm(np.cross(tangents[1, 0], tangents[0, 1]), axis=-1)
         weights = np.outer(w, w).ravel() / 4 * np.prod(self.mesh.steps)
         return points, bilinear(places), stretch.reshape(len(corners), -1) * weights
@@ -66,28 +66,24 @@ class Loads:
 
     def forces(self, t: float) -> Array:
         """Return forces and moments (v, 6) at a load factor, N and N m."""
-        case = self.part.case
+        case = self.case
         total = np.zeros((self.mesh.node_count, 6))
         total[:, :3] = self._shared(load_density(case, self._rule[0], t))
         for load in case.loads:
             for name in load.on if isinstance(load, EdgeLoad | MomentLoad | PointLoad) else ():
                 place = case.places[name]
                 if isinstance(load, PointLoad) and isinstance(place, Point):
-                    found = self.part.place(place.xi)
-                    if found is not None:
-                        force = case.evaluate(load.force, np.asarray(place.xi), t)[0, 0]
-                        total[node_at(found[0], name, self.mesh), :3] += found[1] * force
+                    force = case.evaluate(load.force, np.asarray(place.xi), t)[0, 0]
+                    total[node_at(place, self.mesh), :3] += force
                 elif isinstance(load, EdgeLoad | MomentLoad) and isinstance(place, Edge):
                     columns = slice(0, 3) if isinstance(load, EdgeLoad) else slice(3, 6)
                     total[:, columns] += self._on_edge(place, load, t)
         return total
 
     def _on_edge(self, edge: Edge, load: EdgeLoad | MomentLoad, t: float) -> Array:
-        """Return the shares (v, 3) of nodes in a load on an edge; nothing if the edge is in another copy."""
+        """Return the shares (v, 3) of nodes in a load on an edge."""
         total = np.zeros((self.mesh.node_count, 3))
-        if (edge.axis, edge.side) in self.part.planes:
-            return total
-        case, running = self.part.case, 1 - edge.axis
+        case, running = self.case, 1 - edge.axis
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         local = (x + 1) / 2
         count, step = self.mesh.cells[running], self.mesh.steps[running]

@@ -1,7 +1,8 @@
-"""Supports and planes of symmetry as held displacements and rotations of nodes; rigid motions that nothing holds."""
+"""Supports as held displacements and rotations of nodes; rigid motions that nothing holds."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +14,6 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.places import Edge, Place, Point
-from shellbench.solvers.kratos.symmetry import Part
 from shellbench.solvers.kratos.thin_mesh import QuadMesh
 
 Array = NDArray[np.float64]
@@ -62,61 +62,53 @@ def held_rotations(case: Case, place: Place, support: Support) -> tuple[int, ...
     return None
 
 
+Masks = tuple[NDArray[np.bool_], NDArray[np.bool_]]
+
+
+def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Support, Place]], count: int) -> Masks:
+    """Return the displacements and the rotations (count, v, 3) that numbered supports prescribe at places.
+
+    Raises
+    ------
+    InputError
+        If a point that is held lies on no node.
+    """
+    moved = np.zeros((count, mesh.node_count, 3), dtype=bool)
+    turned = np.zeros_like(moved)
+    for number, support, place in supported:
+        nodes = nodes_of(place, mesh)
+        for component in support.held:
+            moved[number, nodes, "xyz".index(component)] = True
+        for rotation in held_rotations(case, place, support) or ():
+            turned[number, nodes, rotation] = True
+    return moved, turned
+
+
 @dataclass(frozen=True)
 class Supports:
     """What is held.
 
     Attributes
     ----------
-    by_support
-        (supports, v, 3) displacements that a support prescribes.
-    turned
-        (supports, v, 3) rotations that a support prescribes.
     held
-        (v, 6) displacements and rotations that supports or planes of symmetry prescribe.
+        (v, 6) displacements and rotations that supports prescribe, planes of symmetry among them.
     """
 
     case: Case
-    part: Part
     mesh: QuadMesh
-    by_support: NDArray[np.bool_]
-    turned: NDArray[np.bool_]
     held: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, part: Part, mesh: QuadMesh) -> Supports:
-        """Find the held nodes.
-
-        Raises
-        ------
-        InputError
-            If a point that is held lies on no node.
-        """
-        case = part.case
-        by_support = np.zeros((len(case.supports), mesh.node_count, 3), dtype=bool)
-        turned = np.zeros_like(by_support)
-        for support, place in case.supported_places():
-            number, nodes = case.supports.index(support), nodes_of(place, part, mesh)
-            for component in support.held:
-                by_support[number, nodes, "xyz".index(component)] = True
-            for rotation in held_rotations(case, place, support) or ():
-                turned[number, nodes, rotation] = True
-        held = np.concatenate([by_support.any(axis=0), turned.any(axis=0)], axis=1)
-        for (axis, side), normal in part.planes.items():
-            nodes = mesh.edge(axis, side == "max")
-            held[nodes, normal] = True
-            for rotation in across(normal):
-                held[nodes, 3 + rotation] = True
-        return cls(case, part, mesh, by_support, turned, held)
+    def of(cls, case: Case, mesh: QuadMesh) -> Supports:
+        """Find the held nodes; InputError if a point that is held lies on no node."""
+        places = ((n, support, case.places[name]) for n, support in enumerate(case.supports) for name in support.on)
+        masks = held_nodes(case, mesh, places, len(case.supports))
+        return cls(case, mesh, np.concatenate([mask.any(axis=0) for mask in masks], axis=1))
 
     @cached_property
     def free(self) -> Integers:
         """Degrees of freedom 6 v + component that nothing prescribes."""
         return np.flatnonzero(~self.held.ravel())
-
-    def share(self, number: int) -> Array:
-        """Return the share (v, 3) of a support in the forces: those that hold a node together bear it alike."""
-        return np.asarray(self.by_support[number] / np.maximum(self.by_support.sum(axis=0), 1))
 
     def prescribed(self, t: float) -> Array:
         """Return the displacements (v, 3) that supports prescribe at a load factor; zero where none does.
@@ -130,7 +122,7 @@ class Supports:
         for support, place in self.case.supported_places():
             if support.motion is None:
                 continue
-            nodes = nodes_of(place, self.part, self.mesh)
+            nodes = nodes_of(place, self.mesh)
             moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0]
             for component in support.held:
                 result[nodes, "xyz".index(component)] = moved[:, "xyz".index(component)]
@@ -140,7 +132,7 @@ class Supports:
     def _check(self, result: Array, t: float) -> None:
         size = np.ptp(self.case.surface.position(self.mesh.nodes), axis=0).max()
         for support, place in self.case.supported_places():
-            nodes = nodes_of(place, self.part, self.mesh)
+            nodes = nodes_of(place, self.mesh)
             columns = ["xyz".index(c) for c in support.held]
             moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0] if support.motion else 0.0
             gap = np.abs(result[nodes] - moved)[:, columns]
@@ -148,33 +140,29 @@ class Supports:
                 raise InputError(f"{self.case.name}: two supports move a node on '{place.name}' to different places")
 
 
-def nodes_of(place: Place, part: Part, mesh: QuadMesh) -> Integers:
-    """Return the nodes of the part on a place of the shell; none if the place is in another copy of the part.
+def nodes_of(place: Place, mesh: QuadMesh) -> Integers:
+    """Return the nodes of a place.
 
     Raises
     ------
     InputError
         If a point lies on no node.
     """
-    nowhere = np.zeros(0, dtype=np.int64)
     match place:
         case Edge(axis=axis, side=side):
-            return nowhere if (axis, side) in part.planes else mesh.edge(axis, side == "max")
-        case Point(name=name, xi=xi):
-            found = part.place(xi)
-            if found is None:
-                return nowhere
-            return np.array([node_at(found[0], name, mesh)])
+            return mesh.edge(axis, side == "max")
+        case Point():
+            return np.array([node_at(place, mesh)])
         case _:
-            return nowhere
+            return np.zeros(0, dtype=np.int64)
 
 
-def node_at(xi: tuple[float, float], name: str, mesh: QuadMesh) -> int:
-    """Return the node at a point of the part; InputError if there is none."""
-    node = mesh.node_at(xi)
+def node_at(point: Point, mesh: QuadMesh) -> int:
+    """Return the node at a point; InputError if there is none."""
+    node = mesh.node_at(point.xi)
     if node is None:
         n1, n2 = mesh.cells
-        raise InputError(f"field 'cells': '{name}' lies on no node of {n1} x {n2} cells; choose other cells")
+        raise InputError(f"field 'cells': '{point.name}' lies on no node of {n1} x {n2} cells; choose other cells")
     return node
 
 
@@ -196,7 +184,7 @@ class Loose:
     @classmethod
     def of(cls, supports: Supports, positions: Array) -> Loose:
         """Choose pins among the free displacements of nodes at positions (v, 3)."""
-        names = [name for name in supports.case.remove_rigid_motions if not supports.part.holds(name)]
+        names = supports.case.remove_rigid_motions
         chosen = [RIGID_MOTIONS.index(name) for name in names]
         centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
         size = np.ptp(positions, axis=0).max()

@@ -6,9 +6,9 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 from derivations.elastica import Cantilever, extensible
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.errors import InputError, SolveFailure
+from shellbench.problems.shell.symmetry import part_of
 from shellbench.solvers.kratos import iga_declines, iga_solving
 from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
-from shellbench.solvers.kratos.symmetry import part_of
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, STEEL, known, plate, ring, strip
 
 SOLVER = KratosIgaSolver()
