@@ -7,7 +7,7 @@ from shellbench.problems.shell.conditions import MomentLoad, PointLoad
 from shellbench.problems.shell.places import Edge, Point, Whole
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
 from shellbench.problems.shell.symmetry import Part, part_of
-from shellbench.solvers.kratos.iga_supports import corner_of, tied_by
+from shellbench.solvers.kratos.iga_conditions import corner_of, tied_by
 
 
 def reason(case: Case, part: Part | None = None) -> str | None:

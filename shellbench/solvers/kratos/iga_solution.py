@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
-from shellbench.solvers.kratos.iga_loads import control_forces
+from shellbench.solvers.kratos.iga_conditions import control_forces, held_by
 from shellbench.solvers.kratos.iga_mechanics import Integrals, densities, integrals, strains
-from shellbench.solvers.kratos.iga_supports import held_by
 from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 from shellbench.problems.shell.symmetry import Part
-from shellbench.solvers.kratos.thin_supports import SAMPLES, held_rotations
+from shellbench.solvers.kratos.thin_conditions import SAMPLES, held_rotations
 
 ALONG = 1e-9  # sine of an angle that is rounding
 

@@ -15,11 +15,11 @@ from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.solvers.kratos.thin_conditions import held_nodes
 from shellbench.solvers.kratos.thin_deformation import Deformation, Gauge
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements
 from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
 from shellbench.solvers.kratos.thin_static import Problem
-from shellbench.solvers.kratos.thin_supports import held_nodes
 
 Array = NDArray[np.float64]
 
