@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -11,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import SolveFailure
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
-from shellbench.problems.shell.history import displacements, with_answer_first
+from shellbench.problems.shell.history import Log, displacements, with_answer_first
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.engine import failing_with_kratos
@@ -200,12 +199,10 @@ class _Course:
 
     part: Part
     settings: KratosIgaSettings
-    progress: ProgressCallback
+    log: Log
     midsurface: Midsurface
-    began: float
     unknowns: int = 0
     kept: list[State] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
 
     def solution(self, states: list[State]) -> IgaSolution:
@@ -217,25 +214,19 @@ class _Course:
             tuple(state.mark for state in states),
             tuple(state.factor for state in states),
             self.unknowns,
-            history=tuple(self.history),
+            history=tuple(self.log.steps),
             diagnostics=dict(self.figures),
         )
 
     def add(self, state: State) -> None:
         """Note a state, and keep it if the case asks for it."""
-        case = self.part.whole
         if state.kept:
             self.kept.append(state)
         self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
         if state.rounding is not None:
             self.figures["rounding"] = max(self.figures.get("rounding", 0.0), state.rounding)
-        seconds = time.perf_counter() - self.began
-        step = Step(len(self.history), seconds, state.energy, self.unknowns, state.factor, iterations=state.iterations)
-        if not case.linear:
-            quantities = displacements(self.solution([state]), state.mark)
-            step = replace(step, phase="path", quantities=quantities)
-            self.progress(Progress(len(self.history), None, f"load factor {state.factor:.4g}"))
-        self.history.append(step)
+        numbers = state.factor, state.energy, self.unknowns, state.iterations
+        self.log.add_state(*numbers, lambda: displacements(self.solution([state]), state.mark))
 
     def partial(self) -> IgaSolution | None:
         """Return what was reached, or None before the first state that is kept."""
@@ -244,11 +235,11 @@ class _Course:
 
 def solve(case: Case, settings: KratosIgaSettings, progress: ProgressCallback) -> IgaSolution:
     """Solve a case; see `shellbench.solvers.kratos.iga_solver.KratosIgaSolver`."""
-    began = time.perf_counter()
+    log = Log(case, progress)
     part = part_of(case) if settings.symmetry else whole_of(case)
     lines, angles = knot_lines(part, settings), case.surface.domain.angle
     midsurface = midsurface_of(case.surface, lines, settings.degree, angles)
-    course = _Course(part, settings, progress, midsurface, began=began)
+    course = _Course(part, settings, log, midsurface)
     # what overflows does not balance, and is refused for that
     with failing_with_kratos(course.partial, "the patch"), np.errstate(all="ignore"):
         return _solve(course)
@@ -288,4 +279,4 @@ def _solve(course: _Course) -> IgaSolution:
     model = IgaModel.of(surface, conditions, case.material, case.linear)
     for state in states(model, part, course.settings.load_steps, course.settings.rounding):
         course.add(state)
-    return with_answer_first(course.solution(course.kept), course.began)
+    return with_answer_first(course.solution(course.kept), course.log.began)

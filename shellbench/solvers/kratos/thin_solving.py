@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from shellbench.errors import InputError
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import displacements, with_answer_first
+from shellbench.problems.shell.history import Log, displacements, with_answer_first
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.engine import failing_with_kratos
 from shellbench.solvers.kratos.thin_deformation import Gauge
@@ -56,10 +55,8 @@ class _Course:
     """What is known of a solve so far."""
 
     problem: Problem
-    progress: ProgressCallback
-    began: float = field(default_factory=time.perf_counter)
+    log: Log
     states: list[State] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
 
     @cached_property
     def gauge(self) -> Gauge:
@@ -80,36 +77,28 @@ class _Course:
             figures["stability_checked"] = False  # Newton's method may jump over a limit point to another state
         marks = np.array([state.at for state in self.states])
         frames = np.stack([state.values for state in self.states], axis=-1)
-        return ThinSolution(problem, marks, frames, len(problem.free), history=tuple(self.history), diagnostics=figures)
+        return ThinSolution(
+            problem, marks, frames, len(problem.free), history=tuple(self.log.steps), diagnostics=figures
+        )
 
     def partial(self) -> ThinSolution | None:
         """Return what was reached, or None before the first state."""
-        return self.solution() if self.history else None
+        return self.solution() if self.states else None
 
     def add(self, state: State) -> None:
         """Keep a state, with the displacements that are asked for."""
         self.states.append(state)
-        solution, case = self.solution(), self.problem.part.whole
-        copies = self.problem.part.copies
-        strain = state.inner_work / 2 if case.linear else copies * sum(self.gauge.energies(state.values))
-        step = Step(
-            iteration=len(self.history),
-            seconds=time.perf_counter() - self.began,
-            energy=strain - state.work,
-            unknowns=len(self.problem.free),
-            at=state.at,
-            iterations=state.iterations,
-        )
-        if not case.linear:
-            step = replace(step, phase="path", quantities=displacements(solution, state.at))
-        self.history.append(step)
-        self.progress(Progress(len(self.history), len(case.states), f"load factor {state.at:.4g}"))
+        part = self.problem.part
+        strain = state.inner_work / 2 if part.whole.linear else part.copies * sum(self.gauge.energies(state.values))
+        numbers = state.at, strain - state.work, len(self.problem.free), state.iterations
+        self.log.add_state(*numbers, lambda: displacements(self.solution(), state.at))
 
 
 def solve(case: Case, settings: KratosThinSettings, progress: ProgressCallback) -> ThinSolution:
     """Solve a case; see `shellbench.solvers.kratos.thin_solver.KratosThinSolver`."""
+    log = Log(case, progress)
     part = part_of(case) if settings.symmetry else whole_of(case)
-    course = _Course(problem_of(part, settings), progress)
+    course = _Course(problem_of(part, settings), log)
     limited = ThreadpoolController().select(internal_api="openblas").limit(limits=1)  # the matrices are small
     with limited, failing_with_kratos(course.partial, "the mesh"):
         return _solve(course, settings)
@@ -136,4 +125,4 @@ def _solve(course: _Course, settings: KratosThinSettings) -> ThinSolution:
             course.add(state)
     else:
         follow_path(course.problem, case.states, settings.steps, settings.tolerance, course.add)
-    return with_answer_first(course.solution(), course.began)
+    return with_answer_first(course.solution(), course.log.began)
