@@ -1,4 +1,4 @@
-"""Planes of symmetry of a case, and the part of its shell that remains to be solved.
+"""Symmetry of a case: its planes, the part of its shell that they leave to be solved, and its axis of revolution.
 
 A reflection of one coordinate, xi_k -> 2 a - xi_k, is a symmetry where it carries the surface, the loads and the
 supports into their mirror images in a Cartesian plane with unit normal e,
@@ -43,6 +43,7 @@ from shellbench.problems.shell.surface import COORDINATES, Domain, SurfaceModel
 Array = NDArray[np.float64]
 
 SAME = 1e-9  # of the domain's side: points that are no further apart are one
+REVOLVED = 9  # points a side at which a surface of revolution is known
 GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences in no rhythm
 SAMPLES = 1009  # points of the shell; loads may act on a small part of it
 EDGE_SAMPLES = 61
@@ -539,3 +540,36 @@ def _mirrors_of_a_turn(case: Case, axis: int, sight: Sight) -> list[Mirror]:
             return [first, second]
         single = single or [first]
     return single
+
+
+def axis_of_revolution(case: Case) -> Array | None:
+    """Return the axis e (3,) about which every turn along xi1 leaves a case as it is: x,1 = e cross x + d.
+
+    None if the surface has none, if there are loads or springs, or if supports are not whole edges that turn about it.
+    """
+    domain = case.surface.domain
+    points = domain.grid(REVOLVED, REVOLVED)
+    x = case.surface.derivatives(points.reshape(-1, 2), order=1)
+    axis = None if case.loads or case.springs else _axis(x[0, 0], x[1, 0])
+    if axis is None:
+        return None
+    for support, place in case.supported_places():
+        if not isinstance(place, Edge) or len(support.held) < len(COMPONENTS):
+            return None
+        for t in (0.5, 1.0):
+            moved = case.motion(support, place, points, t, order=1)
+            gap = np.abs(moved[1, 0] - np.cross(axis, moved[0, 0])).max()
+            if gap > ROUNDING * (1 + np.abs(moved[0, 0]).max()):
+                return None
+    return axis
+
+
+def _axis(position: Array, tangent: Array) -> Array | None:
+    """Return e of x,1 = e cross x + d, from positions and tangents (n, 3); None if there is none."""
+    crossed = np.stack([np.cross(unit, position) for unit in np.eye(3)], axis=-1)
+    shifted = np.broadcast_to(np.eye(3), crossed.shape)
+    matrix = np.concatenate([crossed, shifted], axis=-1).reshape(-1, 6)
+    found, *_ = np.linalg.lstsq(matrix, tangent.ravel(), rcond=None)
+    if np.abs(matrix @ found - tangent.ravel()).max() > ROUNDING * np.abs(tangent).max():
+        return None
+    return np.asarray(found[:3])
