@@ -6,16 +6,53 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure, measure_all
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.solution import ShellSolution
 
 S = TypeVar("S", bound=ShellSolution)
+
+
+@dataclass
+class Log:
+    """The history of a solve so far, and what is told of it while it runs.
+
+    Attributes
+    ----------
+    case, progress
+        What is solved, and who is told.
+    began
+        Time of `time.perf_counter` when the solve began.
+    steps
+        One a state.
+    """
+
+    case: Case
+    progress: ProgressCallback
+    began: float = field(default_factory=time.perf_counter)
+    steps: list[Step] = field(default_factory=list)
+
+    def add_state(
+        self, at: float, energy: float, unknowns: int, iterations: int, quantities: Callable[[], Mapping[str, float]]
+    ) -> None:
+        """Add a state of equilibrium at a load factor; one of a path with the quantities that are asked for there."""
+        step = Step(len(self.steps), time.perf_counter() - self.began, energy, unknowns, at, iterations=iterations)
+        if not self.case.linear:
+            step = replace(step, phase="path", quantities=quantities())
+        self.steps.append(step)
+        self.progress(Progress(len(self.steps), None, f"load factor {at:.4g}"))
+
+    def add_frame(self, at: float, energy: float, unknowns: int, iterations: int | None, count: int) -> None:
+        """Add a frame of a motion at a time, one of so many."""
+        seconds = time.perf_counter() - self.began
+        self.steps.append(Step(len(self.steps), seconds, energy, unknowns, at, phase="time", iterations=iterations))
+        self.progress(Progress(len(self.steps), count, f"{at:.4g} s"))
 
 
 def displacements(solution: ShellSolution, at: float) -> Mapping[str, float]:

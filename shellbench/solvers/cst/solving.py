@@ -11,9 +11,8 @@ first order, and takes energy out of what oscillates within a few steps.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import displacements, failing_with, with_answer_first
+from shellbench.problems.shell.history import Log, displacements, failing_with, with_answer_first
 from shellbench.problems.shell.places import Point
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
 from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
@@ -60,65 +59,57 @@ class _Course:
 
     problem: TriangleProblem
     settings: CstSettings
-    progress: ProgressCallback
-    began: float = field(default_factory=time.perf_counter)
+    log: Log
     marks: list[float] = field(default_factory=list)
     frames: list[Any] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of degrees of freedom that are solved for."""
+        return len(self.problem.pattern.free)
 
     def solution(self) -> CstSolution:
         """Return what was reached."""
         mesh = self.problem.mesh
         figures = {"cells": list(mesh.cells), "diagonal": mesh.diagonal, **self.figures}
         frames = np.stack(self.frames, axis=-1)
-        unknowns = len(self.problem.pattern.free)
         return CstSolution(
             self.problem.case,
             mesh,
             np.array(self.marks),
             frames,
-            unknowns,
-            history=tuple(self.history),
+            self.unknowns,
+            history=tuple(self.log.steps),
             diagnostics=figures,
         )
 
     def partial(self) -> CstSolution | None:
         """Return what was reached, or None before the first state."""
-        return self.solution() if self.history else None
+        return self.solution() if self.log.steps else None
 
     def add_state(self, state: TriangleState) -> None:
         """Keep a state of a static case, with the displacements that are asked for."""
         self.marks.append(state.at)
         self.frames.append(state.displacement)
         self.figures["residual"] = max(self.figures.get("residual", 0.0), state.residual)
-        step = self._step(state.at, state.energy, state.iterations)
-        if self.problem.case.linear:
-            self.history.append(step)
-            return
-        quantities = displacements(self.solution(), state.at)
-        self.history.append(replace(step, phase="path", quantities=quantities))
-        self.progress(Progress(len(self.history), len(self.problem.case.states), f"load factor {state.at:.4g}"))
+        numbers = state.at, state.energy, self.unknowns, state.iterations
+        self.log.add_state(*numbers, lambda: displacements(self.solution(), state.at))
 
     def add_frame(self, frame: Frame, steps: int) -> None:
         """Keep a frame of a motion."""
         self.marks.append(frame.at)
         self.frames.append(frame.displacement)
-        self.history.append(replace(self._step(frame.at, frame.energy, frame.iterations), phase="time"))
-        self.progress(Progress(len(self.history), steps, f"{frame.at:.4g} s"))
-
-    def _step(self, at: float, energy: float, iterations: int) -> Step:
-        seconds = time.perf_counter() - self.began
-        unknowns = len(self.problem.pattern.free)
-        return Step(len(self.history), seconds, energy, unknowns, at, iterations=iterations)
+        self.log.add_frame(frame.at, frame.energy, self.unknowns, frame.iterations, steps)
 
 
 def solve(case: Case, chosen: CstSettings, progress: ProgressCallback) -> CstSolution:
     """Solve a case; see `shellbench.solvers.cst.solver.CstSolver`."""
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):  # the matrices are small
         course: _Course | None = None
+        log = Log(case, progress)
         with failing_with(lambda: course.partial() if course else None, "the mesh"):
-            course = _Course(TriangleProblem.from_case(case, mesh_of(case, chosen)), chosen, progress)
+            course = _Course(TriangleProblem.from_case(case, mesh_of(case, chosen)), chosen, log)
             return _solve(course)
 
 
@@ -150,7 +141,7 @@ def _solve(course: _Course) -> CstSolution:
             course.add_state(state)
     else:
         follow_path(problem, case.states, settings.tolerance, course.add_state)
-    return with_answer_first(course.solution(), course.began)
+    return with_answer_first(course.solution(), course.log.began)
 
 
 Array = NDArray[np.float64]

@@ -15,15 +15,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.symmetry import axis_of_revolution
 from shellbench.solvers.fem.assembly import COMPONENTS
 from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 
-SAMPLES = 9  # points a side at which a surface of revolution is known
-ROUNDING = 1e-9  # relative
+UNIFORM = 1e-9  # relative difference of the mesh's steps that is rounding
 STILL = 1e-6  # largest change of a state by a turn, relative to its displacements, by which it is symmetric
 
 
@@ -45,21 +44,10 @@ class Revolution:
     @classmethod
     def of(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
         """Return what is symmetric about a case; None if its waves could not travel."""
-        domain = case.surface.domain
         steps = np.diff(mesh.lines[0])
-        if not domain.periodic[0] or np.ptp(steps) > ROUNDING * steps.max() or case.loads or case.springs:
+        axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None
+        if axis is None or np.ptp(steps) > UNIFORM * steps.max():
             return None
-        x = case.surface.derivatives(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2), order=1)
-        axis = _axis(x[0, 0], x[1, 0])
-        if axis is None:
-            return None
-        for support, place in case.supported_places():
-            if not isinstance(place, Edge) or len(support.held) < COMPONENTS:
-                return None
-            motions = [case.motion(support, place, domain.grid(SAMPLES, SAMPLES), t, order=1) for t in (0.5, 1.0)]
-            for moved in motions:
-                if np.abs(moved[1, 0] - np.cross(axis, moved[0, 0])).max() > ROUNDING * (1 + np.abs(moved[0, 0]).max()):
-                    return None
         return cls(mesh, Rotation.from_rotvec(steps[0] * axis).as_matrix())
 
     def direction(self, q: Array) -> Array | None:
@@ -69,14 +57,3 @@ class Revolution:
         back = np.einsum("dc,ijdk->ijck", self.turn, np.roll(fields, -1, axis=0))
         change = (on - back).reshape(q.shape)
         return change if np.abs(change).max() > STILL * np.abs(q).max() else None
-
-
-def _axis(position: Array, tangent: Array) -> Array | None:
-    """Return e of x,1 = e cross x + d, from positions and tangents (n, 3); None if there is none."""
-    crossed = np.stack([np.cross(unit, position) for unit in np.eye(COMPONENTS)], axis=-1)
-    shifted = np.broadcast_to(np.eye(COMPONENTS), crossed.shape)
-    matrix = np.concatenate([crossed, shifted], axis=-1).reshape(-1, 2 * COMPONENTS)
-    found, *_ = np.linalg.lstsq(matrix, tangent.ravel(), rcond=None)
-    if np.abs(matrix @ found - tangent.ravel()).max() > ROUNDING * np.abs(tangent).max():
-        return None
-    return np.asarray(found[:COMPONENTS])

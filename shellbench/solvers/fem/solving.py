@@ -23,7 +23,7 @@ from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings
-from shellbench.solvers.fem.symmetry import Part
+from shellbench.solvers.fem.symmetry import FoldedMesh
 from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
@@ -106,10 +106,10 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = graded_mesh(of, cells, settings.grading)
             how = of.states, settings.quadrature_order, settings.direct_solver
-            part = Part.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
-            if part is None:
+            folded = FoldedMesh.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
+            if folded is None:
                 return equilibrium.solve(of, mesh, *how)
-            return part.unfolded(equilibrium.solve(part.case, part.mesh, *how))
+            return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
 
         return solve
 

@@ -1,10 +1,11 @@
-"""Mirror symmetry of a linear case: solve on the part that the rest of the shell mirrors, and unfold the answer.
+"""A symmetric linear case on the part of its mesh that mirrors make the whole of, and the answer unfolded from there.
 
-A linear problem has one solution, but for the rigid motions that are taken from it, so that the solution of a
-symmetric case (see `reflections`) is its own mirror image, u(xi') = R u(xi). The lines of symmetry of the part are
-edges in planes of symmetry (see `constraints`); the part of the mesh has the solution of the whole mesh, and the answer
-is unfolded onto it. A whole mesh that may turn freely is pinned at a few nodes, and differs from the part by as much as
-the element misses a rigid rotation, which vanishes with the mesh size long before its errors do.
+Which reflections a case has, and what the part is as a case of its own, is a matter of the question (see
+`shellbench.problems.shell.symmetry`). Here is what the mesh adds: its lines have to be symmetric too, and the case is
+looked at wherever the whole mesh would look at it, at every Gauss point and the nodes of edges, to rounding. What the
+whole mesh would integrate is symmetric, then, and the part of the mesh has the solution of the whole mesh. A whole mesh
+that may turn freely is pinned at a few nodes, and differs from the part by as much as the element misses a rigid
+rotation, which vanishes with the mesh size long before its errors do.
 """
 
 from __future__ import annotations
@@ -20,17 +21,19 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, MomentLoad
 from shellbench.problems.shell.surface import Domain
+from shellbench.problems.shell.symmetry import Ends, Mirror, Part, Sight, mirror_of, mirrored_supports
+from shellbench.solvers.fem import clamping
 from shellbench.solvers.fem.constraints import support_nodes
 from shellbench.solvers.fem.equilibrium import Equilibrium
 from shellbench.solvers.fem.hermite import KINDS
+from shellbench.solvers.fem.loads import EDGE_GAUSS_POINTS
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.part import part_case
-from shellbench.solvers.fem.reflections import SYMMETRIC, Mirror, Observed
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 HALF, QUARTER = 2, 4  # images of the part along a coordinate; quarters of a closed one only
+SYMMETRIC = 1e-13  # relative difference to the mirror image that is rounding; symmetric cases have 1e-15 to 3e-15
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Fold:
 
     start: int
     cells: int
-    mirrors: tuple[Mirror | None, Mirror | None] = (None, None)
+    mirrors: Ends = (None, None)
 
     @property
     def folded(self) -> bool:
@@ -85,70 +88,76 @@ class Fold:
         turns = np.round((part.mean() - (domain.lower[axis] + domain.upper[axis]) / 2) / domain.size[axis])
         return np.asarray(part - turns * domain.size[axis] if domain.periodic[axis] else part)
 
-    def images(self, nodes: int, supports: int) -> tuple[Image, ...]:
-        """Return the part and its mirror images in order, on a mesh with so many nodes along the coordinate."""
+    def images(self, nodes: int, case: Case) -> tuple[Image, ...]:
+        """Return the part and its mirror images in order, on a mesh of the case with so many nodes along here."""
         run = np.arange(self.cells + 1) if self.folded else np.arange(nodes)
-        found = [Image((self.start + run) % nodes, np.ones(len(COMPONENTS)), 1, tuple(range(supports)))]
+        own = tuple(range(len(case.supports)))
+        found = [Image((self.start + run) % nodes, np.ones(len(COMPONENTS)), 1, own)]
         first, last = self.mirrors
         around = (last, first, last) if first is not None and first is not last else (last,)
         for number, mirror in enumerate(around, start=1):
             if mirror is not None:
                 before = found[-1]
                 at = (number + 1) * self.cells - run if number % 2 else number * self.cells + run
-                swapped = tuple(mirror.supports[s] for s in before.supports)
+                swap = mirrored_supports(case, mirror)
+                assert swap is not None  # it would be no mirror of the mesh
+                swapped = tuple(swap[s] for s in before.supports)
                 found.append(Image((self.start + at) % nodes, before.signs * mirror.signs, -before.parity, swapped))
         return tuple(found)
 
 
 @dataclass(frozen=True)
-class Part:
-    """The part of a case and its mesh that the rest mirrors.
+class FoldedMesh:
+    """A case and its mesh, folded onto the part that the rest mirrors.
 
     Attributes
     ----------
-    whole, whole_mesh
-        What it is a part of.
+    part
+        The part of the case.
+    whole_mesh, mesh
+        The mesh of the whole, and its part.
     folds
         By coordinate.
-    case, mesh
-        The part: a case of its own, with planes of symmetry after its supports.
     """
 
-    whole: Case
+    part: Part
     whole_mesh: TensorMesh
-    folds: tuple[Fold, Fold]
-    case: Case
     mesh: TensorMesh
+    folds: tuple[Fold, Fold]
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> Part | None:
+    def of(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
         """Find the symmetries of a case on a mesh; None if there is none, or what loads it is not looked at."""
         if not case.linear or case.springs or any(isinstance(load, MomentLoad) for load in case.loads):
             return None
-        observed = Observed(case, mesh, quadrature_order)
-        folds = _fold(observed, 0), _fold(observed, 1)
+        observed = _Observed(case, mesh, quadrature_order)
+        folds = observed.fold(0), observed.fold(1)
         if not (folds[0].folded or folds[1].folded):
             return None
         first, second = (fold.lines(mesh.lines[axis], mesh.domain, axis) for axis, fold in enumerate(folds))
-        part = part_case(case, (folds[0].mirrors, folds[1].mirrors), (first, second))
-        return cls(case, mesh, folds, part, TensorMesh(part.surface.domain, (first, second)))
+        bounds = [
+            (float(line[0]), float(line[-1])) if fold.folded else (mesh.domain.lower[axis], mesh.domain.upper[axis])
+            for axis, (fold, line) in enumerate(zip(folds, (first, second), strict=True))
+        ]
+        (low1, high1), (low2, high2) = bounds
+        part = Part(case, (low1, low2), (high1, high2), (folds[0].mirrors, folds[1].mirrors))
+        return cls(part, mesh, TensorMesh(part.case.surface.domain, (first, second)), folds)
 
     @cached_property
     def images(self) -> tuple[tuple[Image, ...], tuple[Image, ...]]:
         """The images of the part along each coordinate."""
-        counts, supports = self.whole_mesh.shape, len(self.whole.supports)
-        return self.folds[0].images(counts[0], supports), self.folds[1].images(counts[1], supports)
+        counts, case = self.whole_mesh.shape, self.part.whole
+        return self.folds[0].images(counts[0], case), self.folds[1].images(counts[1], case)
 
     @property
     def supports(self) -> list[int]:
         """Numbers, in the whole, of the part's supports that are no planes of symmetry."""
-        planes = sum(mirror is not None for fold in self.folds for mirror in fold.mirrors)
-        names = [support.name for support in self.whole.supports]
-        return [names.index(support.name) for support in self.case.supports[: len(self.case.supports) - planes]]
+        names, own = [support.name for support in self.part.whole.supports], self.part.case.supports
+        return [names.index(support.name) for support in own[: len(own) - len(self.part.planes)]]
 
     def unfolded(self, found: Equilibrium) -> Equilibrium:
         """Return the answer on the whole mesh, of that on the part."""
-        solution, case, mesh = found.solution, self.whole, self.whole_mesh
+        solution, case, mesh = found.solution, self.part.whole, self.whole_mesh
         tail, numbers = solution.coefficients.shape[1:], self.supports
         forces = np.zeros((len(numbers), self.mesh.node_count, *tail))
         forces[:, solution.support_nodes] = solution.support_forces[: len(numbers)]
@@ -181,35 +190,69 @@ class Part:
         return replace(found, solution=answer, potential_energy=found.potential_energy * images[0] * images[1])
 
 
-def _fold(observed: Observed, axis: int) -> Fold:
-    """Return how the mesh is mirrored along a coordinate."""
-    mesh, domain = observed.mesh, observed.domain
-    cells, slack = mesh.cells[axis], SYMMETRIC * domain.size[axis]
-    for fold in _closed_folds(observed, axis) if domain.periodic[axis] else _open_folds(observed, axis):
-        observed.keep(axis, fold.start, fold.cells)
-        lines = fold.lines(mesh.lines[axis], domain, axis)
-        # formulas of a closed surface and its loads may hold inside the domain only
-        if lines[0] >= domain.lower[axis] - slack and lines[-1] <= domain.upper[axis] + slack:
-            return fold
-    return Fold(0, cells)
+class _Observed:
+    """A case as the whole mesh sees it: at its Gauss points, and at the nodes and Gauss points of its edges."""
+
+    def __init__(self, case: Case, mesh: TensorMesh, quadrature_order: int) -> None:
+        self.case, self.mesh, self.domain = case, mesh, mesh.domain
+        self.gauss = quadrature_order // 2 + 1  # points of a cell along a coordinate
+        self.runs = [_gauss_points(line, self.gauss) for line in mesh.lines]
+        edges = [
+            np.concatenate([line, _gauss_points(line, EDGE_GAUSS_POINTS), _gauss_points(line, clamping.GAUSS_POINTS)])
+            for line in mesh.lines
+        ]
+        self.along = edges[0], edges[1]
+
+    def fold(self, axis: int) -> Fold:
+        """Return how the mesh is mirrored along a coordinate; along the other one it need not look twice, then."""
+        mesh, domain = self.mesh, self.domain
+        cells, slack = mesh.cells[axis], SYMMETRIC * domain.size[axis]
+        for fold in self._closed_folds(axis) if domain.periodic[axis] else self._open_folds(axis):
+            self.runs[axis] = self._points(axis, fold.start, fold.cells)
+            lines = fold.lines(mesh.lines[axis], domain, axis)
+            # formulas of a closed surface and its loads may hold inside the domain only
+            if lines[0] >= domain.lower[axis] - slack and lines[-1] <= domain.upper[axis] + slack:
+                return fold
+        return Fold(0, cells)
+
+    def _open_folds(self, axis: int) -> Iterator[Fold]:
+        """Yield the half that a mirror in the middle makes."""
+        half, odd = divmod(self.mesh.cells[axis], HALF)
+        mirror = None if odd else self._mirror(axis, half, half)
+        if mirror is not None:
+            yield Fold(0, half, (None, mirror))
+
+    def _closed_folds(self, axis: int) -> Iterator[Fold]:
+        """Yield the parts that mirrors about the first mesh line and a quarter of the turn from it make."""
+        cells = self.mesh.cells[axis]
+        half, quarter = cells // HALF, cells // QUARTER
+        first = None if cells % HALF else self._mirror(axis, 0, half)
+        second = None if cells % QUARTER else self._mirror(axis, quarter, quarter if first else half)
+        mirrors = [mirror for mirror in (first, second) if mirror is not None]
+        size, start = cells // (HALF * max(len(mirrors), 1)), 0 if first else quarter
+        for number in range(HALF * len(mirrors)):
+            ends = mirrors[number % len(mirrors)], mirrors[(number + 1) % len(mirrors)]
+            yield Fold((start + number * size) % cells, size, ends)
+
+    def _mirror(self, axis: int, line: int, cells: int) -> Mirror | None:
+        """Return the reflection about a mesh line if it is a symmetry; so many cells on either side are compared."""
+        steps, size = np.diff(self.mesh.lines[axis]), self.domain.size[axis]
+        opposite = (2 * line - 1 - np.arange(len(steps))) % len(steps)
+        if np.abs(steps - steps[opposite]).max() > SYMMETRIC * size:
+            return None
+        runs = [self._points(axis, line, cells), self.runs[1 - axis]]
+        first, second = runs if axis == 0 else runs[::-1]
+        points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+        sight = Sight(points, self.along, order=2, rounding=SYMMETRIC)
+        mirror = mirror_of(self.case, axis, float(self.mesh.lines[axis][line]), sight)
+        return mirror if mirror is not None and mirrored_supports(self.case, mirror) is not None else None
+
+    def _points(self, axis: int, start: int, cells: int) -> Array:
+        """Return the Gauss points of so many cells from one on, beyond the seam too."""
+        every = _gauss_points(self.mesh.lines[axis], self.gauss)
+        return every[(start * self.gauss + np.arange(cells * self.gauss)) % len(every)]
 
 
-def _open_folds(observed: Observed, axis: int) -> Iterator[Fold]:
-    """Yield the half that a mirror in the middle makes."""
-    half, odd = divmod(observed.mesh.cells[axis], HALF)
-    mirror = None if odd else observed.mirror(axis, half, half)
-    if mirror is not None:
-        yield Fold(0, half, (None, mirror))
-
-
-def _closed_folds(observed: Observed, axis: int) -> Iterator[Fold]:
-    """Yield the parts that mirrors about the first mesh line and a quarter of the turn from it make."""
-    cells = observed.mesh.cells[axis]
-    half, quarter = cells // HALF, cells // QUARTER
-    first = None if cells % HALF else observed.mirror(axis, 0, half)
-    second = None if cells % QUARTER else observed.mirror(axis, quarter, quarter if first else half)
-    mirrors = [mirror for mirror in (first, second) if mirror is not None]
-    size, start = cells // (HALF * max(len(mirrors), 1)), 0 if first else quarter
-    for number in range(HALF * len(mirrors)):
-        ends = mirrors[number % len(mirrors)], mirrors[(number + 1) % len(mirrors)]
-        yield Fold((start + number * size) % cells, size, ends)
+def _gauss_points(line: Array, count: int) -> Array:
+    x, _ = np.polynomial.legendre.leggauss(count)
+    return np.asarray((line[:-1, None] + np.diff(line)[:, None] * (x + 1) / 2).ravel())

@@ -6,8 +6,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, PointLoad
 from shellbench.problems.shell.places import Edge, Point, Whole
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
-from shellbench.solvers.kratos.iga_supports import corner_end, tied_by
-from shellbench.solvers.kratos.symmetry import Part, part_of
+from shellbench.problems.shell.symmetry import Part, part_of
+from shellbench.solvers.kratos.iga_conditions import corner_of, tied_by
 
 
 def reason(case: Case, part: Part | None = None) -> str | None:
@@ -23,32 +23,28 @@ def reason(case: Case, part: Part | None = None) -> str | None:
     if case.material.bending_factor != 1.0:
         return "its bending stiffness is scaled, and Kratos' element derives it from the thickness"
     part = part or part_of(case)
-    return _reason_of_the_part(part) or (None if case.linear else _reason_on_a_path(part))
+    return _reason_of_the_part(part.case) or (None if case.linear else _reason_on_a_path(part))
 
 
-def _reason_of_the_part(part: Part) -> str | None:
-    case = part.case
+def _reason_of_the_part(case: Case) -> str | None:
     for axis, closed in enumerate(case.surface.domain.periodic):
-        if closed and (axis, "min") not in part.planes:
+        if closed:
             return f"it is closed in xi{axis + 1}, and no plane of symmetry cuts it open"
-    for name in case.remove_rigid_motions:
-        if not part.holds(name):
-            return f"it removes the rigid motion {name}, which no plane of symmetry holds"
+    if case.remove_rigid_motions:
+        return f"it removes the rigid motion {case.remove_rigid_motions[0]}, which no plane of symmetry holds"
     for support, place in case.supported_places():
         if isinstance(place, Edge) and tied_by(case, support, place) is None:
             return (
                 f"support '{support.name}' holds the slope on {place.name}, which is not in a Cartesian plane, or"
                 " oblique to the coordinate lines"
             )
-        if isinstance(place, Point):
-            found = part.place(place.xi)
-            if found and None in (corner_end(part, found[0], 0), corner_end(part, found[0], 1)):
-                return f"support '{support.name}' holds {place.name}, which is no corner of the part that is solved"
+        if isinstance(place, Point) and corner_of(case, place.xi) is None:
+            return f"support '{support.name}' holds {place.name}, which is no corner of the part that is solved"
     return None
 
 
 def _reason_on_a_path(part: Part) -> str | None:
-    case = part.case
+    case = part.whole
     if case.path.control == "arc_length":
         return "it follows a path by arc length, which Kratos' strategy for it does not with tied control points"
     if case.path.after_buckling == "follow" or any(isinstance(q, CriticalPoint) for q in case.quantities):
@@ -68,20 +64,17 @@ def controlled(part: Part) -> tuple[int, tuple[int, int], float] | None:
     tuple or None
         Component, control point, and the sign with which the component enters the path's quantity.
     """
-    case = part.case
+    case = part.whole
     quantity = next((q for q in case.quantities if q.name == case.path.quantity), None)
     if not isinstance(quantity, DisplacementQuantity) or len(case.loads) != 1:
         return None
     load = case.loads[0]
     if not isinstance(load, PointLoad) or len(load.on) != 1 or quantity.points != load.on:
         return None
-    place = case.places[load.on[0]]
-    found = part.place(place.xi) if isinstance(place, Point) else None
-    ends = [corner_end(part, found[0], axis) for axis in (0, 1)] if found else [None]
+    place = part.seen(case.places[load.on[0]])
+    corner = corner_of(part.case, place.xi) if isinstance(place, Point) else None
     components = [c for c in range(3) if quantity.directions[0][c] != 0]
     acting = [c for c in range(3) if case.scalar(load.force[c], 1.0) != 0]
-    if None in ends or len(components) != 1 or components != acting:
+    if corner is None or len(components) != 1 or components != acting:
         return None
-    assert ends[0] is not None
-    assert ends[1] is not None
-    return components[0], (ends[0], ends[1]), 1.0 if quantity.directions[0][components[0]] > 0 else -1.0
+    return components[0], corner, 1.0 if quantity.directions[0][components[0]] > 0 else -1.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.material import Material
 from shellbench.solvers.kratos.engine import FreshModel, fresh_model, kratos, structural
-from shellbench.solvers.kratos.iga_supports import Conditions
+from shellbench.solvers.kratos.iga_conditions import Conditions
 from shellbench.solvers.kratos.nurbs import Midsurface
 
 Array = NDArray[np.float64]

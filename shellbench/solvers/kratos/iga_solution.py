@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
-from shellbench.solvers.kratos.iga_loads import control_forces
+from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.solvers.kratos.iga_conditions import control_forces, held_by
 from shellbench.solvers.kratos.iga_mechanics import Integrals, densities, integrals, strains
-from shellbench.solvers.kratos.iga_supports import held_by
 from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
-from shellbench.solvers.kratos.symmetry import Part, part_of, whole_of
 
 Array = NDArray[np.float64]
 Lines = tuple[tuple[float, ...], tuple[float, ...]]
@@ -50,7 +49,7 @@ class IgaSolution(ShellSolution):
     @property
     def case(self) -> Case:
         """The case it answers."""
-        return self.part.case
+        return self.part.whole
 
     @property
     def degree(self) -> int:
@@ -112,17 +111,16 @@ class IgaSolution(ShellSolution):
         field are those of its control points, the forces' moment about the centre is the support's.
         """
         state, patch = self.state(at), self.midsurface.patch
-        lacking = self._integrals[state].forces - control_forces(self.part, patch, self.factors[state])
+        lacking = self._integrals[state].forces - control_forces(self.part.case, patch, self.factors[state])
         places = self.midsurface.control_points
         if not self.case.linear:
             places = places + self.coefficients[..., state]
         force, moment = np.zeros(3), np.zeros(3)
-        for images in self.part.images():
-            acting = held_by(self.part, number, images, patch.shape)
-            forces, arms = np.moveaxis(np.where(acting, lacking, 0.0), 0, -1), np.array(places)
-            for mirror in images:
-                forces = forces * mirror.signs
-                arms[..., mirror.normal] = 2 * mirror.offset - arms[..., mirror.normal]
+        for mirrors in self.part.images():
+            acting = held_by(self.part, number, mirrors, patch.shape)
+            forces, arms = np.moveaxis(np.where(acting, lacking, 0.0), 0, -1), places
+            for mirror in mirrors:
+                forces, arms = forces * mirror.signs, mirror.reflected(arms)
             force += forces.sum(axis=(0, 1))
             moment += np.cross(arms - centre, forces).sum(axis=(0, 1))
         return force, moment

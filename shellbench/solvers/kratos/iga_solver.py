@@ -62,8 +62,8 @@ class KratosIgaSolver(ShellSolver):
 
     def declines_with(self, case: Case, settings: KratosIgaSettings) -> str | None:
         """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
+        from shellbench.problems.shell.symmetry import part_of, whole_of
         from shellbench.solvers.kratos import iga_declines
-        from shellbench.solvers.kratos.symmetry import part_of, whole_of
 
         return iga_declines.reason(case, part_of(case) if settings.symmetry else whole_of(case))
 

@@ -8,14 +8,15 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
-from shellbench.solvers.kratos.symmetry import Part
-from shellbench.solvers.kratos.thin_supports import SAMPLES, held_rotations
+from shellbench.problems.shell.symmetry import Part
+from shellbench.solvers.kratos.thin_conditions import SAMPLES, held_rotations
 
 ALONG = 1e-9  # sine of an angle that is rounding
 
 
-def reason(case: Case, part: Part) -> str | None:
-    """Return why a case can't be taken, as one clause; None if it can."""
+def reason(part: Part) -> str | None:
+    """Return why a case, of which a part is to be solved, can't be taken, as one clause; None if it can."""
+    case = part.whole
     if case.dynamics is not None:
         return "it moves in time, and this solver is static"
     if case.prescribed:
@@ -31,15 +32,16 @@ def reason(case: Case, part: Part) -> str | None:
     for load in case.loads:
         if isinstance(load, MomentLoad) and not all(_is_tangent(case, name, load) for name in load.on):
             return "the axis of a moment is not along its edge"
-    return None if case.linear else _reason_on_a_path(case, part)
+    return None if case.linear else _reason_on_a_path(part)
 
 
-def _reason_on_a_path(case: Case, part: Part) -> str | None:
+def _reason_on_a_path(part: Part) -> str | None:
+    case = part.whole
     if case.path.control != "load" or any(isinstance(q, LoadQuantity) for q in case.quantities):
         return "it follows a path by displacement or arc length, and this solver prescribes the load only"
     if case.path.after_buckling == "follow" or any(isinstance(q, Unmarked) for q in case.quantities):
         return "it asks for buckling or turning points, and this solver finds none"
-    if any(name.startswith("rotation") and not part.holds(name) for name in case.remove_rigid_motions):
+    if any(name.startswith("rotation") for name in part.case.remove_rigid_motions):
         return "it removes rotations, which are not small in the non-linear theory"
     return None
 

@@ -77,7 +77,8 @@ class QuadMesh:
 
     def node_at(self, xi: ArrayLike) -> int | None:
         """Return the node at a point (2,), or None if it lies on none."""
-        place = (np.asarray(xi, dtype=float) - self.lower) / self.steps
+        offset = np.subtract(xi, self.lower)
+        place = np.where(self.closed, offset % np.subtract(self.upper, self.lower), offset) / self.steps
         near = np.rint(place).astype(np.int64)
         if np.abs(place - near).max() > ON_NODE or np.any(near < 0) or np.any(near > self.cells):
             return None

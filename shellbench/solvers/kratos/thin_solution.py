@@ -14,7 +14,8 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
-from shellbench.solvers.kratos.symmetry import Part, part_of
+from shellbench.problems.shell.symmetry import Part, part_of, whole_of
+from shellbench.solvers.kratos.thin_conditions import held_nodes
 from shellbench.solvers.kratos.thin_deformation import Deformation, Gauge
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements
 from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
@@ -26,10 +27,8 @@ RECENT = 4  # states whose strains are kept at hand
 
 
 def mesh_on(part: Part, cells: tuple[int, int]) -> QuadMesh:
-    """Return the mesh of a part; a coordinate that closes on itself and has no plane of symmetry stays closed."""
-    turns = part.case.surface.domain.periodic
-    first, second = (closed and (axis, "min") not in part.planes for axis, closed in enumerate(turns))
-    return QuadMesh(part.lower, part.upper, (first, second), cells)
+    """Return the mesh of a part; a coordinate that closes on itself and that no plane of symmetry cuts stays closed."""
+    return QuadMesh(part.lower, part.upper, part.case.surface.domain.periodic, cells)
 
 
 @dataclass(frozen=True)
@@ -62,7 +61,7 @@ class ThinSolution(ShellSolution):
     @property
     def case(self) -> Case:
         """The case it answers."""
-        return self.problem.part.case
+        return self.problem.part.whole
 
     @property
     def part(self) -> Part:
@@ -143,21 +142,21 @@ class ThinSolution(ShellSolution):
 
         They are what its nodes need to stay: Kratos' internal forces and moments less the loads.
         """
-        k, supports = self._frame(at), self.problem.supports
-        missing = self._unbalanced(k)
-        forces = supports.share(number) * missing[:, :3]
-        couples = np.where(supports.turned[number], missing[:, 3:], 0.0)
-        places = self.problem.positions
+        k = self._frame(at)
+        missing, places = self._unbalanced(k), self.problem.positions
         if not self.case.linear:
             places = places + self.frames[:, :3, k]
         total, moment = np.zeros(3), np.zeros(3)
         for mirrors in self.part.images():
-            there, pushed, turned = places.copy(), forces.copy(), couples.copy()
+            supported, count = self.part.supported(mirrors), len(self.case.supports)
+            held, turned = held_nodes(self.part.case, self.mesh, supported, count)
+            share = held[number] / np.maximum(held.sum(axis=0), 1)  # supports that hold a node together bear it alike
+            forces, couples, there = share * missing[:, :3], turned[number] * missing[:, 3:], places
             for mirror in mirrors:
-                there[:, mirror.normal] = 2 * mirror.offset - there[:, mirror.normal]
-                pushed, turned = pushed * mirror.signs, -turned * mirror.signs  # a moment is an axial vector
-            total += pushed.sum(axis=0)
-            moment += (np.cross(there - centre, pushed) + turned).sum(axis=0)
+                there = mirror.reflected(there)
+                forces, couples = forces * mirror.signs, -couples * mirror.signs  # a moment is an axial vector
+            total += forces.sum(axis=0)
+            moment += (np.cross(there - centre, forces) + couples).sum(axis=0)
         return total, moment
 
     def _unbalanced(self, k: int) -> Array:
@@ -188,15 +187,9 @@ class ThinSolution(ShellSolution):
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> ThinSolution:
         """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
-        part = whole(case) if words["whole"] else part_of(case)
+        part = whole_of(case) if words["whole"] else part_of(case)
         mesh = mesh_on(part, (int(words["cells"][0]), int(words["cells"][1])))
         marks, frames = arrays["marks"], arrays["frames"]
         if frames.shape != (mesh.node_count, DOFS, len(marks)) or not np.all(np.diff(marks) > 0):
             raise ValueError("frames do not fit the mesh and the marks")
         return cls(Problem(part, mesh), marks, frames, int(words["parameters"]))
-
-
-def whole(case: Case) -> Part:
-    """Return the whole shell as the part to be solved."""
-    domain = case.surface.domain
-    return Part(case, domain.lower, domain.upper, (), {})

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from shellbench.errors import InputError
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problem import ProgressCallback
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.history import displacements, with_answer_first
+from shellbench.problems.shell.history import Log, displacements, with_answer_first
+from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.engine import failing_with_kratos
-from shellbench.solvers.kratos.symmetry import Part, part_of
 from shellbench.solvers.kratos.thin_deformation import Gauge
 from shellbench.solvers.kratos.thin_elements import ELEMENT
 from shellbench.solvers.kratos.thin_mesh import FEWEST_AROUND
-from shellbench.solvers.kratos.thin_solution import ThinSolution, mesh_on, whole
+from shellbench.solvers.kratos.thin_solution import ThinSolution, mesh_on
 from shellbench.solvers.kratos.thin_solver import KratosThinSettings
 from shellbench.solvers.kratos.thin_static import Problem, State, follow_path, solve_linear
 
@@ -35,12 +34,12 @@ def usual_cells(part: Part) -> tuple[int, int]:
     A linear case has as many on the whole shell whatever part of it is solved, so that the answer does not depend on
     where the shell is in space, and its planes of symmetry are seen or not. On a path the part has 32 x 32.
     """
-    domain = part.case.surface.domain
+    case, domain = part.whole, part.whole.surface.domain
     first, second = (np.linspace(low, high, SAMPLES) for low, high in zip(part.lower, part.upper, strict=True))
-    x = part.case.surface.position(np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1))
+    x = case.surface.position(np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1))
     lengths = [np.linalg.norm(np.diff(x, axis=a), axis=-1).sum(axis=a).max() for a in (0, 1)]
     cells = [CELLS_ON_A_PATH] * 2
-    if part.case.linear:
+    if case.linear:
         shares = np.subtract(part.upper, part.lower) / domain.size
         cells = [
             round((CELLS_AROUND if turns else CELLS) * s) for turns, s in zip(domain.periodic, shares, strict=True)
@@ -56,10 +55,8 @@ class _Course:
     """What is known of a solve so far."""
 
     problem: Problem
-    progress: ProgressCallback
-    began: float = field(default_factory=time.perf_counter)
+    log: Log
     states: list[State] = field(default_factory=list)
-    history: list[Step] = field(default_factory=list)
 
     @cached_property
     def gauge(self) -> Gauge:
@@ -76,40 +73,32 @@ class _Course:
             "field": "bilinear between nodes",
             "residual": max(state.residual for state in self.states),
         }
-        if not problem.part.case.linear:
+        if not problem.part.whole.linear:
             figures["stability_checked"] = False  # Newton's method may jump over a limit point to another state
         marks = np.array([state.at for state in self.states])
         frames = np.stack([state.values for state in self.states], axis=-1)
-        return ThinSolution(problem, marks, frames, len(problem.free), history=tuple(self.history), diagnostics=figures)
+        return ThinSolution(
+            problem, marks, frames, len(problem.free), history=tuple(self.log.steps), diagnostics=figures
+        )
 
     def partial(self) -> ThinSolution | None:
         """Return what was reached, or None before the first state."""
-        return self.solution() if self.history else None
+        return self.solution() if self.states else None
 
     def add(self, state: State) -> None:
         """Keep a state, with the displacements that are asked for."""
         self.states.append(state)
-        solution, case = self.solution(), self.problem.part.case
-        copies = self.problem.part.copies
-        strain = state.inner_work / 2 if case.linear else copies * sum(self.gauge.energies(state.values))
-        step = Step(
-            iteration=len(self.history),
-            seconds=time.perf_counter() - self.began,
-            energy=strain - state.work,
-            unknowns=len(self.problem.free),
-            at=state.at,
-            iterations=state.iterations,
-        )
-        if not case.linear:
-            step = replace(step, phase="path", quantities=displacements(solution, state.at))
-        self.history.append(step)
-        self.progress(Progress(len(self.history), len(case.states), f"load factor {state.at:.4g}"))
+        part = self.problem.part
+        strain = state.inner_work / 2 if part.whole.linear else part.copies * sum(self.gauge.energies(state.values))
+        numbers = state.at, strain - state.work, len(self.problem.free), state.iterations
+        self.log.add_state(*numbers, lambda: displacements(self.solution(), state.at))
 
 
 def solve(case: Case, settings: KratosThinSettings, progress: ProgressCallback) -> ThinSolution:
     """Solve a case; see `shellbench.solvers.kratos.thin_solver.KratosThinSolver`."""
-    part = part_of(case) if settings.symmetry else whole(case)
-    course = _Course(problem_of(part, settings), progress)
+    log = Log(case, progress)
+    part = part_of(case) if settings.symmetry else whole_of(case)
+    course = _Course(problem_of(part, settings), log)
     limited = ThreadpoolController().select(internal_api="openblas").limit(limits=1)  # the matrices are small
     with limited, failing_with_kratos(course.partial, "the mesh"):
         return _solve(course, settings)
@@ -130,10 +119,10 @@ def problem_of(part: Part, settings: KratosThinSettings) -> Problem:
 
 
 def _solve(course: _Course, settings: KratosThinSettings) -> ThinSolution:
-    case = course.problem.part.case
+    case = course.problem.part.whole
     if case.linear:
         for state in solve_linear(course.problem, case.states):
             course.add(state)
     else:
         follow_path(course.problem, case.states, settings.steps, settings.tolerance, course.add)
-    return with_answer_first(course.solution(), course.began)
+    return with_answer_first(course.solution(), course.log.began)

@@ -14,11 +14,10 @@ from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
 from shellbench.errors import SolveFailure
-from shellbench.solvers.kratos.symmetry import Part
+from shellbench.problems.shell.symmetry import Part
+from shellbench.solvers.kratos.thin_conditions import Loads, Loose, Supports
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements
-from shellbench.solvers.kratos.thin_loads import Loads
 from shellbench.solvers.kratos.thin_mesh import QuadMesh
-from shellbench.solvers.kratos.thin_supports import Loose, Supports
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -51,7 +50,7 @@ class Problem:
     @cached_property
     def supports(self) -> Supports:
         """What is held."""
-        return Supports.of(self.part, self.mesh)
+        return Supports.of(self.part.case, self.mesh)
 
     @cached_property
     def loose(self) -> Loose:
@@ -61,7 +60,7 @@ class Problem:
     @cached_property
     def loads(self) -> Loads:
         """What acts."""
-        return Loads(self.part, self.mesh)
+        return Loads(self.part.case, self.mesh)
 
     @cached_property
     def free(self) -> Integers:

@@ -9,9 +9,8 @@ from shellbench.bench import catalog
 from shellbench.problem import FIELDS
 from shellbench.solvers.fem import solving
 from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.reflections import SYMMETRIC
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.fem.symmetry import Part
+from shellbench.solvers.fem.symmetry import SYMMETRIC, FoldedMesh
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points
 
 PIN = {"name": "rim", "on": EVERY_EDGE}
@@ -275,7 +274,7 @@ BUMP = "1e-9*exp(-50*(xi1 - 0.3)**2)"
     ],
 )  # fmt: skip
 def test_what_is_not_symmetric_is_solved_whole(case):
-    assert Part.of(case, graded_mesh(case, (4, 4), 2.0), 7) is None
+    assert FoldedMesh.of(case, graded_mesh(case, (4, 4), 2.0), 7) is None
     whole, part = both(case, (4, 4))
     assert part.images == (1, 1)
     assert np.abs(whole.coefficients - part.coefficients).max() <= 1e-9 * np.abs(whole.coefficients).max()
@@ -321,16 +320,16 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
     """The comparison above is not blind: an image with a wrong sign differs."""
     case, cells, _ = SYMMETRIC_CASES["clamped_roof_with_edge_loads"]
     whole, _ = both(case, cells)
-    honest = solving.Part.of
+    honest = solving.FoldedMesh.of
 
     def spoilt(*args):
-        part = honest(*args)
-        first, second = part.images
+        folded = honest(*args)
+        first, second = folded.images
         change = {"signs": -first[1].signs} if wrong == "signs" else {"parity": -first[1].parity}
-        part.__dict__["images"] = ((first[0], replace(first[1], **change)), second)
-        return part
+        folded.__dict__["images"] = ((first[0], replace(first[1], **change)), second)
+        return folded
 
-    monkeypatch.setattr(solving.Part, "of", staticmethod(spoilt))
+    monkeypatch.setattr(solving.FoldedMesh, "of", staticmethod(spoilt))
     spoiled = both(case, cells)[1]
     with pytest.raises(AssertionError):
         agree(whole, spoiled)

@@ -6,9 +6,9 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 from derivations.elastica import Cantilever, extensible
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.errors import InputError, SolveFailure
+from shellbench.problems.shell.symmetry import part_of
 from shellbench.solvers.kratos import iga_declines, iga_solving
 from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
-from shellbench.solvers.kratos.symmetry import part_of
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, STEEL, known, plate, ring, strip
 
 SOLVER = KratosIgaSolver()
@@ -230,7 +230,7 @@ def test_settings_that_make_no_sense_are_refused(bad):
 
 def test_a_path_that_newton_can_not_follow_fails_with_what_was_reached(monkeypatch):
     """Its steps can not be shortened here, and a load of a thousand million times the first is too much for one."""
-    monkeypatch.setattr("shellbench.solvers.kratos.iga_path.SHORTEST_STEP", 0.6)
+    monkeypatch.setattr("shellbench.solvers.kratos.iga_solving.SHORTEST_STEP", 0.6)
     case = nonlinear(path={"until": 1e9, "states": [1e-6]})
     with pytest.raises(SolveFailure, match="Newton") as failure:
         SOLVER.solve(case, {"cells": (2, 2), "load_steps": 1})

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from shellbench.solvers.kratos.nurbs import midsurface_of
-from shellbench.solvers.kratos.spline import Chart, RationalBasis
-from shellbench.solvers.kratos.symmetry import part_of
+from shellbench.problems.shell.symmetry import part_of
+from shellbench.solvers.kratos.nurbs import Chart, RationalBasis, midsurface_of
 from tests.solvers.kratos.iga_cases import known
 
 ARC = Chart(0.4, 2.3, arc=True)

@@ -5,9 +5,9 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 
 from scipy.spatial.transform import Rotation
 
-from shellbench.solvers.kratos.symmetry import part_of
+from shellbench.problems.shell.symmetry import part_of, whole_of
 from shellbench.solvers.kratos.thin_deformation import Gauge
-from shellbench.solvers.kratos.thin_solution import mesh_on, whole
+from shellbench.solvers.kratos.thin_solution import mesh_on
 from shellbench.solvers.kratos.thin_static import Problem
 from tests.solvers.kratos.thin_shells import cylinder, plate
 
@@ -15,7 +15,7 @@ TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 
 
 def problem(case, cells=(3, 2)):
-    return Problem(whole(case), mesh_on(whole(case), cells))
+    return Problem(whole_of(case), mesh_on(whole_of(case), cells))
 
 
 def stiffness(shell):

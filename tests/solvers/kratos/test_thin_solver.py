@@ -6,8 +6,7 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.bench import registry
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.kratos.symmetry import part_of
-from shellbench.solvers.kratos.thin_solution import whole
+from shellbench.problems.shell.symmetry import part_of, whole_of
 from shellbench.solvers.kratos.thin_solver import KratosThinSettings, KratosThinSolver
 from shellbench.solvers.kratos.thin_solving import usual_cells
 from tests.solvers.kratos.thin_shells import STEEL, cantilever, cylinder, plate
@@ -97,6 +96,20 @@ def test_the_symmetric_part_of_a_closed_shell_answers_as_the_whole_does():
     part, whole = solve(case, (6, 4)), solve(case, (24, 8), symmetry=False)
     assert part.diagnostics["copies"] == 8
     _agree(part, whole, case, "ends")
+
+
+def test_supports_that_a_mirror_swaps_have_each_its_own_reaction():
+    """Two edges of a plate that are pulled apart, each by a support of its own; the part has one of them."""
+    pull = {"kind": "translation", "vector": [1e-3, 0, 0]}
+    supports = [{"name": "left", "on": ["xi1_min"]}, {"name": "right", "on": ["xi1_max"], "motion": pull}]
+    supports[0]["motion"] = pull | {"vector": [-1e-3, 0, 0]}
+    case = plate(supports=supports, loads=[{"kind": "area", "vector": [0, 0, -1e-4]}])
+    part, whole = solve(case, (4, 4)), solve(case, (8, 8), symmetry=False)
+    assert part.part.copies == 4
+    for support in ("left", "right"):
+        _agree(part, whole, case, support)
+    np.testing.assert_allclose(part.reaction("left")[0] + part.reaction("right")[0], [0, 0, 1e-2], atol=1e-9)
+    assert part.reaction("right")[0][0] > 1
 
 
 def _agree(part, whole, case, support):
@@ -259,10 +272,10 @@ def test_refinements_are_settings_from_coarse_to_fine():
 def test_usual_cells_are_about_square_and_those_of_the_whole_shell():
     narrow = cantilever(theory="kirchhoff-love-nonlinear", loads=[])
     assert usual_cells(part_of(plate())) == (64, 64)
-    assert usual_cells(whole(plate())) == (128, 128)
+    assert usual_cells(whole_of(plate())) == (128, 128)
     longer = {"kind": "cylinder", "radius": 2, "closed": True, "xi1": [0, 360], "xi2": [0, 6]}
     assert usual_cells(part_of(cylinder(surface=longer))) == (64, 64)
-    for part in (whole(narrow), part_of(narrow)):
+    for part in (whole_of(narrow), part_of(narrow)):
         n1, n2 = usual_cells(part)
         along, across = 10 / n1, (part.upper[1] - part.lower[1]) / n2
         assert n1 * n2 == 32 * 32

@@ -1,8 +1,12 @@
+"""Planes of symmetry of a case: which there are, the part that they leave, and the part as a case of its own."""
+
 import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.solvers.kratos.symmetry import part_of, point_forces
+from shellbench.problems.shell.measure import area_rule, load_density
+from shellbench.problems.shell.rigid import check_held
+from shellbench.problems.shell.symmetry import mirrored_supports, part_of, point_forces, whole_of
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, known, plate, ring
 
 STATIC = sorted(name for name in catalog.case_names() if getattr(catalog.named_case(name), "dynamics", name) is None)
@@ -108,10 +112,9 @@ def test_a_half_turn_is_found_where_a_quarter_is_not():
 def test_shares_of_point_loads_add_up(name):
     """What the part carries, reflected into all copies, is the whole load: checked on the sum of magnitudes."""
     case = known(name)
-    part, forces = part_of(case), point_forces(case, 1.0)
-    places = [part.place(tuple(xi)) for xi, _ in forces]
-    carried = sum(found[1] * np.linalg.norm(force) for found, (_, force) in zip(places, forces, strict=True) if found)
-    assert carried * part.copies == pytest.approx(sum(np.linalg.norm(force) for _, force in forces))
+    part = part_of(case)
+    carried, whole = (sum(np.linalg.norm(f) for _, f in point_forces(c, 1.0)) for c in (part.case, case))
+    assert carried * part.copies == pytest.approx(whole)
 
 
 @pytest.mark.parametrize(
@@ -125,3 +128,61 @@ def test_planes_exclude_the_motions_that_they_must(changes, held):
     part = part_of(plate(**changes))
     motions = [f"{kind}_{axis}" for kind in ("translation", "rotation") for axis in "xyz"]
     assert {motion for motion in motions if part.holds(motion)} == held
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_the_part_is_a_case_that_carries_its_share(name):
+    """Its loads over the area are the whole's in magnitude; its planes, its supports and what is removed hold it."""
+    case = known(name)
+    part = part_of(case)
+    sizes = []
+    for one in (part.case, case):
+        points, weights = area_rule(one)
+        sizes.append(weights @ np.linalg.norm(load_density(one, points, 1.0), axis=-1))
+    assert part.copies * sizes[0] == pytest.approx(sizes[1], rel=1e-6)
+    check_held(part.case)
+    assert whole_of(case).case is case
+
+
+@pytest.mark.parametrize("start", [0, 100, 250, -80])
+def test_the_part_of_a_closed_shell_lies_within_its_domain(start):
+    """Wherever the coordinate begins: formulas need not hold beyond it."""
+    surface = {"kind": "cylinder", "radius": 3.0, "closed": True, "xi1": [start, start + 360], "xi2": [0, 4]}
+    pinched = [{"kind": "point", "on": ["a"], "force": [0, 0, -1]}, {"kind": "point", "on": ["b"], "force": [0, 0, 1]}]
+    case = ring(surface=surface, points={"a": [90, 2], "b": [270, 2]}, loads=pinched)
+    part = part_of(case)
+    assert part.copies == 8
+    assert part.lower[0] >= case.surface.domain.lower[0] - 1e-12
+    assert part.upper[0] <= case.surface.domain.upper[0] + 1e-12
+    np.testing.assert_allclose(part.case.surface.domain.size, [np.pi / 2, 2.0])
+    (point,) = part.case.points  # one of the two, at a corner
+    xi = part.case.places[point].xi
+    assert all(
+        min(abs(x - low), abs(x - high)) < 1e-12 for x, low, high in zip(xi, part.lower, part.upper, strict=True)
+    )
+    np.testing.assert_allclose([np.linalg.norm(force) for _, force in point_forces(part.case, 1.0)], [0.25])
+
+
+def test_a_mirror_carries_supports_to_their_images():
+    """Two supports that a mirror swaps are each other's images; two that share what one holds opposite have none."""
+    left, right = ({"name": name, "on": [f"xi1_{end}"]} for name, end in (("left", "min"), ("right", "max")))
+    (first, second) = part_of(plate(supports=[left, right])).mirrors
+    case = plate(supports=[left, right])
+    assert (first.axis, mirrored_supports(case, first)) == (0, (1, 0))
+    assert (second.axis, mirrored_supports(case, second)) == (1, (0, 1))
+    several = plate(supports=[left | {"components": ["x", "y"]}, left | {"name": "up", "components": ["z"]}, right])
+    mirrors = part_of(several).mirrors
+    assert [mirrored_supports(several, mirror) for mirror in mirrors] == [None, (0, 1, 2)]
+    seen = [(number, place.name) for number, _, place in part_of(several).supported((mirrors[0],))]
+    assert seen == [(2, "xi1_min")]  # where the part is held, its image is held by the other support
+
+
+@pytest.mark.parametrize(("there", "axes"), [(0.1, {0, 1}), (0.1001, {1}), (-0.1, {1})])
+def test_points_that_move_are_held_against_their_images(there, axes):
+    """Two points that are drawn apart; a third of a thousandth too far, or the same way."""
+    supports = [
+        {"name": name, "on": [name], "motion": {"kind": "translation", "vector": [x, 0, 0]}}
+        for name, x in (("a", -0.1), ("b", there))
+    ]
+    case = plate(points={"a": [0.25, 0.5], "b": [0.75, 0.5]}, supports=[RIM, *supports])
+    assert {mirror.axis for mirror in part_of(case).mirrors} == axes
