@@ -25,10 +25,8 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE, exhibits
 from shellbench.report.leaves import Leaf, leaves_of
-from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.own_files import list_own, remove_older
-from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known
@@ -37,9 +35,8 @@ from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import render, tables_as_csv
-from shellbench.report.view import View, led_by, views
-from shellbench.report.view_data import palettes_json, view_json
-from shellbench.report.view_page import LIBRARY, scripts
+from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
+from shellbench.report.view import LIBRARY, View, led_by, palettes_json, scripts, view_json, views
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"

@@ -13,13 +13,11 @@ from matplotlib.ticker import FuncFormatter, LogFormatterMathtext, LogLocator, N
 from shellbench.report.convergence import ERROR_LABEL
 from shellbench.report.digits import duration
 from shellbench.report.palette import Ink
-from shellbench.report.shells import Shell, colour_bar, draw_deformed, plain
-from shellbench.report.states import aspect
+from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row, plain
 
 WIDTH, WIDEST = 7.2, 1.9  # inches of a row of states, and of one state
 LOWEST, HIGHEST = 0.8, 1.5  # inches a state
 TITLE, BAR, CURVES = 0.3, 0.5, 2.3  # inches of the states' titles, of the colour bar, and of the curves
-FACETS = 48  # a side: a state is small
 SMALLEST = 1e-12  # relative error that is drawn for none
 FEW_DECADES = 2.5
 GREY = "#BBBBBB"
@@ -97,18 +95,7 @@ def training_figure(stops: Sequence[Stop], inks: Mapping[str, Ink]) -> Figure:
             axes.set_axis_off()
         for axes, stop in zip(row, of_solver, strict=False):
             _draw_state(axes, stop, shells)
-        row[0].annotate(
-            plain(solver),
-            (0, 0.5),
-            (-4, 0),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            rotation=90,
-            ha="right",
-            va="center",
-            color=inks[solver].colour,
-            fontsize=7.5,
-        )
+        name_row(row[0], solver, inks[solver].colour)
     if shells:
         colour_bar(above, list(panels.flat), *shells, shrink=0.5, aspect=34)
     left, right = below.subplots(1, 2)
@@ -124,7 +111,7 @@ def _draw_state(axes: Axes, stop: Stop, shells: Sequence[Shell]) -> None:
     words = f"{stop.iterations} iteration{'' if stop.iterations == 1 else 's'}\n{duration(stop.seconds)} s"
     axes.set_title(words + ("" if stop.sound else ", failed"), fontsize=7.5, pad=2)
     if stop.shell is not None:
-        draw_deformed(axes, stop.shell, shells, cells=FACETS)
+        draw_deformed(axes, stop.shell, shells, cells=FEW_CELLS)
 
 
 def _draw_errors(axes: Axes, stops: Sequence[Stop], ink: Ink) -> None:

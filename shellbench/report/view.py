@@ -1,32 +1,53 @@
-"""What a shell's view in three dimensions shows: each solver's displacement of one case, state by state."""
+"""What turns in the page: each solver's displacement of one case, state by state, and the scripts that show it.
+
+A view is kept as whole numbers of two bytes, their differences from point to point, compressed. The first answer is
+rounded to 1/32767 of its largest component. Of the others the differences from it are kept, so that what two solvers
+differ by is rounded relative to the difference, however small it is beside the displacement.
+"""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import hashlib
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.portrait import Portrait
+from shellbench.errors import ShellbenchError
+from shellbench.portrait import Scene
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.projection import Camera
-from shellbench.report.scene import picture_scale
-from shellbench.report.states import spread
-from shellbench.report.suites import leading_rows
+from shellbench.report.scene import picture_scale, pictured, spread
+from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL
 
 Array = NDArray[np.float64]
+Planes = list[NDArray[np.int16]]
 
 FINE, COARSE = 61, 31  # points a side at most, of one state and of several
 MOST_STATES = 21  # on a slider: more are not told apart, and each takes its bytes
 MARK_DIGITS = 6  # marks that agree in so many digits are the same state
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 MAGNIFIED = 2.0  # the slider's end, in picture scales, where displacements are small
+LARGEST = 32767  # of two bytes
+APART = "cividis"  # colours of differences, told from those of displacements
+SAME = 1e-9  # of directions
+STOPS = 33  # of a colour map; between them colours are interpolated
+HOLDER = "(window.shellbench = window.shellbench || {}).library = "
+LIBRARY = "plotly.js"  # beside the pages, which share it
 
 
 @dataclass(frozen=True)
@@ -59,25 +80,38 @@ class View:
         (n1, n2, 3), m, of the reference surface.
     marks
         Words for each state; one without words where the case is linear.
-    held
-        Axis of the parameters and end, "min" or "max", of each held edge.
     scale, largest_scale
         Factor of the displacement at first, and at the slider's end.
-    direction
-        Colour by the displacement's component along it at first; by its magnitude if None.
     """
 
     case: str
     title: str
     unit: str
+    scene: Scene
     position: Array
     marks: tuple[str, ...]
-    held: tuple[tuple[int, str], ...]
     scale: float
     largest_scale: float
-    camera: Camera
-    direction: tuple[float, float, float] | None
     answers: tuple[Answer, ...]
+
+
+@dataclass(frozen=True)
+class Scripts:
+    """Scripts of the page.
+
+    Attributes
+    ----------
+    inline
+        As they stand in the page.
+    library
+        Script that holds Plotly, compressed, as base64; empty if there is nothing to view.
+    hashes
+        Sources for the content security policy: these scripts run, Plotly among them, and what stands beside the page.
+    """
+
+    inline: tuple[str, ...]
+    library: str
+    hashes: tuple[str, ...]
 
 
 def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> dict[str, View]:
@@ -92,7 +126,7 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
     folder
         Where the records' files are.
     """
-    made = {case: view(of_case, folder) for case, of_case in answered(records, rows).items()}
+    made = {case: view(of_case, folder) for case, of_case in pictured(records, rows).items()}
     return {case: one for case, one in made.items() if one is not None}
 
 
@@ -101,42 +135,27 @@ def led_by(view: View, run_id: str) -> View:
     return replace(view, answers=tuple(sorted(view.answers, key=lambda answer: answer.run_id != run_id)))
 
 
-def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
-    """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
-    chosen: dict[str, dict[str, tuple[int, Record]]] = {}
-    for row in leading_rows([row for row in rows if row.primary]):
-        record = records.get(row.run_id or "")
-        if record is None or record.fields_file is None:
-            continue
-        of_case, seed = chosen.setdefault(row.case, {}), row.seed or 0
-        if row.solver not in of_case or seed < of_case[row.solver][0]:
-            of_case[row.solver] = (seed, record)
-    return {case: [record for _, record in of_case.values()] for case, of_case in chosen.items()}
-
-
 def view(records: Sequence[Record], folder: Path) -> View | None:
     """Return the view of one case; None if none of its records has a field that can be read."""
     found = [(record, fields) for record in records if (fields := read_fields(record, folder)) is not None]
     case = portrait_of(found[0][0]) if found else None
-    scene = case.scene if case is not None else None
-    if case is None or scene is None:
+    if case is None or case.scene is None:
         return None
     reference = found[0][1].position
     found = [(record, fields) for record, fields in found if fields.position.shape == reference.shape]
     marks = spread(sorted({key for _, fields in found for key in states_of(fields)}), MOST_STATES)
+    several = len(marks) > 1 or case.ends is not None
     thin = stride(len(reference), FINE if len(marks) == 1 else COARSE)
-    scale = picture_scale(scene, reference, [state for _, fields in found for state in states_of(fields).values()])
+    scale = picture_scale(case.scene, reference, [u for _, fields in found for u in states_of(fields).values()])
     return View(
         case=found[0][0].case_name,
         title=case.title,
         unit=case.unit_of_length,
+        scene=case.scene,
         position=reference[::thin, ::thin],
-        marks=tuple(case.mark_words(mark) if moves(case, marks) else "" for mark in marks),
-        held=tuple(dict.fromkeys(scene.held)),
+        marks=tuple(case.mark_words(mark) if several else "" for mark in marks),
         scale=scale,
-        largest_scale=scale * (1.0 if moves(case, marks) else MAGNIFIED),
-        camera=Camera(*scene.view, scene.up),
-        direction=scene.direction,
+        largest_scale=scale * (1.0 if several else MAGNIFIED),
         answers=tuple(answer(record, fields, marks, thin, folder) for record, fields in found),
     )
 
@@ -167,18 +186,118 @@ def states_of(fields: Fields) -> dict[float, Array]:
     """Return the displacements that a run kept, by mark; the mark of a linear answer is 1."""
     if not len(fields.marks):
         return {1.0: fields.displacement}
-    return {
-        float(f"{mark:.{MARK_DIGITS}g}"): states
-        for mark, states in zip(fields.marks, fields.displacements, strict=True)
-    }
-
-
-def moves(case: Portrait, marks: Sequence[float]) -> bool:
-    """Tell whether a case has states to tell apart."""
-    return len(marks) > 1 or case.ends is not None
+    return dict(zip((float(f"{mark:.{MARK_DIGITS}g}") for mark in fields.marks), fields.displacements, strict=True))
 
 
 def stride(points: int, most: int) -> int:
     """Return the smallest step through a grid's points a side that keeps both ends and leaves at most `most`."""
     steps = (step for step in range(1, points) if (points - 1) % step == 0 and (points - 1) // step < most)
     return next(steps, points - 1)
+
+
+def view_json(view: View) -> str:
+    """Return the view as JSON that may stand in a script element, `data` its arrays as packed by `packed`."""
+    planes: Planes = []
+    centre = (view.position.min(axis=(0, 1)) + view.position.max(axis=(0, 1))) / 2
+    position = _kept(view.position - centre, planes)
+    answers: list[dict[str, Any]] = []
+    for answer in view.answers:
+        bases = view.answers[0].states if answers else [None] * len(view.marks)
+        states = [
+            None
+            if state is None
+            else {"step": _kept(state if base is None else state - base, planes), "relative": base is not None}
+            for state, base in zip(answer.states, bases, strict=True)
+        ]
+        density = None if answer.density is None else _kept(answer.density[..., None], planes)
+        answers.append({"label": answer.label, "run": answer.run_id, "states": states, "density": density})
+    elevation, azimuth = view.scene.view
+    held = {
+        "case": view.case,
+        "title": view.title,
+        "unit": view.unit,
+        "density_unit": "J/m²" if view.unit == "m" else f"N {view.unit}/{view.unit}²",
+        "shape": view.position.shape[:2],
+        "centre": centre.tolist(),
+        "position": position,
+        "marks": view.marks,
+        "held": tuple(dict.fromkeys(view.scene.held)),
+        "scale": view.scale,
+        "largest_scale": view.largest_scale,
+        "look": [azimuth, elevation],
+        "up": view.scene.up,
+        "along": along(view.scene.direction),
+        "answers": answers,
+        "data": packed(planes),
+    }
+    return in_script(held)
+
+
+def palettes_json() -> str:
+    """Return the colour maps, and when a component is coloured about zero, as in the still pictures."""
+    maps = {"sequential": SEQUENTIAL, "diverging": DIVERGING, "difference": APART}
+    stops = np.linspace(0.0, 1.0, STOPS)
+    found = {use: [[round(float(s), 5), to_hex(colormaps[name](s))] for s in stops] for use, name in maps.items()}
+    return in_script({"maps": found, "both_signs": BOTH_SIGNS})
+
+
+def in_script(value: Any) -> str:
+    """Write JSON that can't end the script element which it stands in."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def packed(planes: Planes) -> str:
+    """Return base64 of gzip of the planes one after another, each as differences from one point to the next."""
+    steps = [np.diff(plane, prepend=np.int16(0)).astype("<i2") for plane in planes]  # they wrap around, and back again
+    return packed_bytes(np.concatenate(steps).tobytes() if steps else b"")
+
+
+def packed_bytes(data: bytes) -> str:
+    """Return base64 of gzip, the same for the same bytes."""
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+
+
+def _kept(values: Array, planes: Planes) -> float:
+    """Add the components of values (n1, n2, k) to the planes and return the step of their rounding."""
+    step = float(np.abs(values).max() / LARGEST) or 1.0
+    whole = np.rint(values / step).astype(np.int16)
+    planes += [whole[..., k].ravel() for k in range(values.shape[-1])]
+    return step
+
+
+def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None:
+    """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None."""
+    if direction is None:
+        return None
+    vector = np.asarray(direction) / np.linalg.norm(direction)
+    axis = int(np.argmax(np.abs(vector)))
+    if abs(vector[axis]) > 1 - SAME:
+        symbol = f"{'−' if vector[axis] < 0 else ''}%<sub>{'xyz'[axis]}</sub>"
+    else:
+        symbol = f"% along ({', '.join(f'{part:g}' for part in direction)})".replace("-", "−")
+    return {"vector": vector.tolist(), "symbol": symbol}
+
+
+@cache
+def scripts(viewing: bool) -> Scripts:
+    """Return the scripts of a page that has views, or none."""
+    templates = files("shellbench.report") / "templates"
+    names = ("sort.js", "view.js") if viewing else ("sort.js",)
+    inline = tuple((templates / name).read_text(encoding="utf-8") for name in names)
+    if not viewing:
+        return Scripts(inline, "", tuple(map(_hash, inline)))
+    plotly = _plotly()
+    library = f"{HOLDER}{json.dumps(packed_bytes(plotly.encode()))};\n"
+    return Scripts(inline, library, (*map(_hash, (*inline, plotly)), "'self'"))
+
+
+def _plotly() -> str:
+    """Return the library from plotly's package, which is not imported: that takes longer than to read the file."""
+    spec = find_spec("plotly")
+    if spec is None or not spec.submodule_search_locations:
+        raise ShellbenchError("plotly, which draws in three dimensions, is not installed")
+    return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -13,9 +13,8 @@ from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.convergence import ERROR_LABEL, GAP_LABEL, iteration_figure, refinement_figure
 from shellbench.report.courses import courses
 from shellbench.report.palette import COLOURS, inks, style
-from shellbench.report.projection import Camera
 from shellbench.report.scene import picture_scale, pictured, shell
-from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
+from shellbench.report.shells import Camera, Shell, course_figure, shell_figure, times, what_is_coloured
 from tests.report.conftest import COURSE, TRUTH, Store
 
 

@@ -9,9 +9,19 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.fields import read_fields
-from shellbench.report.view import COARSE, FINE, MOST_STATES, answered, stride, views
-from shellbench.report.view_data import LARGEST, packed, palettes_json, view_json
-from shellbench.report.view_page import scripts
+from shellbench.report.scene import pictured
+from shellbench.report.view import (
+    COARSE,
+    FINE,
+    LARGEST,
+    MOST_STATES,
+    packed,
+    palettes_json,
+    scripts,
+    stride,
+    view_json,
+    views,
+)
 from tests.report.conftest import COURSE, record, row
 from tests.report.motion import BROKEN, OFFSET
 
@@ -62,7 +72,7 @@ def test_every_case_has_a_view_of_every_solver(course):
 
 def test_of_several_runs_of_a_solver_the_first_is_shown_not_the_luckiest(store):
     by_id = {record.run_id: record for record in store.records}
-    chosen = {record.identity.solver: record for record in answered(by_id, store.rows)["square_plate"]}
+    chosen = {record.identity.solver: record for record in pictured(by_id, store.rows)["square_plate"]}
     assert chosen["ndf-ritz"].identity.seed == 0  # errors of -7.2e-5, 3.1e-6 and -2.0e-5
     assert all(not record.identity.settings.get("activation") for record in chosen.values())
 
