@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from shellbench.report.palette import DASHES, Dashes, Ink
 from shellbench.report.shells import plain
-from shellbench.report.traces import KnownPoints, TracedRun
+from shellbench.report.traces import CRITICAL, KnownPoints, TracedRun
 
 Array = NDArray[np.float64]
 
@@ -199,7 +199,7 @@ def _draw_run(
 def _draw_known(axes: Axes, panel: TracePanel, points: KnownPoints, crosses: Mapping[str, str]) -> Any:
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.9, "elinewidth": 0.9, "capsize": 2.0, "zorder": 3}
     if points.judges:
-        marker, size = ("s", 8.5) if points.critical else ("o", 7.0)
+        marker, size = ("s", 8.5) if points.label == CRITICAL else ("o", 7.0)
         look |= {"marker": marker, "markersize": size, "markerfacecolor": "none", "color": "black"}
     else:
         size = 5.0 if len(points.marks) <= TABLE else 4.0

@@ -99,8 +99,6 @@ class KnownPoints:
         What the legend calls them: source and theory.
     judges
         Whether they decide on solvers.
-    critical
-        Whether they are of a critical state.
     """
 
     label: str
@@ -108,7 +106,6 @@ class KnownPoints:
     marks: Array
     values: Array
     uncertainties: Array
-    critical: bool = False
 
 
 def runs_by_case(
@@ -242,7 +239,7 @@ def _grouped(found: Sequence[tuple[Key, tuple[float, float, float | None]]]) -> 
     groups: dict[Key, list[tuple[float, ...]]] = {}
     for key, (mark, value, doubt) in found:
         groups.setdefault(key, []).append((mark, value, np.nan if doubt is None else doubt))
-    points = [KnownPoints(*key, *np.array(group).T, key[0] == CRITICAL) for key, group in groups.items()]
+    points = [KnownPoints(*key, *np.array(group).T) for key, group in groups.items()]
     return sorted(points, key=lambda one: not one.judges)
 
 
