@@ -36,7 +36,7 @@ from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import render, tables_as_csv
 from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
-from shellbench.report.view import LIBRARY, View, led_by, palettes_json, scripts, view_json, views
+from shellbench.report.view import LIBRARY, View, palettes_json, scripts, views
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
@@ -89,7 +89,7 @@ def write_report(
     sections = evidence_sections(found)
     tables = tables_of(found, sections, whole=whole)
     drawn = exhibits(by_id, shown, store.folder, known)
-    turned = {case: led_by(one, picture_run(drawn, case)) for case, one in views(by_id, shown, store.folder).items()}
+    turned = views(by_id, shown, store.folder, pictured_runs(drawn))
     proven = [exhibit for section in sections for exhibit in section.exhibits]
     leaves = leaves_of(shown, tables, drawn, sections)
     try:
@@ -131,10 +131,10 @@ def write_report(
     return out / "index.html"
 
 
-def picture_run(drawn: Sequence[Exhibit], case: str) -> str:
-    """Return the run that the still picture of a case shows; empty if there is none."""
-    runs = (exhibit.run_ids for exhibit in drawn if exhibit.name == f"{PICTURE}{case}")
-    return next(iter(next(runs, ())), "")
+def pictured_runs(drawn: Sequence[Exhibit]) -> dict[str, str]:
+    """Return the run that the still picture of each case shows."""
+    pictures = (exhibit for exhibit in drawn if exhibit.name.startswith(PICTURE))
+    return {exhibit.name.removeprefix(PICTURE): exhibit.run_ids[0] for exhibit in pictures if exhibit.run_ids}
 
 
 def _facts(
@@ -181,7 +181,7 @@ def _minute(created: str) -> str:
 def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, list[Making]]:
     """Return how each figure was made, with the view that may take its place."""
     by_run = {making.record.run_id: making for making in made}
-    seen = {f"{PICTURE}{case}": [answer.run_id for answer in one.answers] for case, one in turned.items()}
+    seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}
     return {name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()}
 
@@ -201,8 +201,8 @@ def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
     run = scripts(viewing=bool(turned))
     return {
-        "views": {f"{PICTURE}{case}": view_json(one) for case, one in turned.items()},
-        "dense": any(answer.density is not None for one in turned.values() for answer in one.answers),
+        "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
+        "dense": any(one.dense for one in turned.values()),
         "palettes": palettes_json(),
         "scripts": run.inline,
         "library": LIBRARY if turned else "",

@@ -259,11 +259,16 @@ def what_is_coloured(shell: Shell) -> str:
     """Say which part of the displacement the colour shows."""
     if shell.direction is None:
         return "displacement"
-    along = np.asarray(shell.direction)
-    axis = int(np.argmax(np.abs(along)))
-    if np.count_nonzero(along) == 1:
-        return ("\N{MINUS SIGN}" if along[axis] < 0 else "") + rf"$u_{{{'xyz'[axis]}}}$"
+    if axis := axis_of(shell.direction):
+        return rf"{axis[0]}$u_{{{axis[1]}}}$".replace("-", "\N{MINUS SIGN}")
     return "displacement along (" + ", ".join(f"{d:g}" for d in shell.direction) + ")"
+
+
+def axis_of(direction: Sequence[float]) -> tuple[str, str] | None:
+    """Return sign and letter of the axis along which a direction is; None if it is along none."""
+    axis = int(np.argmax(np.abs(direction)))
+    alone = np.count_nonzero(direction) == 1
+    return ("-" if direction[axis] < 0 else "", "xyz"[axis]) if alone else None
 
 
 def times(scale: float) -> str:

@@ -13,7 +13,7 @@ import hashlib
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
@@ -29,10 +29,9 @@ from shellbench.bench.portraits import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.errors import ShellbenchError
-from shellbench.portrait import Scene
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.scene import picture_scale, pictured, spread
-from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL
+from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
 Planes = list[NDArray[np.int16]]
@@ -44,30 +43,9 @@ ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 MAGNIFIED = 2.0  # the slider's end, in picture scales, where displacements are small
 LARGEST = 32767  # of two bytes
 APART = "cividis"  # colours of differences, told from those of displacements
-SAME = 1e-9  # of directions
 STOPS = 33  # of a colour map; between them colours are interpolated
 HOLDER = "(window.shellbench = window.shellbench || {}).library = "
 LIBRARY = "plotly.js"  # beside the pages, which share it
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One solver's answer.
-
-    Attributes
-    ----------
-    label
-        The solver, and how its run ended if not well.
-    states
-        Displacement (n1, n2, 3), m, of each of the view's marks; None where the run kept no such state.
-    density
-        Strain energy per area (n1, n2), J/m2, of the last state that the run kept; None if it kept none.
-    """
-
-    label: str
-    run_id: str
-    states: tuple[Array | None, ...]
-    density: Array | None
 
 
 @dataclass(frozen=True)
@@ -76,23 +54,17 @@ class View:
 
     Attributes
     ----------
-    position
-        (n1, n2, 3), m, of the reference surface.
-    marks
-        Words for each state; one without words where the case is linear.
-    scale, largest_scale
-        Factor of the displacement at first, and at the slider's end.
+    json
+        What is seen: it may stand in a script element.
+    run_ids
+        Of the runs that answer.
+    dense
+        Whether a strain energy density is kept of any.
     """
 
-    case: str
-    title: str
-    unit: str
-    scene: Scene
-    position: Array
-    marks: tuple[str, ...]
-    scale: float
-    largest_scale: float
-    answers: tuple[Answer, ...]
+    json: str
+    run_ids: tuple[str, ...]
+    dense: bool
 
 
 @dataclass(frozen=True)
@@ -114,7 +86,9 @@ class Scripts:
     hashes: tuple[str, ...]
 
 
-def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> dict[str, View]:
+def views(
+    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, first: Mapping[str, str] | None = None
+) -> dict[str, View]:
     """Return a view of each case of which a run kept its field, by name of case.
 
     Parameters
@@ -125,14 +99,15 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
         That compare them.
     folder
         Where the records' files are.
+    first
+        By name of case the run that is seen first: the one that the still picture shows.
     """
-    made = {case: view(of_case, folder) for case, of_case in pictured(records, rows).items()}
-    return {case: one for case, one in made.items() if one is not None}
-
-
-def led_by(view: View, run_id: str) -> View:
-    """Return the view with a run's answer first: what is seen at first is what the still picture shows."""
-    return replace(view, answers=tuple(sorted(view.answers, key=lambda answer: answer.run_id != run_id)))
+    found: dict[str, View] = {}
+    for case, of_case in pictured(records, rows).items():
+        lead = (first or {}).get(case)
+        made = view(sorted(of_case, key=lambda record: record.run_id != lead), folder)
+        found |= {} if made is None else {case: made}
+    return found
 
 
 def view(records: Sequence[Record], folder: Path) -> View | None:
@@ -141,45 +116,56 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
     case = portrait_of(found[0][0]) if found else None
     if case is None or case.scene is None:
         return None
-    reference = found[0][1].position
-    found = [(record, fields) for record, fields in found if fields.position.shape == reference.shape]
-    marks = spread(sorted({key for _, fields in found for key in states_of(fields)}), MOST_STATES)
+    scene, grid = case.scene, found[0][1].position
+    answers = [(record, fields, states_of(fields)) for record, fields in found if fields.position.shape == grid.shape]
+    marks = spread(sorted({mark for _, _, states in answers for mark in states}), MOST_STATES)
     several = len(marks) > 1 or case.ends is not None
-    thin = stride(len(reference), FINE if len(marks) == 1 else COARSE)
-    scale = picture_scale(case.scene, reference, [u for _, fields in found for u in states_of(fields).values()])
-    return View(
-        case=found[0][0].case_name,
-        title=case.title,
-        unit=case.unit_of_length,
-        scene=case.scene,
-        position=reference[::thin, ::thin],
-        marks=tuple(case.mark_words(mark) if several else "" for mark in marks),
-        scale=scale,
-        largest_scale=scale * (1.0 if several else MAGNIFIED),
-        answers=tuple(answer(record, fields, marks, thin, folder) for record, fields in found),
-    )
+    thin = stride(len(grid), FINE if len(marks) == 1 else COARSE)
+    scale = picture_scale(scene, grid, [state for _, _, states in answers for state in states.values()])
+    planes: Planes = []
+    position = grid[::thin, ::thin]
+    centre = (position.min(axis=(0, 1)) + position.max(axis=(0, 1))) / 2
+    kept: dict[str, Any] = {
+        "case": found[0][0].case_name,
+        "title": case.title,
+        "unit": case.unit_of_length,
+        "density_unit": "J/m²" if case.unit_of_length == "m" else f"N {case.unit_of_length}/{case.unit_of_length}²",
+        "shape": position.shape[:2],
+        "centre": centre.tolist(),
+        "position": _kept(position - centre, planes),
+        "marks": [case.mark_words(mark) if several else "" for mark in marks],
+        "held": tuple(dict.fromkeys(scene.held)),
+        "scale": scale,
+        "largest_scale": scale * (1.0 if several else MAGNIFIED),
+        "look": scene.view[::-1],
+        "up": scene.up,
+        "along": along(scene.direction),
+        "answers": [],
+    }
+    for record, fields, states in answers:
+        steps: list[dict[str, Any] | None] = []
+        for mark in marks:
+            base = answers[0][2].get(mark) if kept["answers"] else None
+            state = None if mark not in states else states[mark] if base is None else states[mark] - base
+            whole = None if state is None else _kept(state[::thin, ::thin], planes)
+            steps.append(None if whole is None else {"step": whole, "relative": base is not None})
+        density = energy_density(record, fields, folder) if max(states) in marks else None
+        label = record.identity.solver + ("" if record.status == "ok" else f" ({record.status})")
+        dense = None if density is None else _kept(density[::thin, ::thin, None], planes)
+        kept["answers"].append({"label": label, "run": record.run_id, "states": steps, "density": dense})
+    run_ids = tuple(record.run_id for record, _, _ in answers)
+    dense = any(one["density"] is not None for one in kept["answers"])
+    return View(in_script(kept | {"data": packed(planes)}), run_ids, dense)
 
 
-def answer(record: Record, fields: Fields, marks: Sequence[float], thin: int, folder: Path) -> Answer:
-    """Return what a view shows of one record, every `thin`-th point of its grid."""
-    states, density = states_of(fields), energy_density(record, folder)
-    kept = density is not None and density.shape == fields.xi.shape[:2] and max(states) in marks
-    return Answer(
-        label=record.identity.solver + ("" if record.status == "ok" else f" ({record.status})"),
-        run_id=record.run_id,
-        states=tuple(states[mark][::thin, ::thin] if mark in states else None for mark in marks),
-        density=density[::thin, ::thin] if density is not None and kept else None,
-    )
-
-
-def energy_density(record: Record, folder: Path) -> Array | None:
+def energy_density(record: Record, fields: Fields, folder: Path) -> Array | None:
     """Return the strain energy per area (n1, n2) that a run kept; None if it kept none or it is not finite."""
     try:
         with np.load(folder / (record.fields_file or ""), allow_pickle=False) as stored:
             density = np.sum([np.asarray(stored[name], dtype=float) for name in ENERGY_PARTS], axis=0)
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
-    return density if np.all(np.isfinite(density)) else None
+    return density if density.shape == fields.xi.shape[:2] and np.all(np.isfinite(density)) else None
 
 
 def states_of(fields: Fields) -> dict[float, Array]:
@@ -193,44 +179,6 @@ def stride(points: int, most: int) -> int:
     """Return the smallest step through a grid's points a side that keeps both ends and leaves at most `most`."""
     steps = (step for step in range(1, points) if (points - 1) % step == 0 and (points - 1) // step < most)
     return next(steps, points - 1)
-
-
-def view_json(view: View) -> str:
-    """Return the view as JSON that may stand in a script element, `data` its arrays as packed by `packed`."""
-    planes: Planes = []
-    centre = (view.position.min(axis=(0, 1)) + view.position.max(axis=(0, 1))) / 2
-    position = _kept(view.position - centre, planes)
-    answers: list[dict[str, Any]] = []
-    for answer in view.answers:
-        bases = view.answers[0].states if answers else [None] * len(view.marks)
-        states = [
-            None
-            if state is None
-            else {"step": _kept(state if base is None else state - base, planes), "relative": base is not None}
-            for state, base in zip(answer.states, bases, strict=True)
-        ]
-        density = None if answer.density is None else _kept(answer.density[..., None], planes)
-        answers.append({"label": answer.label, "run": answer.run_id, "states": states, "density": density})
-    elevation, azimuth = view.scene.view
-    held = {
-        "case": view.case,
-        "title": view.title,
-        "unit": view.unit,
-        "density_unit": "J/m²" if view.unit == "m" else f"N {view.unit}/{view.unit}²",
-        "shape": view.position.shape[:2],
-        "centre": centre.tolist(),
-        "position": position,
-        "marks": view.marks,
-        "held": tuple(dict.fromkeys(view.scene.held)),
-        "scale": view.scale,
-        "largest_scale": view.largest_scale,
-        "look": [azimuth, elevation],
-        "up": view.scene.up,
-        "along": along(view.scene.direction),
-        "answers": answers,
-        "data": packed(planes),
-    }
-    return in_script(held)
 
 
 def palettes_json() -> str:
@@ -269,13 +217,9 @@ def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None
     """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None."""
     if direction is None:
         return None
-    vector = np.asarray(direction) / np.linalg.norm(direction)
-    axis = int(np.argmax(np.abs(vector)))
-    if abs(vector[axis]) > 1 - SAME:
-        symbol = f"{'−' if vector[axis] < 0 else ''}%<sub>{'xyz'[axis]}</sub>"
-    else:
-        symbol = f"% along ({', '.join(f'{part:g}' for part in direction)})".replace("-", "−")
-    return {"vector": vector.tolist(), "symbol": symbol}
+    vector, axis = np.asarray(direction) / np.linalg.norm(direction), axis_of(direction)
+    symbol = f"{axis[0]}%<sub>{axis[1]}</sub>" if axis else f"% along ({', '.join(f'{part:g}' for part in direction)})"
+    return {"vector": vector.tolist(), "symbol": symbol.replace("-", "\N{MINUS SIGN}")}
 
 
 @cache

@@ -19,7 +19,6 @@ from shellbench.report.view import (
     palettes_json,
     scripts,
     stride,
-    view_json,
     views,
 )
 from tests.report.conftest import COURSE, record, row
@@ -50,7 +49,7 @@ def unpacked(kept):
 
 def kept_views(store):
     by_id = {record.run_id: record for record in store.records}
-    return {name: json.loads(view_json(one)) for name, one in views(by_id, store.rows, store.folder).items()}
+    return {name: json.loads(one.json) for name, one in views(by_id, store.rows, store.folder).items()}
 
 
 @pytest.fixture(scope="module")
@@ -144,9 +143,10 @@ def test_energy_density_is_the_sum_of_its_parts(tmp_path):
     x = arrays["xi"][..., 0]
     arrays |= {"membrane_energy_density": (x**2).astype(np.float32), "bending_energy_density": (3 * x).astype("f4")}
     np.savez_compressed(tmp_path / made.fields_file, **arrays)
-    shown = views({made.run_id: made}, [row(made)], tmp_path)["square_plate"]
-    _, (answer,) = unpacked(json.loads(view_json(shown)))
-    density = (x**2 + 3 * x)[:: len(x) // (len(shown.position) - 1), :: len(x) // (len(shown.position) - 1)]
+    kept = json.loads(views({made.run_id: made}, [row(made)], tmp_path)["square_plate"].json)
+    _, (answer,) = unpacked(kept)
+    thin = len(x) // (kept["shape"][0] - 1)
+    density = (x**2 + 3 * x)[::thin, ::thin]
     assert np.abs(answer["density"] - density).max() <= density.max() / LARGEST
 
 
@@ -159,7 +159,9 @@ def test_a_density_that_is_not_finite_is_not_shown(tmp_path, spoilt):
     bad = whole.copy()
     bad[0, 0] = spoilt
     np.savez(tmp_path / made.fields_file, membrane_energy_density=bad, bending_energy_density=whole, **arrays)
-    assert views({made.run_id: made}, [row(made)], tmp_path)["square_plate"].answers[0].density is None
+    shown = views({made.run_id: made}, [row(made)], tmp_path)["square_plate"]
+    assert json.loads(shown.json)["answers"][0]["density"] is None
+    assert not shown.dense
 
 
 def test_runs_without_fields_have_no_view(tmp_path):
@@ -183,11 +185,22 @@ def test_planes_wrap_around_and_back():
 
 
 def test_no_word_of_a_case_ends_the_script_that_holds_it(store):
+    title = "</script><script>alert(1)</script>"
+    plates = {record.run_id: record for record in store.records if record.case_name == "square_plate"}
+    evil = {
+        run_id: record.model_copy(update={"case": record.case | {"title": title}}) for run_id, record in plates.items()
+    }
+    (one,) = views(evil, store.rows, store.folder).values()
+    assert "<" not in one.json
+    assert json.loads(one.json)["title"] == title
+
+
+def test_the_run_of_the_still_picture_comes_first(store, course):
     by_id = {record.run_id: record for record in store.records}
-    one = views(by_id, store.rows, store.folder)["square_plate"]
-    evil = type(one)(**{**one.__dict__, "title": "</script><script>alert(1)</script>"})
-    assert "<" not in view_json(evil)
-    assert json.loads(view_json(evil))["title"] == evil.title
+    for answer in course["square_plate"]["answers"]:
+        shown = views(by_id, store.rows, store.folder, {"square_plate": answer["run"]})["square_plate"]
+        assert shown.run_ids[0] == answer["run"]
+        assert [one["run"] for one in json.loads(shown.json)["answers"]] == list(shown.run_ids)
 
 
 def test_colours_are_those_of_the_still_pictures():
