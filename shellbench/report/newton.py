@@ -22,35 +22,31 @@ from shellbench.report.derivation import TITLE
 from shellbench.report.digits import rounded
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation
-from shellbench.report.palette import DASHES, inks
+from shellbench.report.palette import inks
 from shellbench.report.solutions import STATUS_WORDS, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
-from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
+from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced, yardstick
 
 Array = NDArray[np.float64]
 
 NEWTON = "newton"  # how names of the figures begin
 FINE = 121  # points of a closed form
-GREY = "#777777"
 NOT_RUN = "not run"
 HALF_AND_END = (("T/2", 0.5), ("T", 1.0))  # shares of the time, and what a line calls them
 STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
 
 
-def free_fall(case: Portrait, series: str) -> tuple[ClosedForm, ClosedForm] | None:
+def free_fall(case: Portrait, series: str) -> tuple[Trace, Trace] | None:
     """Return the fall by Newton's law, and where the published functional is stationary, in closed form."""
     acceleration, direction, end = case.gravity, case.direction_of(series), case.ends
     if acceleration is None or direction is None or end is None:
         return None
     along = float(acceleration @ direction / np.linalg.norm(direction))
     t = np.linspace(0.0, end, FINE)
-    return (
-        ClosedForm(LAW, t, along * t**2 / 2),
-        ClosedForm(STATIONARY, t, along * (end * t - t**2 / 2), GREY, DASHES[2]),
-    )
+    return Trace(t, along * t**2 / 2), Trace(t, along * (end * t - t**2 / 2))
 
 
 @dataclass(frozen=True)
@@ -76,7 +72,7 @@ class Beside:
     case: Portrait
     series: str
     unit: str
-    forms: tuple[ClosedForm, ...]
+    forms: tuple[Trace, ...]
     newton: Trace | None
     newton_by: str
     runs: tuple[TracedRun, ...]
@@ -110,7 +106,7 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
         standard = yardstick([row for row, _ in runs])
         newton, by = None, NOT_RUN
         if forms:
-            newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
+            newton, by = forms[0], "closed form"
         elif standard is not None:
             newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
         status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
@@ -158,7 +154,13 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
         for run in one.runs
     ]
     panels = [
-        TracePanel((one.case.name,), f"{one.what} ({one.unit})", title=one.case.title, forms=one.forms) for one in shown
+        TracePanel(
+            (one.case.name,),
+            f"{one.what} ({one.unit})",
+            title=one.case.title,
+            forms=dict(zip((LAW, STATIONARY), one.forms, strict=False)),
+        )
+        for one in shown
     ]
     missing = [f"{one.case.title}: {solver} {words}" for one in shown for solver, words in one.status.items()]
     ends = [
@@ -216,7 +218,7 @@ def _line(one: Beside, solvers: Sequence[str], words: str, t: float) -> dict[str
         "when": f"{words} = {t:g} s",
         "newton": _moved(one.newton, t),
         "newton_by": one.newton_by,
-        "stationary": _moved(Trace(one.forms[1].marks, one.forms[1].values), t) if one.forms else None,
+        "stationary": _moved(one.forms[1], t) if one.forms else None,
     }
     for solver in solvers:
         made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]

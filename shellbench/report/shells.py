@@ -20,7 +20,7 @@ from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
-from shellbench.report.digits import order_of, quoted
+from shellbench.report.digits import quoted
 from shellbench.report.notation import MARKDOWN
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ EVEN = 1e-6  # share of a displacement within which it is the same everywhere, b
 WIRES, FEW_WIRES = 13, 7  # coordinate lines of a square surface in each direction; of the reference beside it
 CELLS, FEW_CELLS = 64, 48  # facets a side, at least, for a smooth picture; of a small one
 STONE = (0.87, 0.88, 0.90)  # the reference surface
-PLAIN_ORDERS = range(-2, 4)  # orders of magnitude that a colour bar shows without a power of ten
+PLAIN_ORDERS = (-2, 3)  # orders of magnitude between which a colour bar has no power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 MOST_IN_A_ROW = 5  # shells of a suite
 ARROW = 0.22  # length of a point load's arrow, in sizes of the shell
@@ -186,7 +186,7 @@ def shapes_figure(rows: Sequence[Sequence[Shell | None]], words: Sequence[str], 
             if shell is None:
                 axes.text(0.5, 0.5, "not reached", transform=axes.transAxes, ha="center", va="center", color="#666666")
             else:
-                draw_deformed(axes, shell, shells, FEW_CELLS)
+                draw_deformed(axes, shell, shells, FEW_CELLS if names else CELLS)
     for panels, name in zip(grid, names, strict=False):
         name_row(panels[0], name)
     colour_bar(figure, list(grid.flat), *shells, shrink=0.5, aspect=34)
@@ -240,19 +240,15 @@ def colour_bar(
     figure: FigureBase, axes: Axes | Sequence[Axes], *shells: Shell, shrink: float = 0.85, aspect: float = 22
 ) -> None:
     """Draw the colour bar of shells below their axes, labelled with what it shows and its unit."""
-    colours = _colours(shells)
-    low, high = colours.get_clim()
-    largest = max(abs(low or 0.0), abs(high or 0.0))
-    order = order_of(largest) if largest > 0 else 0
-    order = 0 if order in PLAIN_ORDERS else order
-    shown = ScalarMappable(Normalize((low or 0.0) * 10.0**-order, (high or 0.0) * 10.0**-order), colours.get_cmap())
-    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=shrink, aspect=aspect, pad=0.02)
+    look: dict[str, Any] = {"orientation": "horizontal", "shrink": shrink, "aspect": aspect, "pad": 0.02}
+    bar = figure.colorbar(_colours(shells), ax=axes, **look)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    unit = shells[0].unit if not order else rf"$10^{{{order}}}$ {shells[0].unit}"
-    bar.set_label(f"{what_is_coloured(shells[0])} ({unit})", fontsize=7.5)
+    bar.set_label(f"{what_is_coloured(shells[0])} ({shells[0].unit})", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
+    bar.ax.ticklabel_format(scilimits=PLAIN_ORDERS, useMathText=True)
+    bar.ax.xaxis.get_offset_text().set_fontsize(7)
 
 
 def what_is_coloured(shell: Shell) -> str:
@@ -273,10 +269,7 @@ def axis_of(direction: Sequence[float]) -> tuple[str, str] | None:
 
 def times(scale: float) -> str:
     """Say by which factor the displacement is magnified."""
-    order = order_of(scale) if scale else 0
-    if -3 <= order <= 3:
-        return rf"$\times$ {scale:g}"
-    return rf"$\times\;{scale / 10.0**order:g} \cdot 10^{{{order}}}$"
+    return f"× {MARKDOWN.number(quoted(scale))}"
 
 
 def scale_words(shell: Shell) -> str:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.palette import DASHES, Ink
 from shellbench.report.shells import plain
-from shellbench.report.traces import CRITICAL, KnownPoints, TracedRun
-
-Array = NDArray[np.float64]
+from shellbench.report.traces import CRITICAL, KnownPoints, Trace, TracedRun
 
 WIDTH, HEIGHT, HIGH = 2.45, 1.95, 2.5  # inches a panel; of one that has the load upwards
 ALONE = 4.6, 2.4  # inches of a panel that stands alone
@@ -29,18 +26,8 @@ TABLE = 12  # tabulated points, above which their crosses shrink
 THINNEST, STEP, THICKEST = 1.1, 0.9, 3.8  # widths of lines, the last solver's on top: of those below a rim is seen
 CROSSES = ("x", "+", "1", "2", "3", "4")  # of figures from elsewhere, one for each source
 ELSEWHERE = "#555555"
+FORMS = (("black", DASHES[1]), ("#777777", DASHES[2]))  # colours and dashes of closed forms
 TIME = "time t (s)"
-
-
-@dataclass(frozen=True)
-class ClosedForm:
-    """A curve that is known by formula: values (n,) at marks (n,)."""
-
-    label: str
-    marks: Array
-    values: Array
-    colour: str = "black"
-    dashes: Dashes = DASHES[1]
 
 
 @dataclass(frozen=True)
@@ -57,6 +44,8 @@ class TracePanel:
         Of the marks' axis, with the unit.
     load_scale
         Factor of marks that are load factors and are drawn upwards; None of marks that are drawn to the right.
+    forms
+        Curves that are known by formula, by what a legend calls them.
     limit_loads
         Load factors of known limit points whose displacement is not known.
     smallest
@@ -70,7 +59,7 @@ class TracePanel:
     along: str = TIME
     title: str = ""
     known: tuple[KnownPoints, ...] = ()
-    forms: tuple[ClosedForm, ...] = ()
+    forms: Mapping[str, Trace] = field(default_factory=dict)
     load_scale: float | None = None
     limit_loads: tuple[float, ...] = ()
     smallest: float = 0.0
@@ -141,9 +130,9 @@ def _draw(
     entries: dict[str, Any],
     special: str,
 ) -> None:
-    for form in panel.forms:
-        (line,) = axes.plot(form.marks, form.values, color=form.colour, linestyle=form.dashes, linewidth=0.9, zorder=3)
-        entries.setdefault(form.label, line)
+    for (label, form), (colour, dashes) in zip(panel.forms.items(), FORMS, strict=False):
+        (line,) = axes.plot(form.marks, form.values, color=colour, linestyle=dashes, linewidth=0.9, zorder=3)
+        entries.setdefault(label, line)
     names = list(dict.fromkeys(run.name for run in runs))
     for run in runs:
         width = min(THINNEST + STEP * (len(names) - 1 - names.index(run.name)), THICKEST)
@@ -151,7 +140,7 @@ def _draw(
     if panel.load_scale is not None:
         axes.axhline(0, color="#999999", linewidth=0.5, zorder=0)
         for factor in panel.limit_loads:
-            load = axes.axhline(panel.load_scale * factor, color="black", linewidth=0.7, linestyle=DASHES[2], zorder=1)
+            load = axes.axhline(panel.load_scale * factor, color="black", linewidth=0.7, linestyle=":", zorder=1)
             entries["known limit load"] = load
     elif panel.logarithmic:
         axes.set_yscale("log")
