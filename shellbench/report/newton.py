@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from shellbench.bench import catalog
 from shellbench.bench.portraits import portrait_of, portrait_of_named
@@ -28,8 +27,6 @@ from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
 from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced, yardstick
-
-Array = NDArray[np.float64]
 
 NEWTON = "newton"  # how names of the figures begin
 FINE = 121  # points of a closed form

@@ -36,7 +36,7 @@ from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import render, tables_as_csv
 from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
-from shellbench.report.view import LIBRARY, View, palettes_json, scripts, views
+from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
@@ -107,14 +107,13 @@ def write_report(
             "leaves": leaves,
             "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
         }
-        library = scripts(viewing=True).library if turned else ""
         for leaf in leaves:
             _write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | _of_leaf(leaf, turned, facts)))
         whole_report = Leaf(WHOLE, "", list(shown), tables, drawn, list(sections))
         _write(out / "index.html", _page("index.html.j2", HTML, whole_report, facts | _scripts({})))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, whole_report, facts | _paths_shown(whole_report)))
-        if library:
-            _write(out / LIBRARY, library)
+        if turned:
+            _write(out / LIBRARY, library())
         _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
         _write(out / "table.tex", "\n".join(table.write("latex") for table in tables.printed))
         _write(out / "table.json", render(rows, "json"))
@@ -199,14 +198,13 @@ def _paths_shown(leaf: Leaf) -> dict[str, Any]:
 
 def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
-    run = scripts(viewing=bool(turned))
     return {
         "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
         "dense": any(one.dense for one in turned.values()),
         "palettes": palettes_json(),
-        "scripts": run.inline,
+        "scripts": scripts(viewing=bool(turned)),
         "library": LIBRARY if turned else "",
-        "script_hashes": run.hashes,
+        "script_hashes": script_sources(viewing=bool(turned)),
     }
 
 

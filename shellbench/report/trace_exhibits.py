@@ -62,13 +62,11 @@ def is_cloth(case: Portrait) -> bool:
 def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known) -> Iterator[Exhibit]:
     """Yield the figures of all paths that runs left; see `shellbench.report.exhibits.exhibits`."""
     colours = inks(row.solver for row in rows)
-    default = runs_by_case(records, [row for row in rows if row.primary and row.default_settings])
-    for (name, own), runs in default.items():
-        values = KnownValues() if own else known(name)
-        yield from _curves(f"{CURVE}{name}", [(record, row.solver) for row, record in runs], values, colours)
-    for runs in default.values():
-        case = portrait_of(runs[0][1])
-        if case is not None and not is_cloth(case):
+    default = list(_cases(records, [row for row in rows if row.primary and row.default_settings], known))
+    for name, case, runs, values in default:
+        yield from _curves(f"{CURVE}{name}", case, [(record, row.solver) for row, record in runs], values, colours)
+    for _, case, runs, _ in default:
+        if not is_cloth(case):
             yield from _states(runs, folder)
     yield from _strains(records, rows, known)
 
@@ -78,28 +76,37 @@ def motion_exhibits(
 ) -> Iterator[Exhibit]:
     """Yield the figures of all motions, and of paths through buckling; see `shellbench.report.exhibits.exhibits`."""
     colours = inks(row.solver for row in rows)
-    headline = leading_rows([row for row in rows if row.primary])
-    for (name, own), runs in runs_by_case(records, headline).items():
-        case = portrait_of(runs[0][1])
-        if case is None or not is_cloth(case):
-            continue
-        values = KnownValues() if own else known(name)
-        left = [run for row, record in runs if (run := traced(record, case, row.solver)) is not None]
-        if left and case.ends is not None:
-            yield from _motion(name, case, left, values, colours)
-            yield from _apart(name, case, runs, folder, colours)
-        elif left:
-            yield from _buckling(name, case, left, values, colours)
-        yield from _frames(name, case, runs, folder)
+    for name, case, runs, values in _cases(records, leading_rows([row for row in rows if row.primary]), known):
+        if is_cloth(case):
+            left = [run for row, record in runs if (run := traced(record, case, row.solver)) is not None]
+            if left and case.ends is not None:
+                yield from _motion(name, case, left, values, colours)
+                yield from _apart(name, case, runs, folder, colours)
+            elif left:
+                yield from _buckling(name, case, left, values, colours)
+            yield from _frames(name, case, runs, folder)
+
+
+def _cases(
+    records: Mapping[str, Record], rows: Sequence[Row], known: Known
+) -> Iterator[tuple[str, Portrait, Runs, KnownValues]]:
+    """Yield name, portrait, runs and known values of each case; of a user's own nothing is known."""
+    for (name, own), runs in runs_by_case(records, rows).items():
+        if (case := portrait_of(runs[0][1])) is not None:
+            yield name, case, runs, KnownValues() if own else known(name)
 
 
 def _curves(
-    name: str, made: Sequence[tuple[Record, str]], known: KnownValues, colours: Mapping[str, Ink], about: str = ""
+    name: str,
+    case: Portrait,
+    made: Sequence[tuple[Record, str]],
+    known: KnownValues,
+    colours: Mapping[str, Ink],
+    about: str = "load against displacement",
 ) -> Iterator[Exhibit]:
-    case = portrait_of(made[0][0])
-    runs = [run for record, legend in made if case and (run := path_run(record, case, legend)) is not None]
-    series = [one for one in case.paths if any(one.name in run.traces for run in runs)] if case else []
-    if case is None or not series:
+    runs = [run for record, legend in made if (run := path_run(record, case, legend)) is not None]
+    series = [one for one in case.paths if any(one.name in run.traces for run in runs)]
+    if not series:
         return
     load, limits = case.load_axis, tuple(limit_loads(case, known))
     panels = [
@@ -118,7 +125,7 @@ def _curves(
     diamonds = "Diamonds: limit points of the computed curves. " if case.controlled_by is not None else ""
     yield _drawing(
         name=name,
-        title=f"{case.title}: {about or 'load against displacement'}",
+        title=f"{case.title}: {about}",
         caption="Marks on the lines are computed states; between them the lines only guide the eye. Open circles: known"
         " values that judge. Crosses: figures from elsewhere, of the theory named."
         f" {diamonds}{_failures(runs)}".rstrip(),
@@ -135,21 +142,23 @@ def _states(runs: Runs, folder: Path) -> Iterator[Exhibit]:
         runs, key=lambda run: (run[1].status != "ok", run[0].seed is not None, abs(run[0].relative_error or 0.0))
     )
     kept = ((row, record, found) for row, record in ranked if len(found := states(record, folder)) >= FEWEST)
-    for row, record, found in [*kept][:1]:
-        shown = spread(found)
-        words, shells = [words for words, _ in shown], [shell for _, shell in shown]
-        columns = len(shells) if len(shells) <= MOST_IN_A_ROW else MANY_IN_A_ROW
-        left_out = f" {len(shown)} of {len(found)} kept states." if len(shown) < len(found) else ""
-        yield Exhibit(
-            name=f"{STATES}{record.case_name}",
-            title=f"{shells[0].title}: shapes along the path",
-            caption=f"The deformed shell, {scale_words(shells[0])}, with the reference surface as a wire.{left_out}"
-            f" Solved by {row.solver}{'' if record.status == 'ok' else f', which failed later: {record.reason}'}.",
-            description="; ".join(f"{mark}: {shell.words}" for mark, shell in shown),
-            figure=shapes_figure([shells[at : at + columns] for at in range(0, len(shells), columns)], words),
-            run_ids=(record.run_id,),
-            drawing=False,
-        )
+    if (best := next(kept, None)) is None:
+        return
+    row, record, found = best
+    shown = spread(found)
+    words, shells = [words for words, _ in shown], [shell for _, shell in shown]
+    columns = len(shells) if len(shells) <= MOST_IN_A_ROW else MANY_IN_A_ROW
+    left_out = f" {len(shown)} of {len(found)} kept states." if len(shown) < len(found) else ""
+    yield Exhibit(
+        name=f"{STATES}{record.case_name}",
+        title=f"{shells[0].title}: shapes along the path",
+        caption=f"The deformed shell, {scale_words(shells[0])}, with the reference surface as a wire.{left_out}"
+        f" Solved by {row.solver}{'' if record.status == 'ok' else f', which failed later: {record.reason}'}.",
+        description="; ".join(f"{mark}: {shell.words}" for mark, shell in shown),
+        figure=shapes_figure([shells[at : at + columns] for at in range(0, len(shells), columns)], words),
+        run_ids=(record.run_id,),
+        drawing=False,
+    )
 
 
 def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -> Iterator[Exhibit]:
@@ -157,8 +166,8 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
     rolled = catalog.find_suite(SUITE).rolled if SUITE in catalog.suite_names() else None
     energies = bending_energies(records, rows, rolled or "")
     ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == rolled and row.run_id))
-    case = portrait_of(records[ids[0]]) if ids and ids[0] in records else None
-    stiffness = case.rolling_stiffness if case is not None else None
+    plate = portrait_of(records[ids[0]]) if ids and ids[0] in records else None
+    stiffness = plate.rolling_stiffness if plate is not None else None
     if stiffness is not None and (figure := rolled_figure(energies, stiffness)) is not None:
         yield Exhibit(
             name=f"{STRAIN}{rolled}",
@@ -174,12 +183,10 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
             run_ids=ids,
             drawing=True,
         )
-    for (name, own), runs in runs_by_case(records, [row for row in shown if row.primary]).items():
-        ordered = sorted(runs, key=lambda run: STRAINS.index(run[0].label))
-        values = KnownValues() if own else known(name)
-        if len(ordered) > 1:
-            paths = [(record, row.label) for row, record in ordered]
-            yield from _curves(f"{STRAIN}{name}", paths, values, INKS, "the strain measures")
+    for name, case, runs, values in _cases(records, [row for row in shown if row.primary], known):
+        if len(runs) > 1:
+            paths = [(record, row.label) for row, record in sorted(runs, key=lambda run: STRAINS.index(run[0].label))]
+            yield from _curves(f"{STRAIN}{name}", case, paths, values, INKS, "the strain measures")
 
 
 def _motion(

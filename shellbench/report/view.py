@@ -67,25 +67,6 @@ class View:
     dense: bool
 
 
-@dataclass(frozen=True)
-class Scripts:
-    """Scripts of the page.
-
-    Attributes
-    ----------
-    inline
-        As they stand in the page.
-    library
-        Script that holds Plotly, compressed, as base64; empty if there is nothing to view.
-    hashes
-        Sources for the content security policy: these scripts run, Plotly among them, and what stands beside the page.
-    """
-
-    inline: tuple[str, ...]
-    library: str
-    hashes: tuple[str, ...]
-
-
 def views(
     records: Mapping[str, Record], rows: Sequence[Row], folder: Path, first: Mapping[str, str] | None = None
 ) -> dict[str, View]:
@@ -222,26 +203,28 @@ def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None
     return {"vector": vector.tolist(), "symbol": symbol.replace("-", "\N{MINUS SIGN}")}
 
 
-@cache
-def scripts(viewing: bool) -> Scripts:
-    """Return the scripts of a page that has views, or none."""
-    templates = files("shellbench.report") / "templates"
+def scripts(viewing: bool) -> tuple[str, ...]:
+    """Return the scripts that stand in a page that has views, or none."""
     names = ("sort.js", "view.js") if viewing else ("sort.js",)
-    inline = tuple((templates / name).read_text(encoding="utf-8") for name in names)
-    if not viewing:
-        return Scripts(inline, "", tuple(map(_hash, inline)))
-    plotly = _plotly()
-    library = f"{HOLDER}{json.dumps(packed_bytes(plotly.encode()))};\n"
-    return Scripts(inline, library, (*map(_hash, (*inline, plotly)), "'self'"))
+    return tuple((files("shellbench.report") / "templates" / name).read_text(encoding="utf-8") for name in names)
 
 
-def _plotly() -> str:
+def script_sources(viewing: bool) -> tuple[str, ...]:
+    """Return sources for the content security policy: by their hashes these scripts and Plotly; the page's own folder."""
+    run = (*scripts(viewing), *([plotly()] if viewing else []))
+    hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in run)
+    return (*(f"'sha256-{text}'" for text in hashes), *(["'self'"] if viewing else []))
+
+
+def library() -> str:
+    """Return the script that holds Plotly, compressed, as base64."""
+    return f"{HOLDER}{json.dumps(packed_bytes(plotly().encode()))};\n"
+
+
+@cache
+def plotly() -> str:
     """Return the library from plotly's package, which is not imported: that takes longer than to read the file."""
     spec = find_spec("plotly")
     if spec is None or not spec.submodule_search_locations:
         raise ShellbenchError("plotly, which draws in three dimensions, is not installed")
     return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

@@ -78,9 +78,21 @@
         return state?.relative ? sum(values, answers[0].states[mark], 1) : values;
       });
       const last = moved.reduce((found, state, mark) => (state ? mark : found), -1);
-      answers.push({ label, states: moved, density: density === null ? null : [plane(density)], last });
+      answers.push({ label, moved, states: moved, density: density === null ? null : [plane(density)], last });
     });
-    return { kept, position, answers };
+    return { kept, position, answers, shows: [...answers, ...differences(answers)] };
+  }
+
+  /* The difference of each two answers, coloured on the shape of the first. Densities are of the last state only. */
+  function differences(answers) {
+    return answers.flatMap((a, place) => answers.slice(place + 1).map((b) => ({
+      label: `difference: ${a.label} − ${b.label}`,
+      moved: a.moved,
+      states: a.states.map((state, mark) => state && b.states[mark] && sum(state, b.states[mark], -1)),
+      density: a.density && b.density && a.last === b.last ? sum(a.density, b.density, -1) : null,
+      last: a.last,
+      apart: true,
+    })));
   }
 
   function sum(first, second, factor) {
@@ -91,20 +103,12 @@
     return values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
   }
 
-  /* What is coloured at a mark, point by point: of one answer or the difference of two; null where there is nothing.
-     Densities were kept for the last state only. */
-  function coloured({ kept, answers }, { first, second, colour }, mark) {
+  /* What is coloured at a mark, point by point; null where there is nothing. */
+  function coloured({ kept }, { states, density, last }, colour, mark) {
     const dense = colour === "density";
-    const [one, other] = (second === null ? [first] : [first, second]).map((i) => {
-      const { states, density, last } = answers[i];
-      return dense ? last === mark && density : states[mark];
-    });
-    if (!one || (second !== null && !other)) {
-      return null;
-    }
-    const [x, y, z] = other ? sum(one, other, -1) : one;
-    if (dense) {
-      return x;
+    const [x, y, z] = (dense ? last === mark && density : states[mark]) || [];
+    if (!x || dense) {
+      return x || null;
     }
     if (colour === "magnitude") {
       return x.map((_, i) => Math.hypot(x[i], y[i], z[i]));
@@ -114,10 +118,9 @@
   }
 
   /* One range of colours for all states, and for all answers unless a difference is shown. */
-  function colourRange({ field, choice, palettes }) {
-    const answers = choice.second === null ? field.answers.map((_, i) => i) : [choice.first];
-    const found = answers.flatMap((first) =>
-      field.kept.marks.flatMap((_, mark) => extremes(coloured(field, { ...choice, first }, mark) || [])),
+  function colourRange({ field, choice: { shown, colour }, palettes }) {
+    const found = (shown.apart ? [shown] : field.answers).flatMap((one) =>
+      field.kept.marks.flatMap((_, mark) => extremes(coloured(field, one, colour, mark) || [])),
     );
     let [cmin, cmax] = extremes(found.some(Number.isFinite) ? found.filter(Number.isFinite) : [0]);
     const diverging = cmin < 0 && Math.min(-cmin, cmax) > palettes.both_signs * Math.max(-cmin, cmax);
@@ -125,12 +128,12 @@
       cmax = Math.max(-cmin, cmax);
       cmin = -cmax;
     }
-    const use = diverging ? "diverging" : choice.second === null ? "sequential" : "difference";
+    const use = diverging ? "diverging" : shown.apart ? "difference" : "sequential";
     return { cmin, cmax: cmax > cmin ? cmax : cmin + (Math.abs(cmin) || 1) * 1e-12, colorscale: palettes.maps[use] };
   }
 
   function colourTitle({ field: { kept }, choice }) {
-    const change = choice.second === null ? "" : "Δ";
+    const change = choice.shown.apart ? "Δ" : "";
     if (choice.colour === "density") {
       return `${change && "Δ "}energy density (${kept.density_unit})`;
     }
@@ -153,9 +156,9 @@
 
   function surface(view) {
     const { field, choice, narrow } = view;
-    const { kept, position, answers } = field;
-    const displacement = answers[choice.first].states[choice.mark];
-    const values = coloured(field, choice, choice.mark);
+    const { kept, position } = field;
+    const displacement = choice.shown.moved[choice.mark];
+    const values = coloured(field, choice.shown, choice.colour, choice.mark);
     const grid = displacement ? sum(position, displacement, choice.scale) : position;
     const title = colourTitle(view);
     const beside = { len: 0.8, title: { text: title, side: "right" } };
@@ -257,19 +260,10 @@
     return title.replace(/<sub>(.)<\/sub>/, "_$1");
   }
 
-  function choices({ answers }) {
-    const one = answers.map(({ label }, first) => ({ words: label, first, second: null }));
-    const two = one.flatMap(({ words, first }) =>
-      one.slice(first + 1).map((b) => ({ words: `difference: ${words} − ${b.words}`, first, second: b.first })),
-    );
-    return [...one, ...two];
-  }
-
   function sentence(view) {
     const { field, choice } = view;
-    const values = coloured(field, choice, choice.mark);
-    const { words } = choices(field).find(({ first, second }) => first === choice.first && second === choice.second);
-    const parts = [words, field.kept.marks[choice.mark], `displacement × ${number(choice.scale)}`];
+    const values = coloured(field, choice.shown, choice.colour, choice.mark);
+    const parts = [choice.shown.label, field.kept.marks[choice.mark], `displacement × ${number(choice.scale)}`];
     const seen = parts.filter(Boolean).join(", ");
     const [low, high] = extremes(values || []).map(number);
     const colours = `, coloured by ${plain(colourTitle(view))} from ${low} to ${high}.`;
@@ -280,20 +274,20 @@
 
   const CHANGES = {
     shown({ field, choice }, { value }) {
-      const { first, second } = choices(field)[value];
-      const colour = second !== null && choice.second === null ? "magnitude" : choice.colour; // how far apart they are
-      Object.assign(choice, { first, second, colour });
+      const shown = field.shows[value];
+      const colour = shown.apart && !choice.shown.apart ? "magnitude" : choice.colour; // how far apart they are
+      Object.assign(choice, { shown, colour });
     },
-    colour({ field, choice }, { value }) {
+    colour({ choice }, { value }) {
       choice.colour = value;
-      choice.mark = value === "density" ? field.answers[choice.first].last : choice.mark;
+      choice.mark = value === "density" ? choice.shown.last : choice.mark;
     },
     scale({ choice }, { value }) {
       choice.scale = Number(value);
     },
-    mark({ field, choice }, { value }) {
+    mark({ choice }, { value }) {
       choice.mark = Number(value);
-      const lacks = choice.colour === "density" && choice.mark !== field.answers[choice.first].last;
+      const lacks = choice.colour === "density" && choice.mark !== choice.shown.last;
       choice.colour = lacks ? "magnitude" : choice.colour;
     },
     wire({ choice }, { checked }) {
@@ -310,11 +304,10 @@
   /* The controls say what is chosen. */
   function show({ field, choice, inputs, timer }) {
     const { along, marks } = field.kept;
-    const dense = coloured(field, { ...choice, colour: "density" }, field.answers[choice.first].last) !== null;
     const colours = {
       ...(along ? { picture: `as in the picture (${plain(along.symbol.replace("%", "u"))})` } : {}),
       ...COLOURS,
-      ...(dense ? { density: "strain energy density" } : {}),
+      ...(choice.shown.density ? { density: "strain energy density" } : {}),
     };
     choice.colour = choice.colour in colours ? choice.colour : "magnitude";
     if (inputs.colour.options.length !== Object.keys(colours).length) {
@@ -343,7 +336,7 @@
     panel.querySelectorAll(".state").forEach((one) => kept.marks.length > 1 || one.remove());
     view.inputs = Object.fromEntries([...panel.querySelectorAll("[name]")].map((input) => [input.name, input]));
     const { shown, scale } = view.inputs;
-    shown.append(...choices(field).map(({ words }, i) => new Option(words, i)));
+    shown.append(...field.shows.map(({ label }, i) => new Option(label, i)));
     Object.assign(scale, { max: kept.largest_scale, step: kept.largest_scale / SLIDER, value: choice.scale });
     panel.addEventListener("input", ({ target }) => change(view, target), true);
     panel.addEventListener("click", ({ target }) => {
@@ -403,7 +396,7 @@
     await (library = library || unpackedLibrary());
     const { along, scale } = field.kept;
     const [colour, mark] = [along ? "picture" : "magnitude", field.answers[0].last];
-    const choice = { first: 0, second: null, colour, scale, mark, wire: true };
+    const choice = { shown: field.answers[0], colour, scale, mark, wire: true };
     const panel = element("div", { class: "view" });
     const view = { figure, field, choice, panel, palettes: json("palettes"), timer: null };
     view.panel.innerHTML = PANEL;
