@@ -210,7 +210,7 @@ def scripts(viewing: bool) -> tuple[str, ...]:
 
 
 def script_sources(viewing: bool) -> tuple[str, ...]:
-    """Return sources for the content security policy: by their hashes these scripts and Plotly; the page's own folder."""
+    """Return sources for the content security policy: by hash these scripts and Plotly, and the own folder."""
     run = (*scripts(viewing), *([plotly()] if viewing else []))
     hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in run)
     return (*(f"'sha256-{text}'" for text in hashes), *(["'self'"] if viewing else []))
