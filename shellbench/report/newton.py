@@ -47,7 +47,7 @@ def free_fall(case: Portrait, series: str) -> tuple[Trace, Trace] | None:
 
 
 @dataclass(frozen=True)
-class Beside:
+class Finding:
     """One case of the finding.
 
     Attributes
@@ -87,7 +87,7 @@ def shown_cases() -> dict[str, str]:
     return {case: series for name in catalog.suite_names() for case, series in catalog.find_suite(name).newton.items()}
 
 
-def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
+def findings(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Finding]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
     found = []
     headline = leading_rows([row for row in rows if row.primary and not row.own_case])
@@ -109,7 +109,7 @@ def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
         status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
         solved = {row.solver for row, _ in runs}
         found.append(
-            Beside(
+            Finding(
                 case=case,
                 series=series,
                 unit=next((one.quantity.unit for one in case.along if one.name == series), "m"),
@@ -142,7 +142,7 @@ def _status(row: Row) -> str:
 
 def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
     """Yield the figure that sets the cases of the finding side by side."""
-    shown = [one for one in beside(records, rows) if one.runs or one.forms]
+    shown = [one for one in findings(records, rows) if one.runs or one.forms]
     if not shown:
         return
     runs = [  # each case is a panel of its own
@@ -181,7 +181,7 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
 
 def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
-    cases = beside(records, rows)
+    cases = findings(records, rows)
     solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
     lines = [_line(one, solvers, words, share * one.case.way) for one in cases for words, share in HALF_AND_END]
     if not lines:
@@ -205,7 +205,7 @@ def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
     )
 
 
-def _line(one: Beside, solvers: Sequence[str], words: str, t: float) -> dict[str, Any]:
+def _line(one: Finding, solvers: Sequence[str], words: str, t: float) -> dict[str, Any]:
     line: dict[str, Any] = {
         "block": f"{one.case.title}: {one.what}",
         "case": one.case.name,

@@ -107,9 +107,9 @@ def trace_figure(
         title = textwrap.fill(panel.title[:1].upper() + panel.title[1:], TITLE, break_on_hyphens=False)
         axes.set_title(plain(title), loc="left", fontsize=7.5)
     if entries:
-        beside = legend_columns(list(entries), figure.get_figwidth())
-        figure.legend(entries.values(), list(map(plain, entries)), loc="outside lower center", ncols=beside)
-        figure.set_figheight(figure.get_figheight() + LINE * (-(-len(entries) // beside) - 1))
+        in_a_row = legend_columns(list(entries), figure.get_figwidth())
+        figure.legend(entries.values(), list(map(plain, entries)), loc="outside lower center", ncols=in_a_row)
+        figure.set_figheight(figure.get_figheight() + LINE * (-(-len(entries) // in_a_row) - 1))
     return figure
 
 

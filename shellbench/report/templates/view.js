@@ -61,11 +61,11 @@
   }
 
   async function unpacked(kept) {
-    const differences = new Int16Array(await unzipped(kept.data));
+    const stored = new Int16Array(await unzipped(kept.data));
     const points = kept.shape[0] * kept.shape[1];
     let place = 0;
     const plane = (step) => {
-      const whole = differences.slice(place, (place += points));
+      const whole = stored.slice(place, (place += points));
       whole.forEach((difference, i) => (whole[i] = i ? whole[i - 1] + difference : difference)); // it wraps around
       return Float64Array.from(whole, (value) => value * step);
     };
@@ -297,12 +297,12 @@
 
   function change(view, input) {
     CHANGES[input.name]?.(view, input);
-    show(view);
+    showChoice(view);
     draw(view);
   }
 
   /* The controls say what is chosen. */
-  function show({ field, choice, inputs, timer }) {
+  function showChoice({ field, choice, inputs, timer }) {
     const { along, marks } = field.kept;
     const colours = {
       ...(along ? { picture: `as in the picture (${plain(along.symbol.replace("%", "u"))})` } : {}),
@@ -327,7 +327,7 @@
     clearInterval(view.timer);
     const next = () => change(view, { name: "mark", value: (view.choice.mark + 1) % view.field.kept.marks.length });
     view.timer = view.timer ? null : setInterval(next, PACE);
-    show(view);
+    showChoice(view);
   }
 
   function connect(view) {
@@ -353,7 +353,7 @@
         look(view, key);
       }
     });
-    show(view);
+    showChoice(view);
   }
 
   /* Drawn at most once a frame, with whatever was chosen last. */
