@@ -25,7 +25,9 @@ from shellbench.errors import ShellbenchError
 from shellbench.report.palette import style
 
 PRINT_DPI, SCREEN_DPI = 300, 160
-ROUNDED = 8  # of 255, steps of a picture's colours: half the bytes, and no difference to be seen
+PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and hardly a difference to be seen
+FARTHEST = 15  # of 255: how far a colour may be from the palette; farther, and bands are seen
+ROUNDED = 8  # of 255: half the bytes, and no difference to be seen
 COORDINATES = re.compile(rb'(?<= [dxy]=")[^"]*')
 REMARKS_AND_INDENTS = re.compile(rb"<!--.*?-->\s*|(?<=\n)\s+", re.DOTALL)
 LONG = re.compile(rb"-?\d+\.\d{3,}")
@@ -123,11 +125,13 @@ def _save_one(number: int) -> str:
 
 
 def few_colours(png: bytes) -> bytes:
-    """Return a PNG with its colours rounded."""
-    colours = np.asarray(Image.open(BytesIO(png)).convert("RGB"), dtype=int)
-    rounded = np.minimum((colours + ROUNDED // 2) // ROUNDED * ROUNDED, 255).astype(np.uint8)
+    """Return a PNG of fewer colours: a palette of its own, or if that is too far from some, all of them rounded."""
+    image = Image.open(BytesIO(png)).convert("RGB")
+    reduced = image.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    if np.abs(np.asarray(reduced.convert("RGB"), dtype=int) - np.asarray(image, dtype=int)).max() > FARTHEST:
+        reduced = image.point(lambda value: min((value + ROUNDED // 2) // ROUNDED * ROUNDED, 255))
     buffer = BytesIO()
-    Image.fromarray(rounded).save(buffer, "PNG", optimize=True)
+    reduced.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 

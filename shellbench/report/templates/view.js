@@ -348,7 +348,8 @@
     view.plot.setAttribute("aria-label", `${kept.title}: deformed shell. ${keys}`);
     view.plot.addEventListener("keydown", (event) => {
       const key = event.key === "=" ? "+" : event.key;
-      if (TURNS.some(([name]) => name === key) && !event.ctrlKey && !event.metaKey && !event.altKey) {
+      const turns = TURNS.some(([name, , , by]) => by && name === key);
+      if (turns && !event.ctrlKey && !event.metaKey && !event.altKey) {
         event.preventDefault();
         look(view, key);
       }
