@@ -11,9 +11,9 @@ import pandas as pd
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report import cells
-from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Column, Note, Table
+from shellbench.report.traces import runs_by_case
 
 COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns", "peak_memory_bytes")
 

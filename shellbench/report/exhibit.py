@@ -7,8 +7,7 @@ import multiprocessing
 import re
 import signal
 import sys
-from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -30,12 +29,8 @@ PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, an
 FARTHEST = 15  # of 255: how far a colour may be from the palette; farther, and bands are seen
 ROUNDED = 8  # of 255: half the bytes, and no difference to be seen
 COORDINATES = re.compile(rb'(?<= [dxy]=")[^"]*')
-STYLES = re.compile(rb'style="([^"]*)"')
-REMARKS = re.compile(rb"<!--.*?-->", re.DOTALL)
-INDENTS = re.compile(rb"\n\s*")
-OFTEN = 3  # marks of a style from which on it is a class
+REMARKS_AND_INDENTS = re.compile(rb"<!--.*?-->\s*|(?<=\n)\s+", re.DOTALL)
 LONG = re.compile(rb"-?\d+\.\d{3,}")
-QUOTE, APOSTROPHE, NEWLINE, SPACE = b'"', b"'", b"\n", b" "
 IN_LINKS = " !$()*+,-./:;=?@[]_~{}|'"  # characters that need no escape in a link that holds mark-up
 Format = Literal["pdf", "png", "svg"]
 
@@ -86,7 +81,7 @@ class Exhibit:
                 return data_uri("image/png", png)
             svg = lean(self._rendered("svg", SCREEN_DPI))
             (folder / f"{self.name}.svg").write_bytes(svg)
-            return data_uri("image/svg+xml", svg) if APOSTROPHE in svg else text_uri("image/svg+xml", svg)
+            return svg_uri(svg)
 
     def _rendered(self, format: Format, dpi: int) -> bytes:
         buffer = BytesIO()
@@ -110,66 +105,50 @@ def save_all(exhibits: Sequence[Exhibit], folder: Path, for_print: bool = True) 
     jobs = min(cores(), len(exhibits))
     if jobs < 2 or sys.platform != "linux":
         return {exhibit.name: exhibit.save(folder, for_print) for exhibit in exhibits}
-    fork = multiprocessing.get_context("fork")
+    _save[:] = [lambda number: exhibits[number].save(folder, for_print)]
+    deaf = (signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for who has forked
     try:
-        with ProcessPoolExecutor(jobs, fork, _to_be_saved, (exhibits, folder, for_print)) as pool:
-            uris = list(pool.map(_save, range(len(exhibits))))
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("fork"), signal.signal, deaf) as pool:
+            uris = list(pool.map(_save_one, range(len(exhibits))))
     except BrokenProcessPool:
         raise ShellbenchError("a process that draws figures was killed: out of memory, perhaps") from None
+    finally:
+        _save.clear()
     return {exhibit.name: uri for exhibit, uri in zip(exhibits, uris, strict=True)}
 
 
-_work: list[tuple[Sequence[Exhibit], Path, bool]] = []  # of a forked process: what it was forked with
+_save: list[Callable[[int], str]] = []  # what a forked process does; it is there when it begins
 
 
-def _to_be_saved(exhibits: Sequence[Exhibit], folder: Path, for_print: bool) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt from the terminal is for who has forked
-    _work[:] = [(exhibits, folder, for_print)]
-
-
-def _save(number: int) -> str:
-    ((exhibits, folder, for_print),) = _work
-    return exhibits[number].save(folder, for_print)
+def _save_one(number: int) -> str:
+    return _save[0](number)
 
 
 def few_colours(png: bytes) -> bytes:
     """Return a PNG of fewer colours: a palette of its own, or if that is too far from some, all of them rounded."""
     image = Image.open(BytesIO(png)).convert("RGB")
-    colours = np.asarray(image).astype(int)
     reduced = image.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    palette = np.array(reduced.getpalette()).reshape(-1, 3)
-    palette[np.asarray(reduced)[0, 0]] = colours[0, 0]  # the background stays what it was
-    reduced.putpalette(palette.ravel().tolist())
-    if np.abs(np.asarray(reduced.convert("RGB")) - colours).max() > FARTHEST:
-        rounded = np.minimum((colours + ROUNDED // 2) // ROUNDED * ROUNDED, 255).astype(np.uint8)
-        reduced = Image.fromarray(rounded)
+    if np.abs(np.asarray(reduced.convert("RGB"), dtype=int) - np.asarray(image, dtype=int)).max() > FARTHEST:
+        reduced = image.point(lambda value: min((value + ROUNDED // 2) // ROUNDED * ROUNDED, 255))
     buffer = BytesIO()
     reduced.save(buffer, "PNG", optimize=True)
     return buffer.getvalue()
 
 
 def lean(svg: bytes) -> bytes:
-    """Return an SVG that draws the same in fewer bytes.
-
-    Curves are rounded to a hundredth of a point, a style that many marks have is written once, as a class, and there
-    are no remarks and no indents.
-    """
-    counted = Counter(STYLES.findall(svg))
-    names = {style: b"s%d" % i for i, style in enumerate(style for style, n in counted.items() if n >= OFTEN)}
-    rules = b"".join(b".%s{%s}" % (name, style) for style, name in names.items())
-    named = STYLES.sub(lambda found: b'class="%s"' % names[found[1]] if found[1] in names else found[0], svg)
-    rounded = COORDINATES.sub(lambda found: LONG.sub(_hundredths, found[0]), named)
-    plain = INDENTS.sub(b"\n", REMARKS.sub(b"", rounded))
-    return plain.replace(b"</style>", rules + b"</style>", 1) if b"</style>" in svg else svg
+    """Return an SVG that draws the same in fewer bytes: in hundredths of a point, without remarks and indents."""
+    return REMARKS_AND_INDENTS.sub(b"", COORDINATES.sub(lambda found: LONG.sub(_hundredths, found[0]), svg))
 
 
 def _hundredths(number: re.Match[bytes]) -> bytes:
     return f"{round(float(number[0]), 2) + 0.0:.2f}".rstrip("0").rstrip(".").encode()  # + 0.0: there is no -0
 
 
-def text_uri(kind: str, text: bytes) -> str:
-    """Return mark-up as a link that holds it, shorter than base64 would be."""
-    return f"data:{kind},{quote(text.replace(QUOTE, APOSTROPHE).replace(NEWLINE, SPACE), safe=IN_LINKS)}"
+def svg_uri(svg: bytes) -> str:
+    """Return a drawing as a link that holds it, as text, which is shorter than base64; with apostrophes for quotes."""
+    if b"'" in svg:
+        return data_uri("image/svg+xml", svg)
+    return "data:image/svg+xml," + quote(svg.replace(b'"', b"'").replace(b"\n", b" "), safe=IN_LINKS)
 
 
 def data_uri(kind: str, data: bytes) -> str:

@@ -10,17 +10,17 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.convergence import AXIS_LABELS, Abscissa, Course, courses, iteration_figure, refinement_figure
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.motion_exhibits import motion_exhibits
 from shellbench.report.newton import newton_exhibits
 from shellbench.report.palette import inks, style
-from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.rates import fitted_rate
-from shellbench.report.scene import pictured, shell
+from shellbench.report.scene import lead_shells, pictured
 from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure
 from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title
+from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
 MOST_TOGETHER = 15  # shells in one composite
+AXES: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
 COMPOSITE, PICTURE, CONVERGENCE = "course_", "shell_", "convergence_"  # how names of figures begin
 
 
@@ -53,9 +53,8 @@ def exhibits(
 def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[Exhibit]:
     drawn: dict[str, Shell] = {}
     for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
-        shells = lead_shells(pictured(records, of_suite), folder)
-        for one in shells:
-            drawn.setdefault(one.case, one)
+        shells = lead_shells(pictured(records, [row for row in of_suite if row.default_settings]), folder)
+        drawn |= {one.case: one for one in shells if one.case not in drawn}
         if len(shells) > 1:
             shown = shells[:MOST_TOGETHER]
             left_out = f" {len(shown)} of {len(shells)} cases." if len(shown) < len(shells) else ""
@@ -64,10 +63,10 @@ def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) 
                 title=suite_title(suite),
                 caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
                 " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
-                " reference surface as a wire. " + _solved_by(shown) + left_out,
-                description="; ".join(map(_shape, shown)),
+                f" reference surface as a wire. {_solved_by(shown)}{left_out}",
+                description="; ".join(f"{one.title}: {one.words}" for one in shown),
                 figure=course_figure(shown),
-                run_ids=tuple(shell.run_id for shell in shown),
+                run_ids=tuple(one.run_id for one in shown),
                 drawing=False,
             )
     for one in drawn.values():
@@ -75,44 +74,19 @@ def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) 
             name=f"{PICTURE}{one.case}",
             title=one.title,
             caption=f"Deformed shell, {scale_words(one)}. {_solved_by([one])}",
-            description=_shape(one),
+            description=f"{one.title}: {one.words}",
             figure=shell_figure(one),
             run_ids=(one.run_id,),
             drawing=False,
         )
 
 
-def lead_shells(candidates: Mapping[str, Sequence[Record]], folder: Path) -> list[Shell]:
-    """Return one shell a case, by one solver as far as possible.
-
-    That is the solver which answered most cases; of several, the one whose solutions take the fewest bytes.
-    """
-    answered: dict[str, list[int]] = {}
-    for records in candidates.values():
-        for record in records:
-            answered.setdefault(record.identity.solver, []).append(record.storage_bytes or 0)
-    order = sorted(answered, key=lambda solver: (-len(answered[solver]), sum(answered[solver]), solver))
-    shells = []
-    for records in candidates.values():
-        ranked = sorted(records, key=lambda record: order.index(record.identity.solver))
-        drawn = (shell(record, folder) for record in ranked)
-        shells += [next(filter(None, drawn), None)]
-    return [one for one in shells if one is not None]
-
-
 def _solved_by(shells: Sequence[Shell]) -> str:
-    solvers = list(dict.fromkeys(shell.solver for shell in shells))
-    return f"Solved by {' and '.join(solvers)}."
-
-
-def _shape(shell: Shell) -> str:
-    low, high = shell.coloured.min(), shell.coloured.max()
-    return f"{shell.title}: displacement from {low:.3g} {shell.unit} to {high:.3g} {shell.unit}"
+    return f"Solved by {' and '.join(dict.fromkeys(shell.solver for shell in shells))}."
 
 
 def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
     colours = inks(row.solver for row in rows)
-    axes: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
     for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
         shown = [course for course in courses(records, of_suite) if not course.variant]
         refining = [course for course in shown if not course.is_field]
@@ -126,13 +100,14 @@ def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator
                 " the unknowns the exponent is the order in the mesh width h.",
                 description=f"Errors fall with refinement. {_rates(refining)}",
                 figure=refinement,
-                run_ids=_run_ids(refining),
+                run_ids=tuple(course.run_id for course in refining),
                 drawing=True,
             )
-        for abscissa in axes:
+        for abscissa in AXES:
             figure = iteration_figure(shown, colours, abscissa)
             if figure is None:
                 continue
+            solvers = ", ".join(dict.fromkeys(course.solver for course in shown))
             against = AXIS_LABELS[abscissa].removesuffix(" (s)")
             yield Exhibit(
                 name=f"{CONVERGENCE}{suite}_{abscissa}",
@@ -140,9 +115,9 @@ def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator
                 caption="Relative error of each case's headline figure, and the gap between the energy on the"
                 " solve's own quadrature and on a finer one. The gap tells a field that exploits its quadrature; it"
                 " does not bound the error. A line or a mark for each seed.",
-                description=f"Error and gap of {_solvers(shown)} against {against}, case by case",
+                description=f"Error and gap of {solvers} against {against}, case by case",
                 figure=figure,
-                run_ids=_run_ids(shown),
+                run_ids=tuple(course.run_id for course in shown),
                 drawing=True,
             )
 
@@ -154,11 +129,3 @@ def _rates(refining: Sequence[Course]) -> str:
         if rate is not None:
             words.append(f"{course.title}, {course.solver}: order {-2 * rate.slope:.1f} in h")
     return "Fitted: " + "; ".join(dict.fromkeys(words)) + "." if words else ""
-
-
-def _solvers(shown: Sequence[Course]) -> str:
-    return ", ".join(dict.fromkeys(course.solver for course in shown))
-
-
-def _run_ids(shown: Sequence[Course]) -> tuple[str, ...]:
-    return tuple(course.run_id for course in shown)

@@ -15,13 +15,11 @@ from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report import cells
 from shellbench.report.digits import quoted, rounded
-from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation
-from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import BAD, EXPECTED, grouped, solution_name, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
-from shellbench.report.traces import motion_steps
+from shellbench.report.traces import Apart, apart, motion_steps, runs_by_case
 
 GLANCE = 2  # significant digits of an error, a drift and a difference
 

@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of, portrait_of_named
@@ -22,41 +20,34 @@ from shellbench.portrait import Portrait
 from shellbench.report.derivation import TITLE
 from shellbench.report.digits import rounded
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.motion_exhibits import TIME
-from shellbench.report.moving_fields import yardstick
 from shellbench.report.notation import Notation
-from shellbench.report.palette import DASHES, inks
+from shellbench.report.palette import inks
 from shellbench.report.solutions import STATUS_WORDS, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Column, Line, Note, Show, Table, present
-from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
-from shellbench.report.traces import Trace, TracedRun, traced
-
-Array = NDArray[np.float64]
+from shellbench.report.trace_figure import TracePanel, trace_figure
+from shellbench.report.traces import Trace, TracedRun, traced, yardstick
 
 NEWTON = "newton"  # how names of the figures begin
 FINE = 121  # points of a closed form
-GREY = "#777777"
 NOT_RUN = "not run"
+HALF_AND_END = (("T/2", 0.5), ("T", 1.0))  # shares of the time, and what a line calls them
 STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
 
 
-def free_fall(case: Portrait, series: str) -> tuple[ClosedForm, ClosedForm] | None:
+def free_fall(case: Portrait, series: str) -> tuple[Trace, Trace] | None:
     """Return the fall by Newton's law, and where the published functional is stationary, in closed form."""
     acceleration, direction, end = case.gravity, case.direction_of(series), case.ends
     if acceleration is None or direction is None or end is None:
         return None
     along = float(acceleration @ direction / np.linalg.norm(direction))
     t = np.linspace(0.0, end, FINE)
-    return (
-        ClosedForm(LAW, t, along * t**2 / 2),
-        ClosedForm(STATIONARY, t, along * (end * t - t**2 / 2), GREY, DASHES[2]),
-    )
+    return Trace(t, along * t**2 / 2), Trace(t, along * (end * t - t**2 / 2))
 
 
 @dataclass(frozen=True)
-class Beside:
+class Finding:
     """One case of the finding.
 
     Attributes
@@ -78,7 +69,7 @@ class Beside:
     case: Portrait
     series: str
     unit: str
-    forms: tuple[ClosedForm, ...]
+    forms: tuple[Trace, ...]
     newton: Trace | None
     newton_by: str
     runs: tuple[TracedRun, ...]
@@ -86,9 +77,9 @@ class Beside:
     variants: Mapping[str, str]
 
     @property
-    def name(self) -> str:
-        """What tables and figures call it."""
-        return f"{self.case.title}: {self.series.replace('_', ' ')}"
+    def what(self) -> str:
+        """What is shown, in words."""
+        return self.series.replace("_", " ")
 
 
 def shown_cases() -> dict[str, str]:
@@ -96,43 +87,37 @@ def shown_cases() -> dict[str, str]:
     return {case: series for name in catalog.suite_names() for case, series in catalog.find_suite(name).newton.items()}
 
 
-def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
+def findings(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Finding]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
     found = []
     headline = leading_rows([row for row in rows if row.primary and not row.own_case])
     for name, series in shown_cases().items():
         of_case = [row for row in headline if row.case == name]
-        case = _case(name, of_case, records)
-        if not of_case or case is None or case.ends is None:
+        made = [(row, records[row.run_id]) for row in of_case if row.run_id and row.run_id in records]
+        case = portrait_of(made[0][1]) if made else _declared(name) if of_case else None
+        if case is None or case.ends is None:
             continue
-        runs = [
-            (row, run)
-            for row in of_case
-            if row.run_id
-            and row.run_id in records
-            and (run := traced(records[row.run_id], case, row.solver))
-            and series in run.traces
-        ]
+        left = [(row, run) for row, record in made if (run := traced(record, case, row.solver))]
+        runs = [(row, run) for row, run in left if series in run.traces]
         forms = free_fall(case, series) or ()
         standard = yardstick([row for row, _ in runs])
         newton, by = None, NOT_RUN
         if forms:
-            newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
+            newton, by = forms[0], "closed form"
         elif standard is not None:
             newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
-        unit = next((one.quantity.unit for one in case.along if one.name == series), "m")
-        left = {run.name for _, run in runs}
         status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
+        solved = {row.solver for row, _ in runs}
         found.append(
-            Beside(
+            Finding(
                 case=case,
                 series=series,
-                unit=unit,
-                forms=tuple(forms),
+                unit=next((one.quantity.unit for one in case.along if one.name == series), "m"),
+                forms=forms,
                 newton=newton,
                 newton_by=by,
                 runs=tuple(run for _, run in runs),
-                status={solver: words for solver, words in status.items() if solver not in left},
+                status={solver: words for solver, words in status.items() if solver not in solved},
                 variants={row.solver: words for row, _ in runs if (words := variant_name(row))},
             )
         )
@@ -147,10 +132,7 @@ def declared_solvers(case: Portrait) -> list[str]:
     return list(dict.fromkeys(run.solver for run in runs))
 
 
-def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | None:
-    record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
-    if record is not None:
-        return portrait_of(record)
+def _declared(name: str) -> Portrait | None:
     return portrait_of_named(catalog.named_case(name)) if name in catalog.case_names() else None
 
 
@@ -160,70 +142,53 @@ def _status(row: Row) -> str:
 
 def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
     """Yield the figure that sets the cases of the finding side by side."""
-    shown = [one for one in beside(records, rows) if one.runs or one.forms]
+    shown = [one for one in findings(records, rows) if one.runs or one.forms]
     if not shown:
         return
-    runs = [
+    runs = [  # each case is a panel of its own
         TracedRun(run.name, run.seed, run.run_id, run.reason, {one.case.name: run.traces[one.series]})
         for one in shown
         for run in one.runs
     ]
     panels = [
-        TracePanel((one.case.name,), f"{one.series.replace('_', ' ')} ({one.unit})", one.case.title, forms=one.forms)
+        TracePanel(
+            (one.case.name,),
+            f"{one.what} ({one.unit})",
+            title=one.case.title,
+            forms=dict(zip((LAW, STATIONARY), one.forms, strict=False)),
+        )
         for one in shown
     ]
     missing = [f"{one.case.title}: {solver} {words}" for one in shown for solver, words in one.status.items()]
+    ends = [
+        ", ".join(f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs) or NOT_RUN
+        for one in shown
+    ]
     yield Exhibit(
         name=NEWTON,
         title=TITLE,
         caption="How far the napkin has fallen in free fall, and the height of the centre of mass of the strip and of"
         " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
         " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
-        description="; ".join(_told(one) for one in shown),
-        figure=_figure(panels, runs, rows),
+        description="; ".join(
+            f"{one.case.title}: {one.what}, at the end: {end}" for one, end in zip(shown, ends, strict=True)
+        ),
+        figure=trace_figure(panels, runs, inks(row.solver for row in rows)),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
         drawing=True,
     )
 
 
-def _figure(panels: Sequence[TracePanel], runs: Sequence[TracedRun], rows: Sequence[Row]) -> Figure:
-    return trace_figure(panels, runs, TIME, inks(row.solver for row in rows))
-
-
-def _told(one: Beside) -> str:
-    ends = [f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs]
-    return f"{one.name}, at the end: {', '.join(ends) or NOT_RUN}"
-
-
 def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
-    cases = beside(records, rows)
+    cases = findings(records, rows)
     solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
-    lines: list[dict[str, Any]] = []
-    for one in cases:
-        assert one.case.ends is not None
-        end = one.case.way
-        for words, t in (("T/2", end / 2), ("T", end)):
-            law = _moved(one.newton, t)
-            line: dict[str, Any] = {
-                "block": one.name,
-                "case": one.case.name,
-                "quantity": one.series,
-                "unit": one.unit,
-                "at": t,
-                "when": f"{words} = {t:g} s",
-                "newton": law,
-                "newton_by": one.newton_by,
-                "stationary": _moved(Trace(one.forms[1].marks, one.forms[1].values), t) if one.forms else None,
-            }
-            for solver in solvers:
-                made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
-                values = [value for value in made if value is not None]
-                line[solver] = float(np.mean(values)) if values else None
-                line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
-            lines.append(line)
+    lines = [_line(one, solvers, words, share * one.case.way) for one in cases for words, share in HALF_AND_END]
     if not lines:
         return None
+    notes = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
+    failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
+    notes += [Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed]
     return Table(
         name="newton",
         title="Way since rest",
@@ -236,8 +201,28 @@ def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
             Column("Published functional, stationary", _ratio("stationary")),
             *(Column(solver, _ratio(solver)) for solver in solvers),
         ),
-        notes=_remarks(cases),
+        notes=tuple(notes),
     )
+
+
+def _line(one: Finding, solvers: Sequence[str], words: str, t: float) -> dict[str, Any]:
+    line: dict[str, Any] = {
+        "block": f"{one.case.title}: {one.what}",
+        "case": one.case.name,
+        "quantity": one.series,
+        "unit": one.unit,
+        "at": t,
+        "when": f"{words} = {t:g} s",
+        "newton": _moved(one.newton, t),
+        "newton_by": one.newton_by,
+        "stationary": _moved(one.forms[1], t) if one.forms else None,
+    }
+    for solver in solvers:
+        made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
+        values = [value for value in made if value is not None]
+        line[solver] = float(np.mean(values)) if values else None
+        line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
+    return line
 
 
 def _moved(trace: Trace | None, t: float) -> float | None:
@@ -245,16 +230,9 @@ def _moved(trace: Trace | None, t: float) -> float | None:
     return None if value is None or rest is None else value - rest
 
 
-def _remarks(cases: Sequence[Beside]) -> tuple[Note, ...]:
-    variants = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
-    failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
-    return (*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed))
-
-
 def _law(line: Line, notation: Notation) -> str:
-    if not present(line["newton"]):
-        return notation.escape(str(line["newton_by"]))
-    return f"{_number(line['newton'], notation)} {notation.escape(str(line['newton_by']))}"
+    by = notation.escape(str(line["newton_by"]))
+    return f"{_number(line['newton'], notation)} {by}" if present(line["newton"]) else by
 
 
 def _ratio(name: str) -> Show:
@@ -271,8 +249,3 @@ def _ratio(name: str) -> Show:
 
 def _number(value: float, notation: Notation) -> str:
     return notation.number(rounded(value, abs(value) * 1e-3 or None))
-
-
-def concerned(rows: Sequence[Row]) -> bool:
-    """Tell whether anybody was asked for a case of the finding."""
-    return any(row.case in shown_cases() and not row.own_case for row in rows)

@@ -25,10 +25,8 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE, exhibits
 from shellbench.report.leaves import Leaf, leaves_of
-from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.own_files import list_own, remove_older
-from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known
@@ -37,9 +35,8 @@ from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import render, tables_as_csv
-from shellbench.report.view import View, led_by, views
-from shellbench.report.view_data import palettes_json, view_json
-from shellbench.report.view_page import LIBRARY, scripts
+from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
+from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
@@ -92,7 +89,7 @@ def write_report(
     sections = evidence_sections(found)
     tables = tables_of(found, sections, whole=whole)
     drawn = exhibits(by_id, shown, store.folder, known)
-    turned = {case: led_by(one, picture_run(drawn, case)) for case, one in views(by_id, shown, store.folder).items()}
+    turned = views(by_id, shown, store.folder, pictured_runs(drawn))
     proven = [exhibit for section in sections for exhibit in section.exhibits]
     leaves = leaves_of(shown, tables, drawn, sections)
     try:
@@ -110,14 +107,13 @@ def write_report(
             "leaves": leaves,
             "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
         }
-        library = scripts(viewing=True).library if turned else ""
         for leaf in leaves:
             _write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | _of_leaf(leaf, turned, facts)))
         whole_report = Leaf(WHOLE, "", list(shown), tables, drawn, list(sections))
         _write(out / "index.html", _page("index.html.j2", HTML, whole_report, facts | _scripts({})))
         _write(out / "report.md", _page("report.md.j2", MARKDOWN, whole_report, facts | _paths_shown(whole_report)))
-        if library:
-            _write(out / LIBRARY, library)
+        if turned:
+            _write(out / LIBRARY, library())
         _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
         _write(out / "table.tex", "\n".join(table.write("latex") for table in tables.printed))
         _write(out / "table.json", render(rows, "json"))
@@ -134,10 +130,10 @@ def write_report(
     return out / "index.html"
 
 
-def picture_run(drawn: Sequence[Exhibit], case: str) -> str:
-    """Return the run that the still picture of a case shows; empty if there is none."""
-    runs = (exhibit.run_ids for exhibit in drawn if exhibit.name == f"{PICTURE}{case}")
-    return next(iter(next(runs, ())), "")
+def pictured_runs(drawn: Sequence[Exhibit]) -> dict[str, str]:
+    """Return the run that the still picture of each case shows."""
+    pictures = (exhibit for exhibit in drawn if exhibit.name.startswith(PICTURE))
+    return {exhibit.name.removeprefix(PICTURE): exhibit.run_ids[0] for exhibit in pictures if exhibit.run_ids}
 
 
 def _facts(
@@ -184,7 +180,7 @@ def _minute(created: str) -> str:
 def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, list[Making]]:
     """Return how each figure was made, with the view that may take its place."""
     by_run = {making.record.run_id: making for making in made}
-    seen = {f"{PICTURE}{case}": [answer.run_id for answer in one.answers] for case, one in turned.items()}
+    seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}
     return {name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()}
 
@@ -202,14 +198,13 @@ def _paths_shown(leaf: Leaf) -> dict[str, Any]:
 
 def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
-    run = scripts(viewing=bool(turned))
     return {
-        "views": {f"{PICTURE}{case}": view_json(one) for case, one in turned.items()},
-        "dense": any(answer.density is not None for one in turned.values() for answer in one.answers),
+        "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
+        "dense": any(one.dense for one in turned.values()),
         "palettes": palettes_json(),
-        "scripts": run.inline,
+        "scripts": scripts(viewing=bool(turned)),
         "library": LIBRARY if turned else "",
-        "script_hashes": run.hashes,
+        "script_hashes": script_sources(viewing=bool(turned)),
     }
 
 

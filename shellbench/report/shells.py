@@ -1,35 +1,79 @@
-"""Pictures of shells: the reference surface as a light wire, the deformed one coloured by its displacement."""
+"""Pictures of shells: the reference surface as a light wire, the deformed one coloured by its displacement.
+
+They are seen by a camera without perspective and painted from back to front. matplotlib's own 3-D axes sort whole
+collections, so that a wire and a surface never hide each other rightly; here every facet and every piece of wire is
+sorted by its depth, in one collection.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
+from scipy.interpolate import RectBivariateSpline
 
-from shellbench.report.digits import order_of, quoted
+from shellbench.report.digits import quoted
 from shellbench.report.notation import MARKDOWN
-from shellbench.report.projection import Camera, facet_means, facets, refined, shading, wires
 
 Array = NDArray[np.float64]
+Up = Literal["x", "y", "z"]
 
+AXES_TO_UP: dict[Up, tuple[int, int, int]] = {"z": (0, 1, 2), "y": (2, 0, 1), "x": (1, 2, 0)}
+AMBIENT = 0.6  # share of the light that reaches every facet
+LIGHT = (-0.35, 0.55, 0.76)  # in the camera's frame: from the upper left, in front
 SEQUENTIAL, DIVERGING = "viridis", "RdBu_r"  # both can be read by the colour-blind
 BOTH_SIGNS = 0.1  # a component whose smaller side exceeds this share of its larger one is coloured about zero
 EVEN = 1e-6  # share of a displacement within which it is the same everywhere, but for rounding
 WIRES, FEW_WIRES = 13, 7  # coordinate lines of a square surface in each direction; of the reference beside it
-CELLS = 64  # facets a side, at least: stored fields are refined to it for a smooth picture
+CELLS, FEW_CELLS = 64, 48  # facets a side, at least, for a smooth picture; of a small one
 STONE = (0.87, 0.88, 0.90)  # the reference surface
-PLAIN_ORDERS = range(-2, 4)  # orders of magnitude that a colour bar shows without a power of ten
+PLAIN_ORDERS = (-2, 3)  # orders of magnitude between which a colour bar has no power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 MOST_IN_A_ROW = 5  # shells of a suite
 ARROW = 0.22  # length of a point load's arrow, in sizes of the shell
+WIDTH, WIDEST = 7.2, 2.4  # inches of a row of shapes, and of one shape
+LOWEST, HIGHEST = 0.8, 2.2  # inches of a shape
+BAR = 0.75  # inches for the colour bar of shapes
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera at an infinite distance.
+
+    Attributes
+    ----------
+    elevation, azimuth
+        Degrees, as in matplotlib's 3-D axes.
+    up
+        The Cartesian axis that points up in the picture.
+    """
+
+    elevation: float
+    azimuth: float
+    up: Up = "z"
+
+    @property
+    def axes(self) -> Array:
+        """Rows: right, upwards and towards the viewer, as (3, 3) in Cartesian components."""
+        e, a = np.radians([self.elevation, self.azimuth])
+        right = [-np.sin(a), np.cos(a), 0.0]
+        upwards = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+        towards = [np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)]
+        turned = np.zeros((3, 3))
+        turned[:, list(AXES_TO_UP[self.up])] = np.array([right, upwards, towards])
+        return turned
+
+    def look(self, points: Array) -> Array:
+        """Return (..., 3): right, up and depth (larger is nearer) of points (..., 3) in metres."""
+        return points @ self.axes.T
 
 
 @dataclass(frozen=True)
@@ -78,8 +122,12 @@ class Shell:
         """What the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
-        along = np.asarray(self.direction) / np.linalg.norm(self.direction)
-        return np.asarray(self.displacement @ along)
+        return np.asarray(self.displacement @ (np.asarray(self.direction) / np.linalg.norm(self.direction)))
+
+    @property
+    def words(self) -> str:
+        """What can be said of the picture to those who can't see it."""
+        return f"displacement from {self.coloured.min():.3g} {self.unit} to {self.coloured.max():.3g} {self.unit}"
 
 
 def shell_figure(shell: Shell) -> Figure:
@@ -113,18 +161,61 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
     return figure
 
 
+def shapes_figure(rows: Sequence[Sequence[Shell | None]], words: Sequence[str], names: Sequence[str] = ()) -> Figure:
+    """Draw rows of shapes in one frame and one range of colours; None is a shape that was not reached.
+
+    Parameters
+    ----------
+    words
+        For each shape, row by row; or for those of the first row alone, if all rows show the same.
+    names
+        For each row; none if the rows go on one after another.
+    """
+    shells = [shell for row in rows for shell in row if shell is not None]
+    columns = max(map(len, rows))
+    width = min(WIDEST, WIDTH / columns)
+    height = float(np.clip(width * aspect(shells), LOWEST, HIGHEST)) + (0.1 if names else 0.25)
+    figure = Figure(figsize=(max(3.4, width * columns), height * len(rows) + BAR), layout="constrained")
+    grid = figure.subplots(len(rows), columns, squeeze=False)
+    for axes in grid.flat:
+        axes.set_axis_off()
+    for axes, one in zip(grid.flat, words, strict=False):
+        axes.set_title(plain(one), loc="center" if names else "left", fontsize=7.5)
+    for panels, row in zip(grid, rows, strict=True):
+        for axes, shell in zip(panels, row, strict=False):
+            if shell is None:
+                axes.text(0.5, 0.5, "not reached", transform=axes.transAxes, ha="center", va="center", color="#666666")
+            else:
+                draw_deformed(axes, shell, shells, FEW_CELLS if names else CELLS)
+    for panels, name in zip(grid, names, strict=False):
+        name_row(panels[0], name)
+    colour_bar(figure, list(grid.flat), *shells, shrink=0.5, aspect=34)
+    return figure
+
+
+def name_row(axes: Axes, name: str, colour: str = "black") -> None:
+    """Write the name of a row of panels upright beside its first one."""
+    look: dict[str, Any] = {"rotation": 90, "ha": "right", "va": "center", "fontsize": 7.5, "color": colour}
+    axes.annotate(plain(name), (0, 0.5), (-4, 0), xycoords="axes fraction", textcoords="offset points", **look)
+
+
+def aspect(shells: Sequence[Shell]) -> float:
+    """Return height over width of what the camera sees."""
+    seen = np.concatenate([s.camera.look(grid).reshape(-1, 3) for s in shells for grid in (s.position, s.deformed)])
+    width, height, _ = np.ptp(seen, axis=0)
+    return float(height / width) if width > 0 else 1.0
+
+
 def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = (), cells: int | None = None) -> None:
     """Draw the deformed surface, coloured and shaded, and the reference surface as a wire.
 
     Colours and the frame are common with the shells that it stands among. The surface has at least so many facets a
     side, `CELLS` unless told.
     """
-    together = among or (shell,)
-    fine = CELLS if cells is None else min(cells, CELLS)
-    smooth = replace(
-        shell, position=refined(shell.position, fine), displacement=refined(shell.displacement, fine), held=()
-    )
-    colours = colormaps[_map(together)](_norm(together)(facet_means(smooth.coloured)))[:, :3]
+    together, fine = among or (shell,), CELLS if cells is None else min(cells, CELLS)
+    position, displacement = refined(shell.position, fine), refined(shell.displacement, fine)
+    smooth = replace(shell, position=position, displacement=displacement, held=())
+    colours = _colours(together).to_rgba(facet_means(smooth.coloured))[:, :3]
     behind = Strokes(wires(smooth.position, FEW_WIRES), (0.45, 0.45, 0.45, 0.6), 0.4, -1.5)
     _paint(axes, shell.camera, smooth.deformed, colours, [behind])
     _frame(axes, [shell.camera.look(grid) for one in together for grid in (one.position, one.deformed)])
@@ -136,59 +227,49 @@ def draw_reference(axes: Axes, shell: Shell) -> None:
     colours = np.tile(np.asarray(STONE), (len(facets(surface)), 1))
     held = [Strokes(np.stack([line[:-1], line[1:]], axis=1), (0.1, 0.1, 0.1, 1.0), 1.8, 2.0) for line in shell.held]
     _paint(axes, shell.camera, surface, colours, held)
-    tails = []
-    for point, force in shell.forces:
-        tails.append(point - ARROW * shell.size * force / np.linalg.norm(force))
-        axes.annotate(
-            "",
-            shell.camera.seen_at(point),
-            xytext=shell.camera.seen_at(tails[-1]),
-            arrowprops={"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0},
-            zorder=4,
-        )
-    seen = [shell.camera.look(grid) for grid in (shell.position, np.array(tails).reshape(-1, 3))]
-    _frame(axes, seen)
+    ends = [(point, point - ARROW * shell.size * force / np.linalg.norm(force)) for point, force in shell.forces]
+    arrow = {"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
+    for (x, y, _), (tail_x, tail_y, _) in (shell.camera.look(np.array(pair)) for pair in ends):
+        axes.annotate("", (x, y), xytext=(tail_x, tail_y), arrowprops=arrow, zorder=4)
+    tails = np.array([tail for _, tail in ends]).reshape(-1, 3)
+    _frame(axes, [shell.camera.look(grid) for grid in (shell.position, tails)])
     _draw_triad(axes, shell.camera)
 
 
 def colour_bar(
-    figure: Figure, axes: Axes | Sequence[Axes], *shells: Shell, shrink: float = 0.85, aspect: float = 22
+    figure: FigureBase, axes: Axes | Sequence[Axes], *shells: Shell, shrink: float = 0.85, aspect: float = 22
 ) -> None:
     """Draw the colour bar of shells below their axes, labelled with what it shows and its unit."""
-    norm = _norm(shells)
-    largest = max(abs(norm.vmin or 0.0), abs(norm.vmax or 0.0))
-    order = order_of(largest) if largest > 0 else 0
-    order = 0 if order in PLAIN_ORDERS else order
-    factor = 10.0**-order
-    shown = ScalarMappable(Normalize((norm.vmin or 0.0) * factor, (norm.vmax or 0.0) * factor), colormaps[_map(shells)])
-    bar = figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=shrink, aspect=aspect, pad=0.02)
+    look: dict[str, Any] = {"orientation": "horizontal", "shrink": shrink, "aspect": aspect, "pad": 0.02}
+    bar = figure.colorbar(_colours(shells), ax=axes, **look)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    unit = shells[0].unit if not order else rf"$10^{{{order}}}$ {shells[0].unit}"
-    bar.set_label(f"{what_is_coloured(shells[0])} ({unit})", fontsize=7.5)
+    bar.set_label(f"{what_is_coloured(shells[0])} ({shells[0].unit})", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
+    bar.ax.ticklabel_format(scilimits=PLAIN_ORDERS, useMathText=True)
+    bar.ax.xaxis.get_offset_text().set_fontsize(7)
 
 
 def what_is_coloured(shell: Shell) -> str:
     """Say which part of the displacement the colour shows."""
     if shell.direction is None:
         return "displacement"
-    for axis, name in enumerate("xyz"):
-        unit = np.zeros(3)
-        unit[axis] = 1.0
-        for sign, text in ((1.0, ""), (-1.0, "\N{MINUS SIGN}")):
-            if np.array_equal(np.asarray(shell.direction), sign * unit):
-                return rf"$u_{{{name}}}$" if sign > 0 else rf"{text}$u_{{{name}}}$"
+    if axis := axis_of(shell.direction):
+        return rf"{axis[0]}$u_{{{axis[1]}}}$".replace("-", "\N{MINUS SIGN}")
     return "displacement along (" + ", ".join(f"{d:g}" for d in shell.direction) + ")"
+
+
+def axis_of(direction: Sequence[float]) -> tuple[str, str] | None:
+    """Return sign and letter of the axis along which a direction is; None if it is along none."""
+    axis = int(np.argmax(np.abs(direction)))
+    alone = np.count_nonzero(direction) == 1
+    return ("-" if direction[axis] < 0 else "", "xyz"[axis]) if alone else None
 
 
 def times(scale: float) -> str:
     """Say by which factor the displacement is magnified."""
-    order = order_of(scale) if scale else 0
-    if -3 <= order <= 3:
-        return rf"$\times$ {scale:g}"
-    return rf"$\times\;{scale / 10.0**order:g} \cdot 10^{{{order}}}$"
+    return f"× {MARKDOWN.number(quoted(scale))}"
 
 
 def scale_words(shell: Shell) -> str:
@@ -201,6 +282,54 @@ def scale_words(shell: Shell) -> str:
 def plain(text: str) -> str:
     """Make words harmless to matplotlib's mathematical text."""
     return text.replace("\\", "\\\\").replace("$", r"\$")
+
+
+def facets(grid: Array) -> Array:
+    """Return the (m, 4, 3) facets of a grid of points (n1, n2, 3)."""
+    corners = (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
+    return np.stack(corners, axis=2).reshape(-1, 4, 3)
+
+
+def facet_means(values: Array) -> Array:
+    """Return the mean (m,) over the corners of each facet of values (n1, n2)."""
+    corners = values[:-1, :-1] + values[1:, :-1] + values[1:, 1:] + values[:-1, 1:]
+    return (corners / 4.0).reshape(-1)
+
+
+def shading(seen: Array) -> Array:
+    """Return the light (m,) in [AMBIENT, 1] on facets (m, 4, 3) in the camera's frame, whichever side is seen."""
+    normal = np.cross(seen[:, 2] - seen[:, 0], seen[:, 3] - seen[:, 1])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    unit = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    unit *= np.where(unit[:, 2:] < 0, -1.0, 1.0)
+    direction = np.asarray(LIGHT) / np.linalg.norm(LIGHT)
+    lit: Array = AMBIENT + (1.0 - AMBIENT) * np.clip(unit @ direction, 0.0, 1.0)
+    return lit
+
+
+def refined(grid: Array, cells: int) -> Array:
+    """Return a grid (n1, n2, 3) of at least `cells` cells a side, by cubic splines through the given points."""
+    if min(grid.shape[:2]) < 4 or min(grid.shape[:2]) > cells:
+        return grid
+    parameters = [np.arange(n, dtype=float) for n in grid.shape[:2]]
+    fine = [np.linspace(0.0, p[-1], (len(p) - 1) * -(-cells // (len(p) - 1)) + 1) for p in parameters]
+    return np.stack([RectBivariateSpline(*parameters, grid[..., i], s=0)(*fine) for i in range(3)], axis=-1)
+
+
+def wires(grid: Array, lines: int) -> Array:
+    """Return the (m, 2, 3) pieces of coordinate lines about as far apart in one direction as in the other.
+
+    There are `lines` of them on a square surface; edges are always among them.
+    """
+    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=-1).sum(axis).mean() for axis in (0, 1)]
+    spacing = max(float(np.sqrt(steps[0] * steps[1])), 1e-300) / (lines - 1)
+    pieces = []
+    for lattice, length in ((grid, steps[0]), (grid.swapaxes(0, 1), steps[1])):
+        number = int(np.clip(round(float(length) / spacing) + 1, 2, len(lattice)))
+        chosen = np.unique(np.linspace(0, len(lattice) - 1, number).round().astype(int))
+        along = lattice[chosen]
+        pieces.append(np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 3))
+    return np.concatenate(pieces)
 
 
 @dataclass(frozen=True)
@@ -216,8 +345,7 @@ class Strokes:
 def _paint(axes: Axes, camera: Camera, surface: Array, colours: Array, strokes: Sequence[Strokes]) -> None:
     """Paint facets and lines from back to front, in one collection that is stored as pixels."""
     seen = camera.look(facets(surface))
-    lit = np.clip(colours * shading(seen)[:, None], 0.0, 1.0)
-    faces = np.column_stack([lit, np.ones(len(lit))])
+    faces = np.column_stack([np.clip(colours * shading(seen)[:, None], 0.0, 1.0), np.ones(len(seen))])
     facet = float(np.linalg.norm(seen[:, 2] - seen[:, 0], axis=-1).mean())
     corners, depth = [seen[..., :2]], [seen[..., 2].mean(1)]
     fills, edges, widths = [faces], [faces], [np.full(len(faces), 0.3)]
@@ -257,32 +385,18 @@ def _draw_triad(axes: Axes, camera: Camera) -> None:
     """Draw the Cartesian directions in the lower left corner."""
     corner = axes.inset_axes((-0.04, -0.04, 0.24, 0.24))
     corner.set_axis_off()
-    corner.set_aspect("equal")
-    corner.set_xlim(-1.5, 1.5)
-    corner.set_ylim(-1.5, 1.5)
+    corner.set(aspect="equal", xlim=(-1.5, 1.5), ylim=(-1.5, 1.5))
     for name, tip in zip("xyz", camera.look(np.eye(3)), strict=True):
         corner.plot([0.0, tip[0]], [0.0, tip[1]], color="#444444", linewidth=0.7)
         corner.text(1.4 * tip[0], 1.4 * tip[1], f"${name}$", fontsize=6.5, ha="center", va="center", color="#444444")
 
 
-def _map(shells: Sequence[Shell]) -> str:
-    return DIVERGING if _signed(shells) else SEQUENTIAL
-
-
-def _range(shells: Sequence[Shell]) -> tuple[float, float]:
-    return min(float(one.coloured.min()) for one in shells), max(float(one.coloured.max()) for one in shells)
-
-
-def _signed(shells: Sequence[Shell]) -> bool:
-    low, high = _range(shells)
-    return low < 0 < high and min(-low, high) > BOTH_SIGNS * max(-low, high)
-
-
-def _norm(shells: Sequence[Shell]) -> Normalize:
-    low, high = _range(shells)
-    if _signed(shells):
+def _colours(shells: Sequence[Shell]) -> ScalarMappable:
+    """Return colours that shells have in common: about zero where both signs matter, else from low to high."""
+    low, high = min(float(s.coloured.min()) for s in shells), max(float(s.coloured.max()) for s in shells)
+    if low < 0 < high and min(-low, high) > BOTH_SIGNS * max(-low, high):
         largest = max(-low, high)
-        return Normalize(-largest, largest)
+        return ScalarMappable(Normalize(-largest, largest), DIVERGING)
     if shells[0].direction is None or high - low < EVEN * max(abs(low), abs(high)):
         low, high = min(low, 0.0), max(high, 0.0)
-    return Normalize(low, high if high > low else low + 1.0)
+    return ScalarMappable(Normalize(low, high if high > low else low + 1.0), SEQUENTIAL)

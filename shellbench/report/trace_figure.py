@@ -1,42 +1,33 @@
-"""Traces drawn over time, or along a path: a panel for each series, solvers overlaid, known values as marks."""
+"""Traces drawn over time, or as load against displacement: a panel for each series, solvers overlaid, known values."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from shellbench.report.curve_figure import CROSSES, ELSEWHERE, legend_columns
-from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.palette import DASHES, Ink
 from shellbench.report.shells import plain
-from shellbench.report.traces import KnownPoints, TracedRun
+from shellbench.report.traces import CRITICAL, KnownPoints, Trace, TracedRun
 
-Array = NDArray[np.float64]
-
-WIDTH, HEIGHT = 2.45, 1.95  # inches a panel
+WIDTH, HEIGHT, HIGH = 2.45, 1.95, 2.5  # inches a panel; of one that has the load upwards
 ALONE = 4.6, 2.4  # inches of a panel that stands alone
 MARGIN, LINE = 0.55, 0.17  # inches for the legend's first line, and each further one
 MOST_IN_A_ROW = 3  # panels
 TITLE = 36  # characters a line
-DENSE = 24  # points of a trace, above which they are a line without marks
+LETTER, HANDLE = 0.066, 0.6  # inches of a legend's mean letter, and of what stands before its words
+CROWDED, DENSE = 40, 24  # points of a line, above which its markers shrink; above which a line over time has none
+TABLE = 12  # tabulated points, above which their crosses shrink
 THINNEST, STEP, THICKEST = 1.1, 0.9, 3.8  # widths of lines, the last solver's on top: of those below a rim is seen
-
-
-@dataclass(frozen=True)
-class ClosedForm:
-    """A curve that is known by formula: values (n,) at marks (n,)."""
-
-    label: str
-    marks: Array
-    values: Array
-    colour: str = "black"
-    dashes: Dashes = DASHES[1]
+CROSSES = ("x", "+", "1", "2", "3", "4")  # of figures from elsewhere, one for each source
+ELSEWHERE = "#555555"
+FORMS = (("black", DASHES[1]), ("#777777", DASHES[2]))  # colours and dashes of closed forms
+TIME = "time t (s)"
 
 
 @dataclass(frozen=True)
@@ -48,7 +39,15 @@ class TracePanel:
     names
         Names of the traces to draw, of which each run's first is drawn.
     label
-        Of its axis, with the unit.
+        Of the values' axis, with the unit.
+    along
+        Of the marks' axis, with the unit.
+    load_scale
+        Factor of marks that are load factors and are drawn upwards; None of marks that are drawn to the right.
+    forms
+        Curves that are known by formula, by what a legend calls them.
+    limit_loads
+        Load factors of known limit points whose displacement is not known.
     smallest
         Extent that the axis has at least: what is smaller is rounding.
     logarithmic
@@ -57,55 +56,70 @@ class TracePanel:
 
     names: tuple[str, ...]
     label: str
+    along: str = TIME
     title: str = ""
     known: tuple[KnownPoints, ...] = ()
-    forms: tuple[ClosedForm, ...] = ()
+    forms: Mapping[str, Trace] = field(default_factory=dict)
+    load_scale: float | None = None
+    limit_loads: tuple[float, ...] = ()
     smallest: float = 0.0
     logarithmic: bool = False
+
+    def xy(self, marks: Any, values: Any) -> tuple[Any, Any]:
+        """Return what is drawn to the right and upwards."""
+        return (marks, values) if self.load_scale is None else (values, self.load_scale * np.asarray(marks))
 
 
 def trace_figure(
     panels: Sequence[TracePanel],
     runs: Sequence[TracedRun],
-    along: str | Sequence[str],
     inks: Mapping[str, Ink],
     most_in_a_row: int = MOST_IN_A_ROW,
+    special: str = "critical state",
 ) -> Figure:
-    """Draw each panel's traces.
+    """Draw each panel's traces; those of a failed run end in a cross.
 
     Parameters
     ----------
-    along
-        Label of the horizontal axis with its unit; one for each panel, or the same for all.
     inks
         By name of run.
+    special
+        What a legend calls the states of a run that a diamond marks.
     """
     columns = min(len(panels), most_in_a_row)
-    rows = -(-len(panels) // columns)
-    width, height = ALONE if len(panels) == 1 else (WIDTH * columns, HEIGHT * rows)
-    size = (max(3.4, width), height + MARGIN)
-    figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(rows, columns, squeeze=False)
-    crosses = _crosses(panels)
+    rows, upright = -(-len(panels) // columns), panels[0].load_scale is not None
+    width, height = ALONE if len(panels) == 1 else (WIDTH * columns, (HIGH if upright else HEIGHT) * rows)
+    figure = Figure(figsize=(max(3.6, width), height + MARGIN), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharey=upright)
+    labels = dict.fromkeys(points.label for panel in panels for points in panel.known if not points.judges)
+    crosses = {label: CROSSES[i % len(CROSSES)] for i, label in enumerate(labels)}
     entries: dict[str, Any] = {}
-    for place, axes in enumerate(grid.flat):
-        if place >= len(panels):
-            axes.set_axis_off()
-            continue
-        panel = panels[place]
-        _draw(axes, panel, runs, inks, crosses, entries)
-        last = place + columns >= len(panels)
-        words = along if isinstance(along, str) else along[place]
-        axes.set_xlabel(words if last or not isinstance(along, str) else "")
-        axes.set_ylabel(panel.label)
+    for axes in grid.flat[len(panels) :]:
+        axes.set_axis_off()
+    for place, (axes, panel) in enumerate(zip(grid.flat, panels, strict=False)):
+        _draw(axes, panel, runs, inks, entries, special)
+        for points in panel.known:
+            entries.setdefault(points.label, _draw_known(axes, panel, points, crosses))
+        if upright:
+            axes.set(xlabel=panel.label, ylabel="" if place % columns else panel.along)
+        else:
+            axes.set(xlabel=panel.along if place + columns >= len(panels) else "", ylabel=panel.label)
         title = textwrap.fill(panel.title[:1].upper() + panel.title[1:], TITLE, break_on_hyphens=False)
         axes.set_title(plain(title), loc="left", fontsize=7.5)
     if entries:
-        labels = [label.replace("$", r"\$") for label in entries]
-        beside = legend_columns(list(entries), size[0])
-        figure.legend(entries.values(), labels, loc="outside lower center", ncols=beside)
-        figure.set_size_inches(size[0], size[1] + LINE * (-(-len(entries) // beside) - 1))
+        in_a_row = legend_columns(list(entries), figure.get_figwidth())
+        figure.legend(entries.values(), list(map(plain, entries)), loc="outside lower center", ncols=in_a_row)
+        figure.set_figheight(figure.get_figheight() + LINE * (-(-len(entries) // in_a_row) - 1))
     return figure
+
+
+def legend_columns(labels: Sequence[str], width: float) -> int:
+    """Return how many columns of a legend fit into so many inches; each is as wide as its longest label."""
+    for columns in range(min(3, len(labels)), 1, -1):
+        widest = [max(map(len, column)) for column in np.array_split(labels, columns)]
+        if sum(HANDLE + LETTER * letters for letters in widest) <= width:
+            return columns
+    return 1
 
 
 def _draw(
@@ -113,90 +127,72 @@ def _draw(
     panel: TracePanel,
     runs: Sequence[TracedRun],
     inks: Mapping[str, Ink],
-    crosses: Mapping[str, str],
     entries: dict[str, Any],
+    special: str,
 ) -> None:
-    for form in panel.forms:
-        (line,) = axes.plot(form.marks, form.values, color=form.colour, linestyle=form.dashes, linewidth=0.9, zorder=3)
-        entries.setdefault(form.label, line)
+    for (label, form), (colour, dashes) in zip(panel.forms.items(), FORMS, strict=False):
+        (line,) = axes.plot(form.marks, form.values, color=colour, linestyle=dashes, linewidth=0.9, zorder=3)
+        entries.setdefault(label, line)
     names = list(dict.fromkeys(run.name for run in runs))
     for run in runs:
-        above = len(names) - 1 - names.index(run.name)
-        width = min(THINNEST + STEP * above, THICKEST)
-        _draw_run(axes, panel, run, inks[run.name], width, entries)
-    for points in panel.known:
-        entries.setdefault(points.label, _draw_known(axes, points, crosses))
-    if panel.logarithmic:
+        width = min(THINNEST + STEP * (len(names) - 1 - names.index(run.name)), THICKEST)
+        _draw_run(axes, panel, run, inks[run.name], width, entries, special)
+    if panel.load_scale is not None:
+        axes.axhline(0, color="#999999", linewidth=0.5, zorder=0)
+        for factor in panel.limit_loads:
+            load = axes.axhline(panel.load_scale * factor, color="black", linewidth=0.7, linestyle=":", zorder=1)
+            entries["known limit load"] = load
+    elif panel.logarithmic:
         axes.set_yscale("log")
-        return
-    low, high = axes.get_ylim()
-    if high - low < panel.smallest:
-        middle = (high + low) / 2
-        axes.set_ylim(middle - panel.smallest / 2, middle + panel.smallest / 2)
-    axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
-    axes.yaxis.get_offset_text().set_fontsize(6.5)
+    else:
+        low, high = axes.get_ylim()
+        if high - low < panel.smallest:
+            middle = (high + low) / 2
+            axes.set_ylim(middle - panel.smallest / 2, middle + panel.smallest / 2)
+        axes.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
+        axes.yaxis.get_offset_text().set_fontsize(6.5)
 
 
-def _draw_run(axes: Axes, panel: TracePanel, run: TracedRun, ink: Ink, width: float, entries: dict[str, Any]) -> None:
-    trace = next((run.traces[name] for name in panel.names if name in run.traces), None)
-    if trace is None:
+def _draw_run(
+    axes: Axes, panel: TracePanel, run: TracedRun, ink: Ink, width: float, entries: dict[str, Any], special: str
+) -> None:
+    name = next((name for name in panel.names if name in run.traces), None)
+    if name is None:
         return
+    trace, upright = run.traces[name], panel.load_scale is not None
     shown = trace.values > 0 if panel.logarithmic else np.full(len(trace.values), True)
-    marks, values = trace.marks[shown], trace.values[shown]
-    few = len(marks) <= DENSE
+    x, y = panel.xy(trace.marks[shown], trace.values[shown])
+    look: dict[str, Any] = {"color": ink.colour, "zorder": 4, "linestyle": "none"}
     (line,) = axes.plot(
-        marks,
-        values,
+        x,
+        y,
         color=ink.colour,
         linestyle=ink.dashes,
-        marker=ink.marker if few else "",
-        markersize=3.2,
+        marker=ink.marker if upright or len(x) <= DENSE else "",
+        markersize=3.3 if len(x) <= CROWDED else 1.8,
         markeredgecolor="white",
         markeredgewidth=0.3,
-        linewidth=width,
+        linewidth=1.0 if upright else width,
         zorder=2,
     )
     entries.setdefault(run.name, line)
-    if run.reason is not None and len(marks):
-        (end,) = axes.plot(
-            marks[-1:], values[-1:], linestyle="none", marker="X", markersize=7, color=ink.colour, zorder=4
-        )
+    if run.reason is not None and len(x):
+        (end,) = axes.plot(x[-1:], y[-1:], marker="X", markersize=7, **look)
         entries.setdefault(f"{run.name}: end of what a failed run left", end)
-    for name in panel.names:
-        if name in run.critical and name in run.traces:
-            (mark,) = axes.plot(
-                *run.critical[name],
-                linestyle="none",
-                marker="D",
-                markersize=5.5,
-                markerfacecolor="none",
-                markeredgecolor=ink.colour,
-                markeredgewidth=1.1,
-                zorder=4,
-            )
-            entries.setdefault(f"{run.name}: critical state", mark)
+    if points := run.special.get(name):
+        look |= {"marker": "D", "markersize": 5.5, "markerfacecolor": "none", "markeredgewidth": 1.1}
+        (mark,) = axes.plot(*panel.xy(*np.transpose(points)), **look)
+        entries.setdefault(f"{run.name}: {special}", mark)
 
 
-def _draw_known(axes: Axes, points: KnownPoints, crosses: Mapping[str, str]) -> Any:
-    look: dict[str, Any] = {"marker": crosses.get(points.label, "x"), "markersize": 5.0, "color": ELSEWHERE}
+def _draw_known(axes: Axes, panel: TracePanel, points: KnownPoints, crosses: Mapping[str, str]) -> Any:
+    look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0.9, "elinewidth": 0.9, "capsize": 2.0, "zorder": 3}
     if points.judges:
-        marker, size = ("s", 8.5) if points.critical else ("o", 6.5)
-        look = {"marker": marker, "markersize": size, "markerfacecolor": "none", "color": "black"}
+        marker, size = ("s", 8.5) if points.label == CRITICAL else ("o", 7.0)
+        look |= {"marker": marker, "markersize": size, "markerfacecolor": "none", "color": "black"}
+    else:
+        size = 5.0 if len(points.marks) <= TABLE else 4.0
+        look |= {"marker": crosses[points.label], "markersize": size, "color": ELSEWHERE}
     known = np.isfinite(points.uncertainties)
-    doubts = np.where(known, points.uncertainties, 0.0)
-    return axes.errorbar(
-        points.marks,
-        points.values,
-        yerr=doubts if known.any() else None,
-        linestyle="none",
-        markeredgewidth=0.9,
-        elinewidth=0.9,
-        capsize=2.0,
-        zorder=3,
-        **look,
-    )
-
-
-def _crosses(panels: Sequence[TracePanel]) -> dict[str, str]:
-    labels = dict.fromkeys(points.label for panel in panels for points in panel.known if not points.judges)
-    return {label: CROSSES[i % len(CROSSES)] for i, label in enumerate(labels)}
+    bars = np.where(known, points.uncertainties, 0.0) if known.any() else None
+    return axes.errorbar(*panel.xy(points.marks, points.values), yerr=bars, **look)

@@ -1,22 +1,37 @@
-"""From records to traces: what each run's quantities were over time, or along a path, and what is known of them."""
+"""From records to traces: what each run's quantities were over time, or along a path, and what is known of them.
+
+Loads of a path are load factors; a figure shows them in the unit in which the case's own load quantities give them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import contextlib
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.account import HistoryStep
 from shellbench.bench.record import Record
-from shellbench.bench.reference import KnownValue, KnownValues
-from shellbench.portrait import Along, Portrait
-from shellbench.report.paths import words_of
+from shellbench.bench.reference import KnownValue, KnownValues, Role
+from shellbench.bench.row import Row
+from shellbench.load_curve import Curve
+from shellbench.portrait import Along, PathSeries, Portrait
+from shellbench.report.fields import Fields, areas, read_fields
+from shellbench.report.solutions import theory_words
 
 Array = NDArray[np.float64]
+Runs = Sequence[tuple[Row, Record]]
+Point = tuple[float, float]
+Key = tuple[str, bool]  # what a legend calls known points, and whether they judge
 
 BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.problem.Step.energy` of a step in time
+JUDGE: Key = ("known value", True)
+CRITICAL = "known critical state"
+SAME = 1e-6  # relative difference of marks of one frame
 
 
 @dataclass(frozen=True)
@@ -33,6 +48,17 @@ class Trace:
             return None
         return float(np.interp(mark, self.marks, self.values))
 
+    def limit_points(self) -> list[Point]:
+        """Return load factor and displacement at each extremum of the load."""
+        path = np.stack([self.marks, self.values], axis=1)
+        moved = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0, axis=1)])
+        curve = Curve(*path[moved].T)
+        points: list[Point] = []
+        with contextlib.suppress(ValueError):  # there are no more, or too few states for a curve
+            for number in range(1, len(self.marks)):
+                points.append(curve.turning("load", number))
+        return points
+
 
 @dataclass(frozen=True)
 class TracedRun:
@@ -46,8 +72,8 @@ class TracedRun:
         Why the run failed; None if it didn't.
     traces
         By name of series.
-    critical
-        By name of series: the mark of the critical state and the value there.
+    special
+        By name of series: marks and values of the states that a diamond marks.
     """
 
     name: str
@@ -55,7 +81,12 @@ class TracedRun:
     run_id: str
     reason: str | None
     traces: Mapping[str, Trace]
-    critical: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    special: Mapping[str, Sequence[Point]] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """What a caption calls it."""
+        return self.name if self.seed is None else f"{self.name}, seed {self.seed}"
 
 
 @dataclass(frozen=True)
@@ -64,10 +95,10 @@ class KnownPoints:
 
     Attributes
     ----------
+    label
+        What the legend calls them: source and theory.
     judges
         Whether they decide on solvers.
-    critical
-        Whether they are of a critical state.
     """
 
     label: str
@@ -75,7 +106,35 @@ class KnownPoints:
     marks: Array
     values: Array
     uncertainties: Array
-    critical: bool = False
+
+
+def runs_by_case(
+    records: Mapping[str, Record], rows: Sequence[Row]
+) -> dict[tuple[str, bool], list[tuple[Row, Record]]]:
+    """Return the runs of rows by case (and whether it is a user's own), each run once."""
+    found: dict[tuple[str, bool], dict[str, tuple[Row, Record]]] = {}
+    for row in rows:
+        record = records.get(row.run_id or "")
+        if record is not None:
+            found.setdefault((row.case, row.own_case), {}).setdefault(record.run_id, (row, record))
+    return {case: list(runs.values()) for case, runs in found.items()}
+
+
+def readable(name: str) -> str:
+    """Return the name of a series for an axis: letters with an index as such, all else as words."""
+    if found := re.fullmatch(r"([A-Za-z])_(\w)", name):
+        return f"${found[1]}_{{{found[2]}}}$"
+    return name.replace("_", " ")
+
+
+def words_of(label: str, source: str, theory: str) -> str:
+    """Return what a legend calls a figure from elsewhere."""
+    return f"{label or source}, {theory_words(theory)}"
+
+
+def motion_steps(record: Record) -> list[HistoryStep]:
+    """Return the steps in time of a run."""
+    return [step for step in record.history if step.phase == "time"]
 
 
 def traced(record: Record, case: Portrait, name: str) -> TracedRun | None:
@@ -84,59 +143,196 @@ def traced(record: Record, case: Portrait, name: str) -> TracedRun | None:
     if not traces:
         return None
     if steps := motion_steps(record):
-        traces[BALANCE] = Trace(
-            np.array([0.0, *(step.at for step in steps)]), np.array([0.0, *(step.energy for step in steps)])
-        )
+        traces[BALANCE] = _from_rest([step.at for step in steps], [step.energy for step in steps])
     if case.ends is None:  # a path starts at rest, where there is no force
-        traces = {key: Trace(np.append(0.0, one.marks), np.append(0.0, one.values)) for key, one in traces.items()}
-    reason = None if record.status == "ok" else record.reason or record.status
-    return TracedRun(name, record.identity.seed, record.run_id, reason, traces, dict(_critical_of(record, traces)))
+        traces = {key: _from_rest(one.marks, one.values) for key, one in traces.items()}
+    critical = next((step.at for step in record.history if step.phase == "critical"), None)
+    there = {key: (critical, one.at(critical)) for key, one in traces.items() if critical is not None}
+    special = {key: [(mark, value)] for key, (mark, value) in there.items() if value is not None}
+    return TracedRun(name, record.identity.seed, record.run_id, reason(record), traces, special)
 
 
-def motion_steps(record: Record) -> list[HistoryStep]:
-    """Return the steps in time of a run."""
-    return [step for step in record.history if step.phase == "time"]
+def path_run(record: Record, case: Portrait, name: str) -> TracedRun | None:
+    """Return the displacements along the path that a run left, by load factor; None if it left none."""
+    steps = [step for step in record.history if step.phase == "path"]
+    traces = {}
+    for one in case.paths:
+        names = {quantity.name for quantity in one.quantities}
+        values = [next((step.quantities[q] for q in names if q in step.quantities), np.nan) for step in steps]
+        if np.any(np.isfinite(values)):
+            traces[one.name] = _from_rest([step.at for step in steps], values)
+    turning = {key: one.limit_points() for key, one in traces.items()} if case.controlled_by is not None else {}
+    run = TracedRun(name, record.identity.seed, record.run_id, reason(record), traces, turning)
+    return run if traces else None
 
 
-def _critical_of(record: Record, traces: Mapping[str, Trace]) -> Iterator[tuple[str, tuple[float, float]]]:
-    step = next((step for step in record.history if step.phase == "critical"), None)
-    for name, trace in traces.items() if step is not None else ():
-        value = trace.at(step.at) if step is not None else None
-        if step is not None and value is not None:
-            yield name, (step.at, value)
+def _from_rest(marks: Sequence[float] | Array, values: Sequence[float] | Array) -> Trace:
+    return Trace(np.array([0.0, *marks]), np.array([0.0, *values]))
+
+
+def reason(record: Record) -> str | None:
+    """Return why a run failed; None if it didn't."""
+    return None if record.status == "ok" else record.reason or record.status
 
 
 def known_points(case: Portrait, known: KnownValues, series: Along) -> list[KnownPoints]:
     """Return what is known of a series: the values that judge, then those of other origins."""
-    found: dict[tuple[str, bool], list[tuple[float, KnownValue]]] = {}
-    for name in series.quantities:
-        at = case.quantity(name).at
-        for value in known.of(name, "judge", "origin", "literature", "published"):
-            judges = value.role == "judge"
-            if judges and value.theory != case.theory:
-                continue
-            found.setdefault((_label(value), judges), []).append((at, value))
-    points = [_points(label, judges, pairs) for (label, judges), pairs in found.items()]
-    points += _critical_points(case, known, series)
+    found = [
+        (_key(value), (case.quantity(name).at, value))
+        for name in series.quantities
+        for value in _values(case, known, name, "judge", "origin", "literature", "published")
+    ]
+    for there in (one for one in case.criticals if one.gives in series.quantities):
+        for mark in (one for one in case.criticals if one.gives == "load"):
+            at, value = known.judge(mark.name, case.theory), known.judge(there.name, case.theory)
+            if at is not None and value is not None:
+                found.append(((CRITICAL, True), (at.value / mark.scale, value)))
+    return _grouped([(key, (mark, value.value, value.uncertainty)) for key, (mark, value) in found])
+
+
+def known_paths(case: Portrait, known: KnownValues, series: PathSeries) -> list[KnownPoints]:
+    """Return what is known of a series: the values that judge, those of the literature, and tabulated curves.
+
+    Where a displacement marks the states of the path, what is known of its loads is known of it.
+    """
+    found: list[tuple[Key, tuple[float, float, float | None]]] = []
+    names = {quantity.name for quantity in series.quantities}
+    for quantity in series.quantities:
+        factor = quantity.at if case.controlled_by is None else _load_at(case, known, quantity.at)
+        for value in _values(case, known, quantity.name, "judge", "literature"):
+            if factor is not None and not _tabulated(value, factor, known):
+                found.append((_key(value), (factor, value.value, None)))
+    if case.controlled_by in names:
+        for load in case.loads:
+            for value in _values(case, known, load.name, "judge", "literature"):
+                found.append((_key(value), (value.value / load.scale, load.at, None)))
+        whole = (one for one in _turnings(case, known) if len(one) > 1)
+        found += [(JUDGE, (one["load"], one["displacement"], None)) for one in whole]
+    tables = [
+        ((words_of(curve.label, curve.source, curve.theory), False), (factor, value, None))
+        for curve in known.curves
+        if curve.quantity in names
+        for factor, value in zip(curve.loads, curve.values, strict=True)
+    ]
+    return _grouped([*found, *tables])
+
+
+def limit_loads(case: Portrait, known: KnownValues) -> list[float]:
+    """Return the load factors of turning points whose load is known and judges, but not their displacement."""
+    return [one["load"] for one in _turnings(case, known) if "displacement" not in one]
+
+
+def _values(case: Portrait, known: KnownValues, name: str, *roles: Role) -> list[KnownValue]:
+    """Return what is known of a quantity; of what judges, the value of the case's theory alone."""
+    return [value for value in known.of(name, *roles) if value.role != "judge" or value.theory == case.theory]
+
+
+def _key(value: KnownValue) -> Key:
+    """Return what a legend calls a known value, and whether it judges."""
+    if value.role == "judge":
+        return JUDGE
+    return ("second origin" if value.role == "origin" else words_of(value.label, value.source, value.theory)), False
+
+
+def _grouped(found: Sequence[tuple[Key, tuple[float, float, float | None]]]) -> list[KnownPoints]:
+    """Return marks, values and uncertainties by what a legend calls them, what judges first."""
+    groups: dict[Key, list[tuple[float, ...]]] = {}
+    for key, (mark, value, doubt) in found:
+        groups.setdefault(key, []).append((mark, value, np.nan if doubt is None else doubt))
+    points = [KnownPoints(*key, *np.array(group).T) for key, group in groups.items()]
     return sorted(points, key=lambda one: not one.judges)
 
 
-def _label(value: KnownValue) -> str:
-    if value.role == "judge":
-        return "known value"
-    return "second origin" if value.role == "origin" else words_of(value.label, value.source, value.theory)
+def _tabulated(value: KnownValue, factor: float, known: KnownValues) -> bool:
+    """Tell whether a value is a point of a curve of the same source, which is drawn anyway."""
+    return value.role != "judge" and any(
+        (curve.quantity, curve.source) == (value.quantity, value.source)
+        and (factor, value.value) in zip(curve.loads, curve.values, strict=True)
+        for curve in known.curves
+    )
 
 
-def _points(label: str, judges: bool, pairs: Sequence[tuple[float, KnownValue]], critical: bool = False) -> KnownPoints:
-    marks, values = np.array([(at, value.value) for at, value in pairs]).T
-    doubts = np.array([np.nan if value.uncertainty is None else value.uncertainty for _, value in pairs])
-    return KnownPoints(label, judges, marks, values, doubts, critical)
+def _load_at(case: Portrait, known: KnownValues, mark: float) -> float | None:
+    """Return the known load factor at a mark of a path that no load factor marks."""
+    judges = ((load, known.judge(load.name, case.theory)) for load in case.loads if load.at == mark)
+    return next((judge.value / load.scale for load, judge in judges if judge is not None), None)
 
 
-def _critical_points(case: Portrait, known: KnownValues, series: Along) -> Iterator[KnownPoints]:
-    """Yield the known critical state, where both its mark and the value of the series there are known."""
-    for there in (q for q in case.criticals if q.gives in series.quantities):
-        for mark in (q for q in case.criticals if q.gives == "load"):
-            at, value = known.judge(mark.name, case.theory), known.judge(there.name, case.theory)
-            if at is not None and value is not None:
-                yield _points("known critical state", True, [(at.value / mark.scale, value)], critical=True)
+def _turnings(case: Portrait, known: KnownValues) -> list[dict[str, float]]:
+    """Return "load" factor and "displacement" of each turning point, as far as they are known and judge."""
+    points: dict[tuple[str, int], dict[str, float]] = {}
+    for turning in case.turnings:
+        if (value := known.judge(turning.name, case.theory)) is not None:
+            scale = turning.scale if turning.gives == "load" else 1.0
+            points.setdefault((turning.of, turning.number), {})[turning.gives] = value.value / scale
+    return list(points.values())
+
+
+@dataclass(frozen=True)
+class Apart:
+    """The difference of a run's motion from the one that it is held against.
+
+    Attributes
+    ----------
+    against
+        Solver of the latter.
+    rms
+        Root of the mean square of the difference over the surface at each frame that both kept, m; zero at rest.
+    """
+
+    against: str
+    rms: Trace
+
+    @property
+    def largest(self) -> Point:
+        """When it is largest, and how large."""
+        place = int(np.argmax(self.rms.values))
+        return float(self.rms.marks[place]), float(self.rms.values[place])
+
+
+def yardstick(rows: Sequence[Row]) -> Row | None:
+    """Return the row of the run that others are held against: the only good one without a seed, if there is one."""
+    certain = {row.run_id: row for row in rows if row.seed is None and row.status == "ok"}
+    return next(iter(certain.values())) if len(certain) == 1 else None
+
+
+def apart(runs: Runs, folder: Path) -> dict[str, Apart]:
+    """Return, by run id, how far the runs of one case are from the one that they are held against."""
+    standard = yardstick([row for row, _ in runs])
+    fields = {record.run_id: read_fields(record, folder) for _, record in runs} if standard is not None else {}
+    theirs = fields.pop(standard.run_id or "") if standard is not None else None
+    found: dict[str, Apart] = {}
+    for run_id, ours in fields.items():
+        if standard is not None and ours and theirs and ours.position.shape == theirs.position.shape:
+            rms = rms_difference(ours, theirs)
+            found |= {run_id: Apart(standard.solver, rms)} if len(rms.marks) > 1 else {}
+    return found
+
+
+def rms_difference(ours: Fields, theirs: Fields) -> Trace:
+    """Return the root of the mean square of the difference over the reference surface, m, at marks of both."""
+    weights = areas(theirs.position)
+    frames = [(float(mark), i, frame_at(ours, float(mark))) for i, mark in enumerate(theirs.marks)]
+    both = [(mark, i, j) for mark, i, j in frames if j is not None]
+    squares = [np.sum((ours.displacements[j] - theirs.displacements[i]) ** 2, axis=-1) for _, i, j in both]
+    means = [float(np.sqrt(np.sum(weights * square) / weights.sum())) for square in squares]
+    return _from_rest([mark for mark, _, _ in both], means)
+
+
+def frame_at(fields: Fields, mark: float) -> int | None:
+    """Return which of the kept frames is at a mark; None if none is."""
+    if not len(fields.marks):
+        return None
+    nearest = int(np.argmin(np.abs(fields.marks - mark)))
+    return nearest if abs(fields.marks[nearest] - mark) <= SAME * max(abs(mark), SAME) else None
+
+
+def shown_marks(case: Portrait, kept: Mapping[str, Fields], most: int) -> list[float]:
+    """Return so many marks at most to show frames at: evenly spread over the time, or over the kept states."""
+    rounded = {f"{mark:.6g}": float(mark) for fields in kept.values() for mark in fields.marks}
+    marks = sorted(rounded.values())
+    if case.ends is None or not marks:
+        places = np.unique(np.round(np.linspace(0, len(marks) - 1, min(most, len(marks)))).astype(int))
+        return [marks[place] for place in places]
+    wanted = np.linspace(0.0, case.way, most + 1)[1:]
+    return sorted({marks[int(np.argmin(np.abs(np.subtract(marks, t))))] for t in wanted})

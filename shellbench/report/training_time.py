@@ -22,8 +22,7 @@ from shellbench.report.palette import Ink
 from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, finish
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.scene import drawn
-from shellbench.report.shells import Shell, colour_bar, draw_deformed, plain
-from shellbench.report.states import aspect
+from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row
 from shellbench.report.table import Column, Table
 
 ITERATIONS = "iterations"  # the setting that stops a training
@@ -32,7 +31,6 @@ ENERGY_DIGIT = 1e-7  # of an energy: what trainings differ by at their end
 WIDTH, WIDEST = 7.2, 1.9  # inches of a row of states, and of one state
 LOWEST, HIGHEST = 0.8, 1.5  # inches a state
 TITLE, BAR, CURVES = 0.3, 0.5, 2.3  # inches of the states' titles, of the colour bar, and of the curves
-FACETS = 48  # a side: a state is small
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -170,8 +168,7 @@ def training_figure(stops: pd.DataFrame, evidence: Evidence) -> Figure:
             axes.set_axis_off()
         for axes, stop in zip(row, of_solver.to_dict("records"), strict=False):
             _draw_state(axes, stop, shells)
-        look = {"rotation": 90, "ha": "right", "va": "center", "color": evidence.inks[solver].colour, "fontsize": 7.5}
-        row[0].annotate(plain(solver), (0, 0.5), (-4, 0), xycoords="axes fraction", textcoords="offset points", **look)
+        name_row(row[0], solver, evidence.inks[solver].colour)
     if shells:
         colour_bar(above, list(panels.flat), *shells, shrink=0.5, aspect=34)
     errors, means = below.subplots(1, 2)
@@ -189,7 +186,7 @@ def _draw_state(axes: Axes, stop: dict[str, Any], shells: list[Shell]) -> None:
     words = f"{stop['iterations']} iteration{'' if stop['iterations'] == 1 else 's'}\n{duration(stop['seconds'])} s"
     axes.set_title(words + ("" if stop["sound"] else ", failed"), fontsize=7.5, pad=2)
     if stop["shell"] is not None:
-        draw_deformed(axes, stop["shell"], shells, cells=FACETS)
+        draw_deformed(axes, stop["shell"], shells, cells=FEW_CELLS)
 
 
 def _draw_curves(errors: Axes, means: Axes, stops: pd.DataFrame, ink: Ink) -> None:

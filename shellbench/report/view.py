@@ -1,52 +1,51 @@
-"""What a shell's view in three dimensions shows: each solver's displacement of one case, state by state."""
+"""What turns in the page: each solver's displacement of one case, state by state, and the scripts that show it.
+
+A view is kept as whole numbers of two bytes, their differences from point to point, compressed. The first answer is
+rounded to 1/32767 of its largest component. Of the others the differences from it are kept, so that what two solvers
+differ by is rounded relative to the difference, however small it is beside the displacement.
+"""
 
 from __future__ import annotations
 
+import base64
+import gzip
+import hashlib
+import json
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.portrait import Portrait
+from shellbench.errors import ShellbenchError
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.projection import Camera
-from shellbench.report.scene import picture_scale
-from shellbench.report.states import spread
-from shellbench.report.suites import leading_rows
+from shellbench.report.scene import picture_scale, pictured, spread
+from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
+Planes = list[NDArray[np.int16]]
 
 FINE, COARSE = 61, 31  # points a side at most, of one state and of several
 MOST_STATES = 21  # on a slider: more are not told apart, and each takes its bytes
 MARK_DIGITS = 6  # marks that agree in so many digits are the same state
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 MAGNIFIED = 2.0  # the slider's end, in picture scales, where displacements are small
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One solver's answer.
-
-    Attributes
-    ----------
-    label
-        The solver, and how its run ended if not well.
-    states
-        Displacement (n1, n2, 3), m, of each of the view's marks; None where the run kept no such state.
-    density
-        Strain energy per area (n1, n2), J/m2, of the last state that the run kept; None if it kept none.
-    """
-
-    label: str
-    run_id: str
-    states: tuple[Array | None, ...]
-    density: Array | None
+LARGEST = 32767  # of two bytes
+APART = "cividis"  # colours of differences, told from those of displacements
+STOPS = 33  # of a colour map; between them colours are interpolated
+HOLDER = "(window.shellbench = window.shellbench || {}).library = "
+LIBRARY = "plotly.js"  # beside the pages, which share it
 
 
 @dataclass(frozen=True)
@@ -55,32 +54,22 @@ class View:
 
     Attributes
     ----------
-    position
-        (n1, n2, 3), m, of the reference surface.
-    marks
-        Words for each state; one without words where the case is linear.
-    held
-        Axis of the parameters and end, "min" or "max", of each held edge.
-    scale, largest_scale
-        Factor of the displacement at first, and at the slider's end.
-    direction
-        Colour by the displacement's component along it at first; by its magnitude if None.
+    json
+        What is seen: it may stand in a script element.
+    run_ids
+        Of the runs that answer.
+    dense
+        Whether a strain energy density is kept of any.
     """
 
-    case: str
-    title: str
-    unit: str
-    position: Array
-    marks: tuple[str, ...]
-    held: tuple[tuple[int, str], ...]
-    scale: float
-    largest_scale: float
-    camera: Camera
-    direction: tuple[float, float, float] | None
-    answers: tuple[Answer, ...]
+    json: str
+    run_ids: tuple[str, ...]
+    dense: bool
 
 
-def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> dict[str, View]:
+def views(
+    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, first: Mapping[str, str] | None = None
+) -> dict[str, View]:
     """Return a view of each case of which a run kept its field, by name of case.
 
     Parameters
@@ -91,94 +80,151 @@ def views(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> d
         That compare them.
     folder
         Where the records' files are.
+    first
+        By name of case the run that is seen first: the one that the still picture shows.
     """
-    made = {case: view(of_case, folder) for case, of_case in answered(records, rows).items()}
-    return {case: one for case, one in made.items() if one is not None}
-
-
-def led_by(view: View, run_id: str) -> View:
-    """Return the view with a run's answer first: what is seen at first is what the still picture shows."""
-    return replace(view, answers=tuple(sorted(view.answers, key=lambda answer: answer.run_id != run_id)))
-
-
-def answered(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
-    """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
-    chosen: dict[str, dict[str, tuple[int, Record]]] = {}
-    for row in leading_rows([row for row in rows if row.primary]):
-        record = records.get(row.run_id or "")
-        if record is None or record.fields_file is None:
-            continue
-        of_case, seed = chosen.setdefault(row.case, {}), row.seed or 0
-        if row.solver not in of_case or seed < of_case[row.solver][0]:
-            of_case[row.solver] = (seed, record)
-    return {case: [record for _, record in of_case.values()] for case, of_case in chosen.items()}
+    found: dict[str, View] = {}
+    for case, of_case in pictured(records, rows).items():
+        lead = (first or {}).get(case)
+        made = view(sorted(of_case, key=lambda record: record.run_id != lead), folder)
+        found |= {} if made is None else {case: made}
+    return found
 
 
 def view(records: Sequence[Record], folder: Path) -> View | None:
     """Return the view of one case; None if none of its records has a field that can be read."""
     found = [(record, fields) for record in records if (fields := read_fields(record, folder)) is not None]
     case = portrait_of(found[0][0]) if found else None
-    scene = case.scene if case is not None else None
-    if case is None or scene is None:
+    if case is None or case.scene is None:
         return None
-    reference = found[0][1].position
-    found = [(record, fields) for record, fields in found if fields.position.shape == reference.shape]
-    marks = spread(sorted({key for _, fields in found for key in states_of(fields)}), MOST_STATES)
-    thin = stride(len(reference), FINE if len(marks) == 1 else COARSE)
-    scale = picture_scale(scene, reference, [state for _, fields in found for state in states_of(fields).values()])
-    return View(
-        case=found[0][0].case_name,
-        title=case.title,
-        unit=case.unit_of_length,
-        position=reference[::thin, ::thin],
-        marks=tuple(case.mark_words(mark) if moves(case, marks) else "" for mark in marks),
-        held=tuple(dict.fromkeys(scene.held)),
-        scale=scale,
-        largest_scale=scale * (1.0 if moves(case, marks) else MAGNIFIED),
-        camera=Camera(*scene.view, scene.up),
-        direction=scene.direction,
-        answers=tuple(answer(record, fields, marks, thin, folder) for record, fields in found),
-    )
+    scene, grid = case.scene, found[0][1].position
+    answers = [(record, fields, states_of(fields)) for record, fields in found if fields.position.shape == grid.shape]
+    marks = spread(sorted({mark for _, _, states in answers for mark in states}), MOST_STATES)
+    several = len(marks) > 1 or case.ends is not None
+    thin = stride(len(grid), FINE if len(marks) == 1 else COARSE)
+    scale = picture_scale(scene, grid, [state for _, _, states in answers for state in states.values()])
+    planes: Planes = []
+    position = grid[::thin, ::thin]
+    centre = (position.min(axis=(0, 1)) + position.max(axis=(0, 1))) / 2
+    kept: dict[str, Any] = {
+        "case": found[0][0].case_name,
+        "title": case.title,
+        "unit": case.unit_of_length,
+        "density_unit": "J/m²" if case.unit_of_length == "m" else f"N {case.unit_of_length}/{case.unit_of_length}²",
+        "shape": position.shape[:2],
+        "centre": centre.tolist(),
+        "position": _kept(position - centre, planes),
+        "marks": [case.mark_words(mark) if several else "" for mark in marks],
+        "held": tuple(dict.fromkeys(scene.held)),
+        "scale": scale,
+        "largest_scale": scale * (1.0 if several else MAGNIFIED),
+        "look": scene.view[::-1],
+        "up": scene.up,
+        "along": along(scene.direction),
+        "answers": [],
+    }
+    for record, fields, states in answers:
+        steps: list[dict[str, Any] | None] = []
+        for mark in marks:
+            base = answers[0][2].get(mark) if kept["answers"] else None
+            state = None if mark not in states else states[mark] if base is None else states[mark] - base
+            whole = None if state is None else _kept(state[::thin, ::thin], planes)
+            steps.append(None if whole is None else {"step": whole, "relative": base is not None})
+        density = energy_density(record, fields, folder) if max(states) in marks else None
+        label = record.identity.solver + ("" if record.status == "ok" else f" ({record.status})")
+        dense = None if density is None else _kept(density[::thin, ::thin, None], planes)
+        kept["answers"].append({"label": label, "run": record.run_id, "states": steps, "density": dense})
+    run_ids = tuple(record.run_id for record, _, _ in answers)
+    dense = any(one["density"] is not None for one in kept["answers"])
+    return View(in_script(kept | {"data": packed(planes)}), run_ids, dense)
 
 
-def answer(record: Record, fields: Fields, marks: Sequence[float], thin: int, folder: Path) -> Answer:
-    """Return what a view shows of one record, every `thin`-th point of its grid."""
-    states, density = states_of(fields), energy_density(record, folder)
-    kept = density is not None and density.shape == fields.xi.shape[:2] and max(states) in marks
-    return Answer(
-        label=record.identity.solver + ("" if record.status == "ok" else f" ({record.status})"),
-        run_id=record.run_id,
-        states=tuple(states[mark][::thin, ::thin] if mark in states else None for mark in marks),
-        density=density[::thin, ::thin] if density is not None and kept else None,
-    )
-
-
-def energy_density(record: Record, folder: Path) -> Array | None:
+def energy_density(record: Record, fields: Fields, folder: Path) -> Array | None:
     """Return the strain energy per area (n1, n2) that a run kept; None if it kept none or it is not finite."""
     try:
         with np.load(folder / (record.fields_file or ""), allow_pickle=False) as stored:
             density = np.sum([np.asarray(stored[name], dtype=float) for name in ENERGY_PARTS], axis=0)
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
-    return density if np.all(np.isfinite(density)) else None
+    return density if density.shape == fields.xi.shape[:2] and np.all(np.isfinite(density)) else None
 
 
 def states_of(fields: Fields) -> dict[float, Array]:
     """Return the displacements that a run kept, by mark; the mark of a linear answer is 1."""
     if not len(fields.marks):
         return {1.0: fields.displacement}
-    return {
-        float(f"{mark:.{MARK_DIGITS}g}"): states
-        for mark, states in zip(fields.marks, fields.displacements, strict=True)
-    }
-
-
-def moves(case: Portrait, marks: Sequence[float]) -> bool:
-    """Tell whether a case has states to tell apart."""
-    return len(marks) > 1 or case.ends is not None
+    return dict(zip((float(f"{mark:.{MARK_DIGITS}g}") for mark in fields.marks), fields.displacements, strict=True))
 
 
 def stride(points: int, most: int) -> int:
     """Return the smallest step through a grid's points a side that keeps both ends and leaves at most `most`."""
     steps = (step for step in range(1, points) if (points - 1) % step == 0 and (points - 1) // step < most)
     return next(steps, points - 1)
+
+
+def palettes_json() -> str:
+    """Return the colour maps, and when a component is coloured about zero, as in the still pictures."""
+    maps = {"sequential": SEQUENTIAL, "diverging": DIVERGING, "difference": APART}
+    stops = np.linspace(0.0, 1.0, STOPS)
+    found = {use: [[round(float(s), 5), to_hex(colormaps[name](s))] for s in stops] for use, name in maps.items()}
+    return in_script({"maps": found, "both_signs": BOTH_SIGNS})
+
+
+def in_script(value: Any) -> str:
+    """Write JSON that can't end the script element which it stands in."""
+    return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def packed(planes: Planes) -> str:
+    """Return base64 of gzip of the planes one after another, each as differences from one point to the next."""
+    steps = [np.diff(plane, prepend=np.int16(0)).astype("<i2") for plane in planes]  # they wrap around, and back again
+    return packed_bytes(np.concatenate(steps).tobytes() if steps else b"")
+
+
+def packed_bytes(data: bytes) -> str:
+    """Return base64 of gzip, the same for the same bytes."""
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")
+
+
+def _kept(values: Array, planes: Planes) -> float:
+    """Add the components of values (n1, n2, k) to the planes and return the step of their rounding."""
+    step = float(np.abs(values).max() / LARGEST) or 1.0
+    whole = np.rint(values / step).astype(np.int16)
+    planes += [whole[..., k].ravel() for k in range(values.shape[-1])]
+    return step
+
+
+def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None:
+    """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None."""
+    if direction is None:
+        return None
+    vector, axis = np.asarray(direction) / np.linalg.norm(direction), axis_of(direction)
+    symbol = f"{axis[0]}%<sub>{axis[1]}</sub>" if axis else f"% along ({', '.join(f'{part:g}' for part in direction)})"
+    return {"vector": vector.tolist(), "symbol": symbol.replace("-", "\N{MINUS SIGN}")}
+
+
+def scripts(viewing: bool) -> tuple[str, ...]:
+    """Return the scripts that stand in a page that has views, or none."""
+    names = ("sort.js", "view.js") if viewing else ("sort.js",)
+    return tuple((files("shellbench.report") / "templates" / name).read_text(encoding="utf-8") for name in names)
+
+
+def script_sources(viewing: bool) -> tuple[str, ...]:
+    """Return sources for the content security policy: by hash these scripts and Plotly, and the own folder."""
+    run = (*scripts(viewing), *([plotly()] if viewing else []))
+    hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in run)
+    return (*(f"'sha256-{text}'" for text in hashes), *(["'self'"] if viewing else []))
+
+
+def library() -> str:
+    """Return the script that holds Plotly, compressed, as base64."""
+    return f"{HOLDER}{json.dumps(packed_bytes(plotly().encode()))};\n"
+
+
+@cache
+def plotly() -> str:
+    """Return the library from plotly's package, which is not imported: that takes longer than to read the file."""
+    spec = find_spec("plotly")
+    if spec is None or not spec.submodule_search_locations:
+        raise ShellbenchError("plotly, which draws in three dimensions, is not installed")
+    return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")

@@ -12,8 +12,8 @@ import pytest
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, exhibits, page, shells
 from shellbench.report.fields import read_fields
-from shellbench.report.projection import AXES_TO_UP
-from shellbench.report.scene import pictured
+from shellbench.report.scene import lead_shells, pictured
+from shellbench.report.shells import AXES_TO_UP
 from tests.patience import GUARD, until
 from tests.report.motion import BROKEN, OFFSET
 
@@ -87,7 +87,7 @@ def cloth_page(motion, tmp_path_factory):
             exhibits.Exhibit(
                 f"{exhibits.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
             )
-            for one in exhibits.lead_shells(pictured(records, rows), folder)
+            for one in lead_shells(pictured(records, rows), folder)
         ]
 
     return written(motion, tmp_path_factory.mktemp("cloth"), "cloth", pictures)

@@ -13,9 +13,8 @@ from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.convergence import GAP_LABEL, courses, iteration_figure, refinement_figure
 from shellbench.report.palette import COLOURS, inks, style
 from shellbench.report.panel import ERROR_LABEL
-from shellbench.report.projection import Camera
 from shellbench.report.scene import picture_scale, pictured, shell
-from shellbench.report.shells import Shell, course_figure, shell_figure, times, what_is_coloured
+from shellbench.report.shells import Camera, Shell, course_figure, shell_figure, times, what_is_coloured
 from tests.report.conftest import COURSE, TRUTH, Store
 
 
@@ -131,8 +130,7 @@ def test_a_shell_is_drawn_as_its_case_asks(store, by_id, course_rows, name):
     assert bar.get_xlabel().endswith("m)")
     axis = "xyz"[np.argmax(np.abs(case.picture.direction))]
     assert f"u_{{{axis}}}" in bar.get_xlabel()
-    power = 0 if "10^" not in bar.get_xlabel() else int(bar.get_xlabel().split("10^{")[1].split("}")[0])
-    assert bar.get_xlim()[1] * 10.0**power == pytest.approx(drawn.coloured.max(), rel=1e-6)
+    assert bar.get_xlim()[1] == pytest.approx(drawn.coloured.max(), rel=1e-6)
 
 
 @pytest.mark.parametrize("theory", ["kirchhoff-love-linear", "kirchhoff-love-nonlinear"])
@@ -206,8 +204,8 @@ def test_colour_words():
     assert what_is_coloured(flat()) == "displacement"
     assert what_is_coloured(flat(direction=(0.0, 1.0, 0.0))) == "$u_{y}$"
     assert what_is_coloured(flat(direction=(1.0, 1.0, 0.0))) == "displacement along (1, 1, 0)"
-    assert times(50.0) == r"$\times$ 50"
-    assert times(8e6) == r"$\times\;8 \cdot 10^{6}$"
+    assert times(50.0) == "× 50"
+    assert times(8e6) == "× 8×10⁶"
 
 
 @pytest.mark.parametrize("content", [b"", b"no archive at all", None])

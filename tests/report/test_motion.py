@@ -6,16 +6,25 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.fields import read_fields
-from shellbench.report.frames import MOST_FRAMES, Strip, strips_figure
-from shellbench.report.motion_exhibits import CLOTH, is_cloth, motion_exhibits
 from shellbench.report.motion_tables import by_time_tables, motion_table
-from shellbench.report.moving_fields import apart, frame_at, rms_difference, shown_marks, yardstick
 from shellbench.report.palette import inks, style
-from shellbench.report.path_exhibits import path_exhibits
-from shellbench.report.paths import runs_by_case
+from shellbench.report.shells import shapes_figure
 from shellbench.report.suites import leading_rows
+from shellbench.report.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
 from shellbench.report.trace_figure import TracePanel, trace_figure
-from shellbench.report.traces import BALANCE, Trace, TracedRun, known_points, traced
+from shellbench.report.traces import (
+    BALANCE,
+    Trace,
+    TracedRun,
+    apart,
+    frame_at,
+    known_points,
+    rms_difference,
+    runs_by_case,
+    shown_marks,
+    traced,
+    yardstick,
+)
 from tests.report.motion import BROKEN, CRITICAL, OFFSET, REASON, G, torque
 
 G_HALF = G / 8  # m fallen in half of a second
@@ -49,7 +58,7 @@ def test_a_run_is_traced_as_it_was_recorded(motion):
     assert run.traces[BALANCE].marks[0] == 0.0
     assert len(run.traces[BALANCE].marks) == 1 + sum(step.phase == "time" for step in record.history)
     assert run.reason is None
-    assert run.critical == {}
+    assert run.special == {}
 
 
 def test_a_failed_run_is_traced_as_far_as_it_came(motion):
@@ -191,7 +200,7 @@ def test_where_no_total_energy_is_kept_the_solvers_balance_is_drawn():
     assert "total_energy" not in {one.name for one in case.energies}
     run = TracedRun("fem", None, "id", None, {BALANCE: Trace(np.array([0.0, 1.0]), np.array([0.0, 1e-5]))})
     with style():
-        figure = trace_figure([TracePanel(("total_energy", BALANCE), "J")], [run], "time t (s)", inks(["fem"]))
+        figure = trace_figure([TracePanel(("total_energy", BALANCE), "J")], [run], inks(["fem"]))
     (line,) = figure.axes[0].lines
     assert line.get_ydata().tolist() == [0.0, 1e-5]
 
@@ -240,7 +249,7 @@ def test_a_strip_without_a_state_is_empty(motion):
 
     one = shell(record_of(motion, case.name, "fem"), motion.folder)
     with style():
-        figure = strips_figure([Strip("a", (one, None))], ["t = 1 s", "t = 2 s"])
+        figure = shapes_figure([[one, None]], ["t = 1 s", "t = 2 s"], ["a"])
     assert sum(bool(axes.collections) for axes in figure.axes[:2]) == 1
 
 

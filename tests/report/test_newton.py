@@ -12,7 +12,7 @@ from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
 from shellbench.report.derivation import DERIVATION
-from shellbench.report.newton import beside, free_fall, newton_exhibits, newton_table, shown_cases
+from shellbench.report.newton import findings, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
 from shellbench.report.palette import style
 from tests.report.motion import REASON, G
@@ -71,7 +71,7 @@ def test_only_what_falls_freely_has_a_closed_form(name):
 
 
 def test_each_case_stands_beside_newton(motion, by_id):
-    found = {one.case.name: one for one in beside(by_id, motion.rows)}
+    found = {one.case.name: one for one in findings(by_id, motion.rows)}
     assert list(found) == list(shown_cases())
     assert found["free_fall"].newton_by == "closed form"
     assert found["napkin_plane"].newton_by == "fem"
@@ -127,7 +127,7 @@ def test_a_run_that_departs_from_the_defaults_says_so(motion, by_id):
 def test_a_solver_that_a_suite_declares_is_missed(motion, by_id):
     """The suites of free fall declare the published recipe: where it has no record, the table says so."""
     rows = [row for row in motion.rows if row.solver == "fem"]
-    (fall, *_) = beside(by_id, rows)
+    (fall, *_) = findings(by_id, rows)
     assert fall.status == {"ndf": "not run", "ndf-published": "not run"}
     assert "not run" in newton_table(by_id, rows).write("text")
 

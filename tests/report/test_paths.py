@@ -10,16 +10,10 @@ from shellbench.bench.task import case_data
 from shellbench.portrait import LoadAxis
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.report.curve_figure import CurvePanel, curve_figure
 from shellbench.report.palette import inks, style
-from shellbench.report.path_exhibits import path_exhibits
-from shellbench.report.paths import (
-    PathRun,
-    known_paths,
-    limit_loads,
-    path_run,
-    readable,
-)
+from shellbench.report.trace_exhibits import path_exhibits
+from shellbench.report.trace_figure import TracePanel, trace_figure
+from shellbench.report.traces import Trace, known_paths, limit_loads, path_run, readable
 from tests.report.conftest import Store
 from tests.report.nonlinear import FIRST, LOADS, REACHED, REASON, SECOND, deflection, roof_load, shortening
 
@@ -80,15 +74,15 @@ def test_names_with_an_index_are_symbols():
 
 def test_a_path_starts_at_rest_and_has_the_records_states(nonlinear):
     run = path_run(run_of(nonlinear, BEAM, "fem"), portrait(BEAM), "fem")
-    assert list(run.factors) == [0.0, *LOADS]  # the refinements before it are no part
-    assert list(run.displacements["deflection"]) == [0.0, *map(deflection, LOADS)]
-    assert list(run.displacements["shortening"]) == [0.0, *map(shortening, LOADS)]
+    for name, exact in (("deflection", deflection), ("shortening", shortening)):
+        assert list(run.traces[name].marks) == [0.0, *LOADS]  # the refinements before it are no part
+        assert list(run.traces[name].values) == [0.0, *map(exact, LOADS)]
     assert run.reason is None
 
 
 def test_a_failed_run_keeps_its_path_and_its_reason(nonlinear):
     run = path_run(run_of(nonlinear, BEAM, "ndf", 1), portrait(BEAM), "ndf")
-    assert run.factors[-1] == REACHED
+    assert run.traces["deflection"].marks[-1] == REACHED
     assert run.reason == REASON
 
 
@@ -104,7 +98,7 @@ def test_a_record_without_a_path_has_no_curve(nonlinear):
 def test_limit_points_are_where_the_load_turns(nonlinear, name):
     run = path_run(run_of(nonlinear, ROOF, "fem"), portrait(ROOF), "fem")
     factor = 0.8 if name == "free_edge_deflection" else 1.0
-    (top, first), (valley, second) = run.limit_points(name)
+    (top, first), (valley, second) = run.traces[name].limit_points()
     assert (top, valley) == pytest.approx((roof_load(FIRST), roof_load(SECOND)), rel=FINE)
     assert (first, second) == pytest.approx((factor * FIRST, factor * SECOND), rel=FINE)
 
@@ -112,21 +106,19 @@ def test_limit_points_are_where_the_load_turns(nonlinear, name):
 def test_a_state_told_twice_hides_no_limit_point():
     w = np.arange(0.0, 31.0)
     twice = np.insert(w, 5, w[5])
-    run = PathRun("fem", None, "", None, np.array([roof_load(x) for x in twice]), {"deflection": twice})
-    assert len(run.limit_points("deflection")) == 2
-    short = PathRun("fem", None, "", None, np.array([0.0, 1.0]), {"deflection": np.array([0.0, 2.0])})
-    assert short.limit_points("deflection") == []
+    assert len(Trace(np.array([roof_load(x) for x in twice]), twice).limit_points()) == 2
+    assert Trace(np.array([0.0, 1.0]), np.array([0.0, 2.0])).limit_points() == []
 
 
 def test_known_values_stand_at_their_loads(nonlinear):
     case, known = portrait(BEAM), nonlinear.known[BEAM]
     judges, curve = known_paths(case, known, series(BEAM)["deflection"])
     assert judges.judges
-    assert dict(zip(judges.factors, judges.displacements, strict=True)) == {t: deflection(t) for t in (0.25, 0.5, 1)}
+    assert dict(zip(judges.marks, judges.values, strict=True)) == {t: deflection(t) for t in (0.25, 0.5, 1)}
     assert not curve.judges
     assert curve.label == "book, Reissner–Mindlin"
-    assert list(curve.factors) == [0.3, 0.6, 1.0]
-    assert list(curve.displacements) == [2.4, 4.8, 6.69]
+    assert list(curve.marks) == [0.3, 0.6, 1.0]
+    assert list(curve.values) == [2.4, 4.8, 6.69]
 
 
 def test_a_value_of_the_literature_stands_apart_unless_its_source_has_it_in_a_curve(nonlinear):
@@ -138,13 +130,13 @@ def test_a_value_of_the_literature_stands_apart_unless_its_source_has_it_in_a_cu
         case, KnownValues(values=(*known.values, other), curves=known.curves), series(BEAM)["deflection"]
     )
     assert [one.label for one in found] == ["known value", "paper2024, mixed theories", "book, Reissner–Mindlin"]
-    assert (found[1].factors[0], found[1].displacements[0]) == (1.0, 6.5)
+    assert (found[1].marks[0], found[1].values[0]) == (1.0, 6.5)
 
 
 def test_known_loads_of_a_controlled_path_stand_at_their_displacements(nonlinear):
     case, known = portrait(ROOF), nonlinear.known[ROOF]
     (judges,) = known_paths(case, known, series(ROOF)["deflection"])
-    assert (judges.displacements[0], judges.factors[0]) == (20.0, 1.770)
+    assert (judges.values[0], judges.marks[0]) == (20.0, 1.770)
     assert known_paths(case, known, series(ROOF)["free_edge_deflection"]) == []
     assert limit_loads(case, known) == [2.2]  # its displacement is not known
 
@@ -157,7 +149,7 @@ def test_a_limit_point_known_whole_is_a_point(nonlinear):
     known = KnownValues(values=(*nonlinear.known[ROOF].values, whole))
     assert limit_loads(case, known) == []
     (judges,) = known_paths(case, known, series(ROOF)["deflection"])
-    assert (10.0, 2.2) in list(zip(judges.displacements, judges.factors, strict=True))
+    assert (10.0, 2.2) in list(zip(judges.values, judges.marks, strict=True))
 
 
 def test_a_figure_draws_the_records_states_in_the_load_of_the_case(nonlinear):
@@ -213,9 +205,10 @@ def test_a_legend_is_never_cut(nonlinear, letters):
     curve = KnownCurve(
         quantity="deflection", theory="mixed", origin="", source="s", label="l" * letters, loads=(1.0,), values=(3.0,)
     )
-    panels = [CurvePanel(one, tuple(known_paths(case, KnownValues(curves=(curve,)), one)))] * 2
+    known = tuple(known_paths(case, KnownValues(curves=(curve,)), one))
+    panels = [TracePanel((one.name,), "w (mm)", "t", known=known, load_scale=1.0, limit_loads=(2.2,))] * 2
     with style():
-        figure = curve_figure(panels, [run], LoadAxis(1.0, "t"), inks(["fem"]), turning=True, limit_loads=(2.2,))
+        figure = trace_figure(panels, [run], inks(["fem"]), special="limit points")
         figure.draw_without_rendering()
     box = figure.legends[0].get_window_extent()
     if letters <= 40:

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.projection import AMBIENT, Camera, facet_means, facets, refined, shading, wires
+from shellbench.report.shells import AMBIENT, Camera, facet_means, facets, refined, shading, wires
 
 cameras = st.builds(Camera, st.floats(-90, 90), st.floats(-360, 360), st.sampled_from("xyz"))
 

@@ -5,9 +5,9 @@ import pytest
 
 from shellbench.report.fields import field_table, read_fields
 from shellbench.report.palette import style
-from shellbench.report.path_exhibits import path_exhibits
-from shellbench.report.scene import states
-from shellbench.report.states import MOST_SHOWN, spread, states_figure
+from shellbench.report.scene import MOST_SHOWN, spread, states
+from shellbench.report.shells import shapes_figure
+from shellbench.report.trace_exhibits import path_exhibits
 from tests.report.test_paths import BEAM, run_of
 
 
@@ -27,7 +27,7 @@ def test_each_kept_state_is_named_by_its_mark(kept, nonlinear):
 
 def test_states_share_frame_scale_and_colours(kept):
     with style():
-        figure = states_figure(kept)
+        figure = shapes_figure([[shell for _, shell in kept]], [words for words, _ in kept])
         figure.draw_without_rendering()
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     assert [axes.get_title(loc="left") for axes in panels] == [words for words, _ in kept]

@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.palette import style
-from shellbench.report.path_exhibits import path_exhibits
 from shellbench.report.strain_figure import CURVATURE, ENERGY, INKS, exact_energy
 from shellbench.report.strains import (
     STRAINS,
@@ -23,6 +22,7 @@ from shellbench.report.strains import (
     strain_table,
     words,
 )
+from shellbench.report.trace_exhibits import path_exhibits
 from tests.report.nonlinear import rolled_energy, seen_curvature
 
 ANGLES = [math.radians(degrees) for degrees in (1e-3, 30, 45, 90, 128.17, 135, 180)]

@@ -9,9 +9,20 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.fields import read_fields
-from shellbench.report.view import COARSE, FINE, MOST_STATES, answered, stride, views
-from shellbench.report.view_data import LARGEST, packed, palettes_json, view_json
-from shellbench.report.view_page import scripts
+from shellbench.report.scene import pictured
+from shellbench.report.view import (
+    COARSE,
+    FINE,
+    LARGEST,
+    MOST_STATES,
+    packed,
+    palettes_json,
+    plotly,
+    script_sources,
+    scripts,
+    stride,
+    views,
+)
 from tests.report.conftest import COURSE, record, row
 from tests.report.motion import BROKEN, OFFSET
 
@@ -40,7 +51,7 @@ def unpacked(kept):
 
 def kept_views(store):
     by_id = {record.run_id: record for record in store.records}
-    return {name: json.loads(view_json(one)) for name, one in views(by_id, store.rows, store.folder).items()}
+    return {name: json.loads(one.json) for name, one in views(by_id, store.rows, store.folder).items()}
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +73,7 @@ def test_every_case_has_a_view_of_every_solver(course):
 
 def test_of_several_runs_of_a_solver_the_first_is_shown_not_the_luckiest(store):
     by_id = {record.run_id: record for record in store.records}
-    chosen = {record.identity.solver: record for record in answered(by_id, store.rows)["square_plate"]}
+    chosen = {record.identity.solver: record for record in pictured(by_id, store.rows)["square_plate"]}
     assert chosen["ndf-ritz"].identity.seed == 0  # errors of -7.2e-5, 3.1e-6 and -2.0e-5
     assert all(not record.identity.settings.get("activation") for record in chosen.values())
 
@@ -134,9 +145,10 @@ def test_energy_density_is_the_sum_of_its_parts(tmp_path):
     x = arrays["xi"][..., 0]
     arrays |= {"membrane_energy_density": (x**2).astype(np.float32), "bending_energy_density": (3 * x).astype("f4")}
     np.savez_compressed(tmp_path / made.fields_file, **arrays)
-    shown = views({made.run_id: made}, [row(made)], tmp_path)["square_plate"]
-    _, (answer,) = unpacked(json.loads(view_json(shown)))
-    density = (x**2 + 3 * x)[:: len(x) // (len(shown.position) - 1), :: len(x) // (len(shown.position) - 1)]
+    kept = json.loads(views({made.run_id: made}, [row(made)], tmp_path)["square_plate"].json)
+    _, (answer,) = unpacked(kept)
+    thin = len(x) // (kept["shape"][0] - 1)
+    density = (x**2 + 3 * x)[::thin, ::thin]
     assert np.abs(answer["density"] - density).max() <= density.max() / LARGEST
 
 
@@ -149,7 +161,9 @@ def test_a_density_that_is_not_finite_is_not_shown(tmp_path, spoilt):
     bad = whole.copy()
     bad[0, 0] = spoilt
     np.savez(tmp_path / made.fields_file, membrane_energy_density=bad, bending_energy_density=whole, **arrays)
-    assert views({made.run_id: made}, [row(made)], tmp_path)["square_plate"].answers[0].density is None
+    shown = views({made.run_id: made}, [row(made)], tmp_path)["square_plate"]
+    assert json.loads(shown.json)["answers"][0]["density"] is None
+    assert not shown.dense
 
 
 def test_runs_without_fields_have_no_view(tmp_path):
@@ -173,11 +187,22 @@ def test_planes_wrap_around_and_back():
 
 
 def test_no_word_of_a_case_ends_the_script_that_holds_it(store):
+    title = "</script><script>alert(1)</script>"
+    plates = {record.run_id: record for record in store.records if record.case_name == "square_plate"}
+    evil = {
+        run_id: record.model_copy(update={"case": record.case | {"title": title}}) for run_id, record in plates.items()
+    }
+    (one,) = views(evil, store.rows, store.folder).values()
+    assert "<" not in one.json
+    assert json.loads(one.json)["title"] == title
+
+
+def test_the_run_of_the_still_picture_comes_first(store, course):
     by_id = {record.run_id: record for record in store.records}
-    one = views(by_id, store.rows, store.folder)["square_plate"]
-    evil = type(one)(**{**one.__dict__, "title": "</script><script>alert(1)</script>"})
-    assert "<" not in view_json(evil)
-    assert json.loads(view_json(evil))["title"] == evil.title
+    for answer in course["square_plate"]["answers"]:
+        shown = views(by_id, store.rows, store.folder, {"square_plate": answer["run"]})["square_plate"]
+        assert shown.run_ids[0] == answer["run"]
+        assert [one["run"] for one in json.loads(shown.json)["answers"]] == list(shown.run_ids)
 
 
 def test_colours_are_those_of_the_still_pictures():
@@ -188,8 +213,8 @@ def test_colours_are_those_of_the_still_pictures():
 
 
 def test_a_page_without_views_carries_no_library():
-    assert scripts(viewing=False).library == ""
-    assert len(scripts(viewing=False).hashes) == 1
-    allowed = set(scripts(viewing=True).hashes)
+    assert len(script_sources(viewing=False)) == len(scripts(viewing=False)) == 1
+    assert plotly() not in scripts(viewing=True)
+    allowed = set(script_sources(viewing=True))
     assert "'self'" in allowed  # the library is a file beside the pages, and runs by its hash only
-    assert len(allowed) == len(scripts(viewing=True).inline) + 2
+    assert len(allowed) == len(scripts(viewing=True)) + 2

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 
+from shellbench.load_curve import Curve
 from shellbench.model import Finite, Name, Vector
 from shellbench.problem import Quantity
-from shellbench.problems.load_curve import Curve
 from shellbench.problems.shell.conditions import Places
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import area_rule, kinetic_energy, total_energy, unit

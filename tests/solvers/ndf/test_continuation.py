@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.problems.load_curve import Curve
+from shellbench.load_curve import Curve
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
 from shellbench.solvers.ndf.equilibrium import PathProblem
