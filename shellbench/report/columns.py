@@ -126,6 +126,11 @@ def at_most(figures: int) -> Way:
     return written
 
 
+def rounded_value(value: Any, line: Line, notation: Notation) -> str:
+    """Write a value of which nothing limits the digits."""
+    return notation.number(rounded(value))
+
+
 def known_value(value: Any, line: Line, notation: Notation) -> str:
     """Write a known value with its uncertainty in the last digits."""
     doubt = line["reference_uncertainty"]
@@ -195,6 +200,7 @@ def column(
     return Column(heading, written, aligned, wide, name if aligned else "", way in WHOLE)
 
 
+COST = ("unknowns", "seconds", "peak_memory_bytes")  # of a run, in every table that tells it
 VOCABULARY: dict[str, tuple[str, Way]] = {
     "solution": ("Solution", solution),
     "solver": ("Solver", code),

@@ -6,16 +6,12 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
-import pandas as pd
-
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report import cells
+from shellbench.report.columns import COST, column
 from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Note, Table
-
-COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns", "peak_memory_bytes")
+from shellbench.report.table import Note, Table, frame
 
 
 def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
@@ -45,17 +41,8 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         " wall time and largest memory of the whole solve, in which there may be other discretisations too. Of several"
         " seeds: the most states, iterations, unknowns and memory, and the mean time. Runs that failed are counted up"
         " to their failure.",
-        data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
-        columns=(
-            Column("Solution", cells.solution, right=False),
-            Column("Runs", cells.count("seeds")),
-            Column("States", cells.count("states")),
-            Column("Iterations", cells.count("iterations")),
-            Column("Most in a step", cells.count("most_in_a_step")),
-            Column("Unknowns", cells.count("unknowns")),
-            Column("Time (s)", cells.seconds),
-            Column("Memory", cells.memory("peak_memory_bytes")),
-        ),
+        data=frame(lines),
+        columns=("solution", column("seeds", "Runs"), "states", "iterations", "most_in_a_step", *COST),
         notes=tuple(notes),
     )
 

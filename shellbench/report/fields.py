@@ -13,14 +13,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report import cells
+from shellbench.report.columns import code, column
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Table
+from shellbench.report.table import Table, frame
 
 Array = NDArray[np.float64]
 
@@ -69,14 +68,8 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
         title="Differences between fields",
         caption="Root of the mean square over the shell's area, and largest, of the difference between displacement"
         " fields, relative to the same measure of the field that they are held against; the worst seed of each.",
-        data=pd.DataFrame(lines),
-        columns=(
-            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
-            Column("Held against", lambda line, notation: notation.code(line["against"]), right=False),
-            Column("Seeds", lambda line, notation: str(line["seeds"])),
-            Column("Mean square", cells.share("mean_square")),
-            Column("Largest", cells.share("largest")),
-        ),
+        data=frame(lines),
+        columns=(column("solution", way=code), "against", "seeds", "mean_square", "largest"),
     )
 
 

@@ -19,8 +19,8 @@ from shellbench.bench.portraits import portrait_of, portrait_of_named
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
+from shellbench.report.columns import Line, Show, column, present, significant
 from shellbench.report.derivation import TITLE
-from shellbench.report.digits import rounded
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import TIME
 from shellbench.report.moving_fields import yardstick
@@ -28,7 +28,7 @@ from shellbench.report.notation import Notation
 from shellbench.report.palette import DASHES, inks
 from shellbench.report.solutions import STATUS_WORDS, variant_name
 from shellbench.report.suites import leading_rows
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced
 
@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 NEWTON = "newton"  # how names of the figures begin
 FINE = 121  # points of a closed form
 GREY = "#777777"
+WAY = significant(4)  # how a way since rest is written
 NOT_RUN = "not run"
 STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
@@ -231,10 +232,10 @@ def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         " Newton’s law; means over seeds.",
         data=pd.DataFrame(lines),
         columns=(
-            Column("Time", lambda line, notation: notation.escape(str(line["when"])), right=False),
-            Column("Newton’s law", _law),
-            Column("Published functional, stationary", _ratio("stationary")),
-            *(Column(solver, _ratio(solver)) for solver in solvers),
+            "when",
+            column("newton", "Newton’s law", _law, instead=lambda line, notation: notation.escape(line["newton_by"])),
+            column("stationary", "Published functional, stationary", _with_ratio),
+            *(column(solver, solver, _with_ratio, instead=_status_of(solver)) for solver in solvers),
         ),
         notes=_remarks(cases),
     )
@@ -251,28 +252,14 @@ def _remarks(cases: Sequence[Beside]) -> tuple[Note, ...]:
     return (*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed))
 
 
-def _law(line: Line, notation: Notation) -> str:
-    if not present(line["newton"]):
-        return notation.escape(str(line["newton_by"]))
-    return f"{_number(line['newton'], notation)} {notation.escape(str(line['newton_by']))}"
+def _law(value: Any, line: Line, notation: Notation) -> str:
+    return f"{WAY(value, line, notation)} {notation.escape(line['newton_by'])}"
 
 
-def _ratio(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value, law = line[name], line["newton"]
-        if not present(value):
-            words = str(line.get(f"{name} status", ""))
-            return notation.escape(words) if words else notation.missing
-        ratio = f" ({value / law:.2f})" if present(law) and law else ""
-        return _number(value, notation) + ratio
-
-    return show
+def _with_ratio(value: Any, line: Line, notation: Notation) -> str:
+    law = line["newton"]
+    return WAY(value, line, notation) + (f" ({value / law:.2f})" if present(law) and law else "")
 
 
-def _number(value: float, notation: Notation) -> str:
-    return notation.number(rounded(value, abs(value) * 1e-3 or None))
-
-
-def concerned(rows: Sequence[Row]) -> bool:
-    """Tell whether anybody was asked for a case of the finding."""
-    return any(row.case in shown_cases() and not row.own_case for row in rows)
+def _status_of(solver: str) -> Show:
+    return lambda line, notation: notation.escape(str(line[f"{solver} status"]))

@@ -32,7 +32,7 @@ from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import sections as evidence_sections
 from shellbench.report.solutions import Known
-from shellbench.report.strains import words as strain_words
+from shellbench.report.strains import findings
 from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
@@ -152,7 +152,7 @@ def _facts(
     return {
         "version": __version__,
         "verdict": overall(shown),
-        "strain_words": strain_words(shown) if tables.strains else [],
+        "strain_words": findings(shown) if tables.strains else [],
         "newton_title": NEWTON_TITLE,
         "derivation": DERIVATION,
         "report_command": REPORT_COMMAND,

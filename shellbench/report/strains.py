@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
@@ -11,11 +12,24 @@ import pandas as pd
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import quoted, rounded
+from shellbench.report.columns import (
+    Column,
+    Line,
+    at_most,
+    column,
+    error,
+    in_its_unit,
+    known_value,
+    present,
+    rounded_value,
+    strong,
+    words,
+)
+from shellbench.report.digits import quoted
 from shellbench.report.notation import SUPERSCRIPTS, Notation
 from shellbench.report.solutions import STATUS_WORDS, grouped
 from shellbench.report.suites import rows_of, suite_title
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table
 
 SUITE = "strain_ablation"
 STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
@@ -69,13 +83,9 @@ def strain_table(rows: Sequence[Row]) -> Table | None:
         " with a unit are absolute.",
         data=pd.DataFrame(lines),
         columns=(
-            Column("Quantity", _what, right=False),
-            Column("Known value", _known),
-            *(
-                column
-                for strain in STRAINS
-                for column in (Column(strain.capitalize(), _value(strain)), Column("Error", _error(strain)))
-            ),
+            column("what", "Quantity", _with_unit, right=False),
+            column("reference", way=strong(known_value)),
+            *(one for strain in STRAINS for one in (_answer(strain), _error(strain))),
         ),
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -95,7 +105,7 @@ def _under(strain: str, row: Row | None, exact: float | None) -> dict[str, Any]:
     return found
 
 
-def words(rows: Sequence[Row]) -> list[str]:
+def findings(rows: Sequence[Row]) -> list[str]:
     """Explain what the ablation shows, in paragraphs of plain words."""
     degrees = math.degrees(VANISHES)
     paragraphs = [
@@ -167,40 +177,29 @@ def bending_energies(records: Mapping[str, Record], rows: Sequence[Row], case: s
     return found
 
 
-def _what(line: Line, notation: Notation) -> str:
-    unit = f" ({line['unit']})" if present(line["unit"]) else ""
-    return notation.escape(f"{line['what']}{unit}")
+def _with_unit(value: Any, line: Line, notation: Notation) -> str:
+    return words(f"{value} ({line['unit']})" if present(line["unit"]) else value, line, notation)
 
 
-def _known(line: Line, notation: Notation) -> str:
-    value, uncertainty = line["reference"], line["reference_uncertainty"]
-    if not present(value):
-        return notation.missing
-    return notation.strong_number(
-        rounded(value, uncertainty if present(uncertainty) else None, show_uncertainty=present(uncertainty))
-    )
+def _answer(strain: str) -> Column:
+    number = column(strain, strain.capitalize(), rounded_value)
+
+    def written(line: Line, notation: Notation) -> str:
+        status = STATUS_WORDS.get(line[f"{strain}_status"])
+        if status is None:
+            return number.show(line, notation)
+        partly = f" ({number.show(line, notation)})" if present(line[strain]) else ""
+        return notation.strong(notation.escape(status)) + partly
+
+    return replace(number, show=written)
 
 
-def _value(strain: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value, status = line[strain], line[f"{strain}_status"]
-        if status in STATUS_WORDS:
-            words = notation.strong(notation.escape(STATUS_WORDS[status]))
-            return f"{words} ({notation.number(rounded(value))})" if present(value) else words
-        return notation.number(rounded(value)) if present(value) else notation.missing
+def _error(strain: str) -> Column:
+    absolute = in_its_unit(f"{strain}_absolute_error", at_most(2))
 
-    return show
+    def otherwise(line: Line, notation: Notation) -> str:
+        departure = line[f"{strain}_departure"]
+        marked = notation.error(departure) + notation.escape("†") if present(departure) else ""
+        return absolute(line, notation) or marked
 
-
-def _error(strain: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        relative, absolute = line[f"{strain}_error"], line[f"{strain}_absolute_error"]
-        if present(relative):
-            return notation.error(relative)
-        if present(absolute):
-            return notation.number(quoted(float(f"{absolute:.2g}"))) + " " + notation.escape(line["unit"])
-        if present(line[f"{strain}_departure"]):
-            return notation.error(line[f"{strain}_departure"]) + notation.escape("†")
-        return notation.missing
-
-    return show
+    return column(f"{strain}_error", "Error", error, instead=otherwise)

@@ -17,11 +17,11 @@ from shellbench.report.strains import (
     STRAINS,
     VANISHES,
     bending_energies,
+    findings,
     linear_energy,
     published_energy,
     strain_rows,
     strain_table,
-    words,
 )
 from tests.report.nonlinear import rolled_energy, seen_curvature
 
@@ -149,7 +149,7 @@ def test_the_table_as_csv_has_every_digit(nonlinear, table):
 
 
 def test_the_words_have_the_records_figures(nonlinear):
-    text = " ".join(words(nonlinear.rows))
+    text = " ".join(findings(nonlinear.rows))
     assert "128.17°" in text
     assert "1.30 at 90°" in text
     assert "7.5 J in the published measure" in text
