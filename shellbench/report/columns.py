@@ -11,7 +11,7 @@ about a known value, whose `kind` is not "solver", it is nothing: there is nothi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -42,8 +42,6 @@ class Column:
         Whether it holds sentences: neither the terminal nor a printed page has room for it.
     key
         Column of the data by which a reader sorts this one at full precision; what its cells show if empty.
-    whole
-        Whether its values are whole numbers, also in the data.
     """
 
     heading: str
@@ -51,7 +49,6 @@ class Column:
     right: bool = True
     wide: bool = False
     key: str = ""
-    whole: bool = False
 
     def sort_value(self, line: Line) -> float | None:
         """Return the number by which a row of the data is sorted; None if it has none."""
@@ -197,7 +194,14 @@ def column(
 
     aligned = way not in LEFT if right is None else right
     heading = f"{heading} ({unit})" if unit else heading
-    return Column(heading, written, aligned, wide, name if aligned else "", way in WHOLE)
+    return Column(heading, written, aligned, wide, name if aligned else "")
+
+
+def frame(lines: Sequence[Line], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Return lines as the data of a table, whole numbers as such though some be missing."""
+    data = pd.DataFrame(list(lines), columns=columns)
+    counts = [name for name in data if name in VOCABULARY and VOCABULARY[name][1] in WHOLE]
+    return data.astype({name: "Int64" for name in counts if not data[name].map(type).eq(str).any()})
 
 
 COST = ("unknowns", "seconds", "peak_memory_bytes")  # of a run, in every table that tells it
@@ -211,6 +215,7 @@ VOCABULARY: dict[str, tuple[str, Way]] = {
     "ended": ("Ended", words),
     "when": ("Time", words),
     "seeds": ("Seeds", count),
+    "answered": ("Answered", count),
     "runs": ("Runs", count),
     "worst_seed": ("Worst seed", count),
     "states": ("States", count),

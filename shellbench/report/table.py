@@ -9,14 +9,14 @@ scopes for screen readers.)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal
 
 import pandas as pd
 
-from shellbench.report.columns import VOCABULARY, Column, Line, Show, column, present
+from shellbench.report.columns import Column, Line, Show, column, frame, present
 from shellbench.report.latex_table import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
 
@@ -100,12 +100,6 @@ class Table:
     def write(self, format: Format) -> str:
         """Write the table in a format."""
         return WRITERS[format](self)
-
-
-def frame(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return lines as the data of a table, whole numbers as such though some be missing."""
-    data = pd.DataFrame(list(lines))
-    return data.astype({name: "Int64" for name in data if name in VOCABULARY and column(str(name)).whole})
 
 
 def write_text(table: Table) -> str:
