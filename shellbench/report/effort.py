@@ -9,9 +9,17 @@ from typing import Any
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.columns import COST, column
+from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.paths import runs_by_case
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Note, Table, frame
+
+
+def section(found: Evidence) -> Section:
+    """Return the section of paths: what they took, and how they went."""
+    tables, figures = given(effort_table(found.records, found.compared)), found.figures(CURVE, STATES)
+    return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
 
 
 def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:

@@ -18,10 +18,17 @@ from numpy.typing import NDArray
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.columns import code, column
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Table, frame
 
 Array = NDArray[np.float64]
+
+
+def section(found: Evidence) -> Section:
+    """Return the section of differences between fields."""
+    tables = given(field_table(found.records, found.compared, found.folder))
+    return Section("fields", "Whole fields", tables=tables, place="its suites")
 
 
 def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:

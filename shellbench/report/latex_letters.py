@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻", "0123456789+-", strict=True))
-LOWERED = dict(zip("₀₁₂₃₄₅₆₇₈₉", "0123456789", strict=True))
+RAISED = dict(zip("⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ᵀ", "0123456789+-T", strict=True))
+LOWERED = dict(zip("₀₁₂₃₄₅₆₇₈₉ₛ", "0123456789s", strict=True))
 GREEK = {
     "α": r"\alpha", "β": r"\beta", "γ": r"\gamma", "δ": r"\delta", "ε": r"\varepsilon", "ζ": r"\zeta", "η": r"\eta",
     "θ": r"\theta", "κ": r"\kappa", "λ": r"\lambda", "μ": r"\mu", "µ": r"\mu", "ν": r"\nu", "ξ": r"\xi", "π": r"\pi",
@@ -25,7 +25,8 @@ LAST_OF_FONT = "\u017f"  # Latin-1 and Latin Extended-A, whose letters are put t
 
 def with_letters_of_latex(latex: str) -> str:
     """Return LaTeX in which every letter can be set; one that nothing stands for becomes its number, as [U+2603]."""
-    raised = RUNS.sub(_script, latex).replace(r"\textquotedbl{}", "''")  # which the encoding T1 alone has
+    dotted = re.sub("(.)\N{COMBINING DOT ABOVE}", r"\\.{\1}", latex)
+    raised = RUNS.sub(_script, dotted).replace(r"\textquotedbl{}", "''")  # which the encoding T1 alone has
     return "".join(letter if letter <= LAST_OF_FONT and letter not in SPECIAL else _sign(letter) for letter in raised)
 
 

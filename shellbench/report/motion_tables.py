@@ -27,6 +27,8 @@ from shellbench.report.columns import (
     words,
 )
 from shellbench.report.digits import rounded
+from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation
 from shellbench.report.paths import runs_by_case
@@ -35,13 +37,31 @@ from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table, frame
 from shellbench.report.traces import motion_steps
 
+TIMES = "times_"  # how names of tables by time begin
 GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 
-def motion_tables(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> list[Table]:
-    """Return all tables of motions."""
-    course = motion_table(records, rows, folder)
-    return [*([course] if course is not None else []), *by_time_tables(records, rows)]
+def section(found: Evidence) -> Section:
+    """Return the section of cloth in motion, with a part for each case."""
+    by_time = {table.name: table for table in by_time_tables(found.records, found.compared)}
+    titles = {row.case: row.case_title or row.case for row in found.compared}
+    figures = {one.name: one for one in found.figures(*CLOTH)}
+    parts = [
+        Section(
+            name=case,
+            title=title,
+            tables=given(by_time.get(f"{TIMES}{case}")),
+            exhibits=tuple(figures[name] for prefix in CLOTH if (name := f"{prefix}{case}") in figures),
+        )
+        for case, title in titles.items()
+    ]
+    return Section(
+        name="cloth",
+        title="Cloth in motion",
+        tables=given(motion_table(found.records, found.compared, found.folder)),
+        parts=tuple(part for part in parts if part.shows),
+        place="its suites",
+    )
 
 
 def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
@@ -150,7 +170,7 @@ def _by_time(name: str, case: Portrait, rows: Sequence[Row]) -> Table:
             line |= _found(solver, [row for row in of_quantity if row.solver == solver])
         lines.append(line)
     return Table(
-        name=f"times_{name}",
+        name=f"{TIMES}{name}",
         title=f"{case.title}: quantities by time",
         caption="Known values with their uncertainty in the last digits; each solver's mean over its seeds, and the"
         " error of its worst seed, in percent of the known value or, with a unit, as it is. Errors in bold fall short"

@@ -20,7 +20,8 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Line, Show, column, present, significant
-from shellbench.report.derivation import TITLE
+from shellbench.report.derivation import DERIVATION, TITLE
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import TIME
 from shellbench.report.moving_fields import yardstick
@@ -157,6 +158,18 @@ def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Port
 
 def _status(row: Row) -> str:
     return NOT_RUN if row.status == "missing" else STATUS_WORDS.get(row.status, "left no motion")
+
+
+def section(found: Evidence) -> Section:
+    """Return the section of the finding, with its derivation."""
+    return Section(
+        name=NEWTON,
+        title=TITLE,
+        tables=given(newton_table(found.records, found.compared)),
+        exhibits=found.figures(NEWTON),
+        parts=(Section("why", "Why", words=DERIVATION),),
+        place="one suite",
+    )
 
 
 def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:

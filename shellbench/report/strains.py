@@ -26,12 +26,14 @@ from shellbench.report.columns import (
     words,
 )
 from shellbench.report.digits import quoted
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import SUPERSCRIPTS, Notation
 from shellbench.report.solutions import STATUS_WORDS, grouped
 from shellbench.report.suites import rows_of, suite_title
 from shellbench.report.table import Note, Table
 
 SUITE = "strain_ablation"
+STRAIN = "strain_"  # how names of figures begin
 STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
 EXACT = "exact"
 VANISHES = math.acos((1 - math.sqrt(5)) / 2)  # root of cos + sin^2: no published curvature there, 128.17 degrees
@@ -45,6 +47,13 @@ def strain_rows(rows: Sequence[Row]) -> list[Row]:
         return []
     of_cases = grouped(shown, lambda row: row.case).values()
     return [row for of_case in of_cases for row in sorted(of_case, key=lambda row: row.at or 0.0)]
+
+
+def section(found: Evidence) -> Section:
+    """Return the section of the ablation."""
+    tables = given(strain_table(found.compared))
+    words = findings(found.compared) if tables else ()
+    return Section("strains", "Strain measures", tuple(words), tables, found.figures(STRAIN), place="one suite")
 
 
 def strain_table(rows: Sequence[Row]) -> Table | None:
@@ -88,6 +97,7 @@ def strain_table(rows: Sequence[Row]) -> Table | None:
             *(one for strain in STRAINS for one in (_answer(strain), _error(strain))),
         ),
         notes=tuple(dict.fromkeys(notes)),
+        suite=SUITE,
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
@@ -54,6 +54,8 @@ class Table:
         One row for each row of the table, at full precision; the column `block` says under which heading.
     columns
         By their names in the vocabulary of `shellbench.report.columns`, or whole where they depart from it.
+    suite
+        That it is about, if it is about one; else its cases say so.
     """
 
     name: str
@@ -62,7 +64,8 @@ class Table:
     data: pd.DataFrame
     columns: tuple[str | Column, ...]
     notes: tuple[Note, ...] = ()
-    sources: tuple[str, ...] = field(default=())
+    sources: tuple[str, ...] = ()
+    suite: str = ""
 
     @property
     def cited(self) -> tuple[str, ...]:

@@ -17,11 +17,14 @@ from shellbench.report.columns import Column, Line, column, in_its_unit, present
 from shellbench.report.digits import allowance, quoted, rounded
 from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
 from shellbench.report.engines_table import cross_check_table
+from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
 from shellbench.report.studies import rows_of_study, studies_of
 from shellbench.report.suites import compared, is_study, rows_at_home, rows_of, suite_title, suites_of
 from shellbench.report.table import Format, Note, Table
+
+DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
 
 
 def render(
@@ -82,29 +85,31 @@ def displacement_tables(
     """
     headline = [row for row in rows if row.primary]
     shown = {suite: rows_of(headline, suite) for suite in suites_of(headline)} if whole else rows_at_home(headline)
-    return [
-        comparison_table(f"displacements_{suite}", suite_title(suite), of_suite, known)
-        for suite, of_suite in shown.items()
-    ]
+    return [comparison_table(DISPLACEMENTS, suite, "", of_suite, known) for suite, of_suite in shown.items()]
 
 
-def quantity_tables(rows: Sequence[Row], known: Known = catalog.known_values) -> list[Table]:
-    """Return a table of all other quantities for each suite; a run that several declare is in one of them."""
-    homes = rows_at_home([row for row in rows if not row.primary])
-    return [
-        comparison_table(f"quantities_{suite}", f"{suite_title(suite)}: other quantities", of_suite, known)
-        for suite, of_suite in homes.items()
-    ]
+def displacements(found: Evidence) -> Section:
+    """Return the section of headline quantities."""
+    tables = displacement_tables(found.compared, found.known, whole=found.whole)
+    return Section("displacements", "Displacements", tables=tuple(tables), place="its suites")
 
 
-def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -> Table:
-    """Return the table that holds solvers against known values."""
+def quantities(found: Evidence) -> Section:
+    """Return the section of all other quantities; a run that several suites declare is in the table of one."""
+    homes = rows_at_home([row for row in found.compared if not row.primary])
+    title = ": other quantities"
+    tables = [comparison_table(QUANTITIES, suite, title, of_suite, found.known) for suite, of_suite in homes.items()]
+    return Section("quantities", "Other quantities", tables=tuple(tables), place="its suites")
+
+
+def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], known: Known) -> Table:
+    """Return the table of a suite that holds solvers against known values."""
     data = comparison(rows, known)
     theories = dict.fromkeys(theory_words(theory) for theory in data.loc[data["kind"] == "judge", "theory"])
     sources = tuple(dict.fromkeys(source for source in data["source"] if present(source)))
     return Table(
-        name=name,
-        title=title,
+        name=f"{begins}{suite}",
+        title=f"{suite_title(suite)}{title}",
         caption=caption(
             list(theories),
             marked=any(map(within_doubt, data.to_dict("records"))),
@@ -114,6 +119,7 @@ def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -
         columns=COMPARISON,
         notes=tuple(notes(rows, data.to_dict("records"), known)),
         sources=sources,
+        suite=suite,
     )
 
 
