@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullLocator
+
+from shellbench.report.convergence import ERROR_LABEL
 from shellbench.report.digits import percent
-from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
-from shellbench.report.engines_figure import cross_check_figure, drawn_cases
+from shellbench.report.engines_cases import STUDY, CheckedCase, Contender, checked_cases, is_cross_check
 from shellbench.report.engines_table import LEVELS, cross_check_table, factor
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import TEXT
-from shellbench.report.palette import inks, style
+from shellbench.report.palette import DASHES, Dashes, Ink, inks, style
+from shellbench.report.shells import plain
 from shellbench.report.studies import remarks_on
+
+WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
+IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
+GREY = "#BBBBBB"
+FLOOR_SHOWN = 30.0  # factor by which the axis of errors goes below what can't be told from zero
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -125,3 +137,102 @@ def _described(one: CheckedCase) -> str:
         down = f"down to {TEXT.number(percent(min(sound), signed=False))} %" if sound else "failed"
         reached.append(f"{each.name} {down}")
     return f"{one.title}: {'; '.join(reached)}"
+
+
+def drawn_cases(cases: Sequence[CheckedCase]) -> list[CheckedCase]:
+    """Return the cases that have a panel: those with a curve."""
+    return [one for one in cases if any(not each.alone for each in one.contenders)]
+
+
+def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) -> Figure:
+    """Draw the panels; horizontal lines are the errors for which the table has the seconds."""
+    drawn = drawn_cases(cases)
+    dashes = lines_of(drawn)
+    rows = math.ceil(len(drawn) / IN_A_ROW)
+    entries = len(dashes) + 2
+    height = rows * HEIGHT + MARGIN + ENTRY * math.ceil(entries / ENTRIES)
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    for i, one in enumerate(drawn):
+        axes = figure.add_subplot(rows, min(IN_A_ROW, len(drawn)), i + 1)
+        _panel(axes, one, inks, dashes)
+        axes.set_title(plain(one.title))
+        axes.set_xlabel("wall time of the solve (s)")
+        if i % IN_A_ROW == 0:
+            axes.set_ylabel(ERROR_LABEL)
+    legend = _legend(drawn, inks, dashes)
+    figure.legend(legend.values(), legend.keys(), loc="outside lower center", ncols=min(ENTRIES, len(legend)))
+    return figure
+
+
+def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
+    """Return the dashes of each line by its name: the same in all panels, different for one solver's settings."""
+    names = sorted({(each.solver, each.name) for one in cases for each in one.contenders if not each.alone})
+    seen: dict[str, int] = {}
+    found: dict[str, Dashes] = {}
+    for solver, name in names:
+        found[name] = DASHES[seen.get(solver, 0) % len(DASHES)]
+        seen[solver] = seen.get(solver, 0) + 1
+    return found
+
+
+def _panel(axes: Axes, one: CheckedCase, inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> None:
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for each in one.contenders:
+        _draw(axes, each, inks[each.solver], dashes)
+    errors = [100 * error for each in one.contenders for point in each.family.points for error in point.errors]
+    floor = 100 * one.yardstick.floor
+    low, high = min(*errors, 100 * LEVELS[-1]) / 3, max(*errors, 100 * LEVELS[0]) * 3
+    axes.set_ylim(max(low, floor / FLOOR_SHOWN), high)
+    for level in LEVELS:
+        axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
+    if floor > axes.get_ylim()[0]:
+        axes.axhspan(axes.get_ylim()[0], floor, color=GREY, alpha=0.35, linewidth=0, zorder=0)
+    axes.margins(x=0.08)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(numticks=7))
+        axis.set_major_formatter(LogFormatterMathtext())
+        axis.set_minor_locator(NullLocator())
+
+
+def _draw(axes: Axes, each: Contender, ink: Ink, dashes: Mapping[str, Dashes]) -> None:
+    sound = [point for point in each.family.points if point.sound]
+    axes.plot(
+        [point.seconds for point in sound],
+        [100 * point.error for point in sound],
+        color=ink.colour,
+        linestyle=dashes.get(each.name, "none"),
+        linewidth=1.0,
+        marker=ink.marker,
+        markersize=6.0 if each.alone else 3.6,
+        markeredgecolor="black" if each.alone else ink.colour,
+        markeredgewidth=0.8 if each.alone else 0.2,
+        zorder=3 if each.alone else 2,
+    )
+    failed = [point for point in each.family.points if not point.sound]
+    axes.plot(
+        [point.seconds for point in failed],
+        [100 * point.error for point in failed],
+        color=ink.colour,
+        linestyle="none",
+        marker=ink.marker,
+        markersize=3.6,
+        markerfacecolor="white",
+    )
+
+
+def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
+    solver_of = {each.name: each.solver for one in cases for each in one.contenders}
+    entries: dict[str, Line2D] = {}
+    for name, line in dashes.items():
+        ink = inks[solver_of[name]]
+        entries[plain(name)] = Line2D([], [], color=ink.colour, linewidth=1.0, marker=ink.marker)
+        entries[plain(name)].set_linestyle(line)  # type: ignore[arg-type]
+    contenders = [each for one in cases for each in one.contenders]
+    if any(each.alone for each in contenders):
+        entries["one size alone"] = Line2D(
+            [], [], color="#666666", marker="o", linestyle="none", markersize=6.0, markeredgecolor="black"
+        )
+    if any(not point.sound for each in contenders for point in each.family.points):
+        entries["failed run"] = Line2D([], [], color="#666666", marker="o", linestyle="none", markerfacecolor="white")
+    return entries

@@ -1,9 +1,14 @@
-"""The cross-check of solvers: on each case, what every sweep of every solver comes to at its finest."""
+"""The cross-check of solvers: on each case, what every sweep of every solver comes to at its finest.
+
+Seconds are set against each other where one command took them in one environment, on one core.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
 from statistics import fmean
 
 from shellbench.bench import catalog
@@ -12,12 +17,12 @@ from shellbench.bench.row import Row
 from shellbench.bench.suite import Study, value_words
 from shellbench.engine import ENGINE
 from shellbench.report.accuracy import Family, Point, failed_runs, point_of
-from shellbench.report.engines_timing import why_incomparable
 from shellbench.report.solutions import grouped, heading, same_but_for_seed
 from shellbench.report.studies import rows_of_study, study_of
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
 STUDY: Study = "engines"
+TOGETHER = 60.0  # seconds between runs that one command planned: a plan of hundreds of runs takes a few
 Size = tuple[Point, Sequence[Row]]
 
 
@@ -200,3 +205,49 @@ def _contender(solver: str, variant: str, swept: str, sizes: Sequence[Size]) -> 
 def _mean(values: Sequence[float | None]) -> float | None:
     given = [value for value in values if value is not None]
     return fmean(given) if given and len(given) == len(values) else None
+
+
+def why_incomparable(records: Sequence[Record]) -> str | None:
+    """Say why ratios of the runs' seconds would mislead, as the end of a sentence; None if they would not.
+
+    A record carries the time at which its run was planned; all runs of one command are planned together. It does not
+    say how many runs the command made at a time, nor what else the machine did.
+    """
+    found = [record.environment for record in records]
+    machines = list(dict.fromkeys(f"{one.processor}, {one.cores} cores, {one.platform}" for one in found))
+    if len(machines) > 1:
+        return f"they were taken on different machines ({'; '.join(machines)})"
+    if len({one.gpu for one in found}) > 1 or len({record.identity.device for record in records}) > 1:
+        return "some were taken on a GPU and some were not"
+    threads = sorted({one.threads for one in found})
+    if threads and threads != [1]:
+        return f"they were taken with {' and '.join(map(str, threads))} threads, not with one"
+    if len({one.python for one in found}) > 1:
+        return f"they were taken by different versions of Python ({', '.join(sorted({one.python for one in found}))})"
+    if package := _differing(records):
+        return f"they were taken with different versions of {package}"
+    commands = planned_apart(records)
+    if len(commands) > 1:
+        return f"they were taken by {len(commands)} commands, planned at {' and '.join(commands)}"
+    return None
+
+
+def planned_apart(records: Sequence[Record]) -> list[str]:
+    """Return when each command planned its first of the runs, to the second."""
+    times = sorted({record.created for record in records}, key=_instant)
+    later = [after for before, after in pairwise(times) if _instant(after) - _instant(before) > TOGETHER]
+    return [datetime.fromisoformat(time).strftime("%Y-%m-%d %H:%M:%S") for time in (*times[:1], *later)]
+
+
+def _instant(created: str) -> float:
+    return datetime.fromisoformat(created).timestamp()
+
+
+def _differing(records: Sequence[Record]) -> str | None:
+    """Return a package of which two runs name different versions; not all runs name an engine or a plug-in."""
+    named: dict[str, str] = {}
+    for record in records:
+        for package, version in record.environment.versions.items():
+            if named.setdefault(package, version) != version:
+                return package
+    return None
