@@ -1,6 +1,7 @@
 """The finding on the published functional of motion: what the solvers' motions say, beside Newton's law.
 
-`shellbench.report.derivation` says what that functional is stationary at, and why.
+Kairanda et al., eq. (35), add the kinetic energy to the potential energy and minimise the sum over time: the inertia
+has the wrong sign. `DERIVATION` tells at what that sum is stationary, and why it has no motion by Newton's law.
 """
 
 from __future__ import annotations
@@ -11,8 +12,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from shellbench.bench import catalog
 from shellbench.bench.portraits import portrait_of, portrait_of_named
@@ -20,28 +19,68 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Line, Show, column, present, significant
-from shellbench.report.derivation import DERIVATION, TITLE
-from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.evidence import Evidence, Formula, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.motion_exhibits import TIME
 from shellbench.report.moving_fields import yardstick
 from shellbench.report.notation import Notation
 from shellbench.report.palette import DASHES, inks
-from shellbench.report.solutions import STATUS_WORDS, variant_name
+from shellbench.report.solutions import STATUS_WORDS, grouped, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_figure import ClosedForm, TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced
 
-Array = NDArray[np.float64]
-
-NEWTON = "newton"  # how names of the figures begin
+NEWTON = "newton"  # the section, its figure and its table
+TITLE = "Newton’s law and the published functional"
 FINE = 121  # points of a closed form
 GREY = "#777777"
 WAY = significant(4)  # how a way since rest is written
 NOT_RUN = "not run"
 STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
+DERIVATION: tuple[str, ...] = (
+    (
+        "Cloth moves by Newton’s law: areal density times acceleration is the load less the force of the strains. With"
+        " the displacement u(ξ, t), the strain energy E(u) and the load f, from rest:"
+    ),
+    Formula("ρ ü = f − ∂E/∂u,   u(0) = 0,   u̇(0) = 0."),
+    (
+        "The published loss (Kairanda et al., eq. (35)) is the mean over space and time of potential energy plus"
+        " kinetic energy, and training makes it as small as it can:"
+    ),
+    Formula("I[u] = ∫₀ᵀ ( E(u) − f·u + ½ ρ |u̇|² ) dt,   u(0) = 0."),
+    (
+        "(The integral over the surface is left out of the notation.) Vary u by δu with δu(0) = 0 and integrate the"
+        " last term by parts:"
+    ),
+    Formula("δI = ∫₀ᵀ ( ∂E/∂u − f − ρ ü ) · δu dt + ρ u̇(T)·δu(T)."),
+    "Nothing is prescribed at the final time T, so that I is stationary only where",
+    Formula("ρ ü = ∂E/∂u − f   and   u̇(T) = 0."),
+    (
+        "The right-hand side is Newton’s with the opposite sign: as if the mass were negative, and with a condition at"
+        " the end of time in place of rest at its beginning. The functional of mechanics has the difference,"
+        " ½ ρ |u̇|² − E(u) + f·u (Hamilton’s principle), and is stationary at the motion, not minimal: no loss that is"
+        " only made smaller finds it. Step by step in time a minimum does exist: what an implicit time integrator"
+        " solves is the minimum of E(u) − f·u + (a positive factor) |u − predicted u|², an incremental potential."
+    ),
+    "Free fall. Nothing holds the napkin and nothing strains it: E = 0, f = ρ g, and the sum is stationary at",
+    Formula("ü = −g,   u̇(T) = 0,   u = g (T t − t²/2)   in place of   u = g t²/2."),
+    (
+        "So it starts at full speed and comes to rest at T, where the two meet. At T/2 it has fallen"
+        " (T²/2 − T²/8)/(T²/8) = 3.00 times as far as it should. The published field, u = F(ξ, t) t², starts at rest,"
+        " and so can come as near to that motion as its network lets it, but not reach it at t = 0."
+    ),
+    (
+        "Cloth that is held. As long as it moves little, each mode, of frequency ω and static displacement uₛ, swings"
+        " by Newton’s law, and creeps by the published one:"
+    ),
+    Formula("u = uₛ (1 − cos ωt)   becomes   u = uₛ (1 − cosh ω(T − t) / cosh ωT)."),
+    (
+        "Where ωT is large it goes to its static shape at once, without overshoot and without swinging. Such a drape"
+        " looks plausible and is no motion; only figures over time tell the two apart."
+    ),
+)
 
 
 def free_fall(case: Portrait, series: str) -> tuple[ClosedForm, ClosedForm] | None:
@@ -88,9 +127,19 @@ class Beside:
     variants: Mapping[str, str]
 
     @property
+    def words(self) -> str:
+        """What the series is called."""
+        return self.series.replace("_", " ")
+
+    @property
     def name(self) -> str:
         """What tables and figures call it."""
-        return f"{self.case.title}: {self.series.replace('_', ' ')}"
+        return f"{self.case.title}: {self.words}"
+
+    def moved(self, trace: Trace | None, t: float) -> float | None:
+        """Return the way since rest; None if the trace does not reach so far."""
+        value, rest = (None, None) if trace is None else (trace.at(t), trace.at(0.0))
+        return None if value is None or rest is None else value - rest
 
 
 def shown_cases() -> dict[str, str]:
@@ -100,45 +149,43 @@ def shown_cases() -> dict[str, str]:
 
 def beside(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Beside]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
-    found = []
-    headline = leading_rows([row for row in rows if row.primary and not row.own_case])
-    for name, series in shown_cases().items():
-        of_case = [row for row in headline if row.case == name]
-        case = _case(name, of_case, records)
-        if not of_case or case is None or case.ends is None:
-            continue
-        runs = [
-            (row, run)
-            for row in of_case
-            if row.run_id
-            and row.run_id in records
-            and (run := traced(records[row.run_id], case, row.solver))
-            and series in run.traces
-        ]
-        forms = free_fall(case, series) or ()
-        standard = yardstick([row for row, _ in runs])
-        newton, by = None, NOT_RUN
-        if forms:
-            newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
-        elif standard is not None:
-            newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
-        unit = next((one.quantity.unit for one in case.along if one.name == series), "m")
-        left = {run.name for _, run in runs}
-        status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
-        found.append(
-            Beside(
-                case=case,
-                series=series,
-                unit=unit,
-                forms=tuple(forms),
-                newton=newton,
-                newton_by=by,
-                runs=tuple(run for _, run in runs),
-                status={solver: words for solver, words in status.items() if solver not in left},
-                variants={row.solver: words for row, _ in runs if (words := variant_name(row))},
-            )
-        )
-    return found
+    headline = grouped(leading_rows([row for row in rows if row.primary and not row.own_case]), lambda row: row.case)
+    asked = ((series, headline[case]) for case, series in shown_cases().items() if case in headline)
+    found = (_beside(records, of_case, series) for series, of_case in asked)
+    return [one for one in found if one is not None]
+
+
+def _beside(records: Mapping[str, Record], rows: Sequence[Row], series: str) -> Beside | None:
+    case = _portrait(rows, records)
+    if case is None or case.ends is None:
+        return None
+    made = [
+        (row, run) for row in rows if (run := _run(records.get(row.run_id or ""), case, row)) and series in run.traces
+    ]
+    forms = free_fall(case, series) or ()
+    standard = yardstick([row for row, _ in made])
+    newton, by = None, NOT_RUN
+    if forms:
+        newton, by = Trace(forms[0].marks, forms[0].values), "closed form"
+    elif standard is not None:
+        newton, by = next(run.traces[series] for row, run in made if row is standard), standard.solver
+    status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in rows}
+    left = {run.name for _, run in made}
+    return Beside(
+        case=case,
+        series=series,
+        unit=next((one.quantity.unit for one in case.along if one.name == series), "m"),
+        forms=forms,
+        newton=newton,
+        newton_by=by,
+        runs=tuple(run for _, run in made),
+        status={solver: words for solver, words in status.items() if solver not in left},
+        variants={row.solver: words for row, _ in made if (words := variant_name(row))},
+    )
+
+
+def _run(record: Record | None, case: Portrait, row: Row) -> TracedRun | None:
+    return None if record is None else traced(record, case, row.solver)
 
 
 def declared_solvers(case: Portrait) -> list[str]:
@@ -149,10 +196,11 @@ def declared_solvers(case: Portrait) -> list[str]:
     return list(dict.fromkeys(run.solver for run in runs))
 
 
-def _case(name: str, rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | None:
+def _portrait(rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | None:
     record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
     if record is not None:
         return portrait_of(record)
+    name = rows[0].case
     return portrait_of_named(catalog.named_case(name)) if name in catalog.case_names() else None
 
 
@@ -183,8 +231,7 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
         for run in one.runs
     ]
     panels = [
-        TracePanel((one.case.name,), f"{one.series.replace('_', ' ')} ({one.unit})", one.case.title, forms=one.forms)
-        for one in shown
+        TracePanel((one.case.name,), f"{one.words} ({one.unit})", one.case.title, forms=one.forms) for one in shown
     ]
     missing = [f"{one.case.title}: {solver} {words}" for one in shown for solver, words in one.status.items()]
     yield Exhibit(
@@ -194,14 +241,10 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
         " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
         " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
         description="; ".join(_told(one) for one in shown),
-        figure=_figure(panels, runs, rows),
+        figure=trace_figure(panels, runs, TIME, inks(row.solver for row in rows)),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
         drawing=True,
     )
-
-
-def _figure(panels: Sequence[TracePanel], runs: Sequence[TracedRun], rows: Sequence[Row]) -> Figure:
-    return trace_figure(panels, runs, TIME, inks(row.solver for row in rows))
 
 
 def _told(one: Beside) -> str:
@@ -212,57 +255,46 @@ def _told(one: Beside) -> str:
 def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
     cases = beside(records, rows)
-    solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
-    lines: list[dict[str, Any]] = []
-    for one in cases:
-        assert one.case.ends is not None
-        end = one.case.way
-        for words, t in (("T/2", end / 2), ("T", end)):
-            law = _moved(one.newton, t)
-            line: dict[str, Any] = {
-                "block": one.name,
-                "case": one.case.name,
-                "quantity": one.series,
-                "unit": one.unit,
-                "at": t,
-                "when": f"{words} = {t:g} s",
-                "newton": law,
-                "newton_by": one.newton_by,
-                "stationary": _moved(Trace(one.forms[1].marks, one.forms[1].values), t) if one.forms else None,
-            }
-            for solver in solvers:
-                made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
-                values = [value for value in made if value is not None]
-                line[solver] = float(np.mean(values)) if values else None
-                line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
-            lines.append(line)
-    if not lines:
+    if not cases:
         return None
+    solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
+    variants = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
+    failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
     return Table(
-        name="newton",
+        name=NEWTON,
         title="Way since rest",
         caption="How far the point, or the centre of mass, has moved since rest (m), and in brackets its ratio to"
         " Newton’s law; means over seeds.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame([_line(one, half, solvers) for one in cases for half in (True, False)]),
         columns=(
             "when",
             column("newton", "Newton’s law", _law, instead=lambda line, notation: notation.escape(line["newton_by"])),
             column("stationary", "Published functional, stationary", _with_ratio),
             *(column(solver, solver, _with_ratio, instead=_status_of(solver)) for solver in solvers),
         ),
-        notes=_remarks(cases),
+        notes=(*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed)),
     )
 
 
-def _moved(trace: Trace | None, t: float) -> float | None:
-    value, rest = (None, None) if trace is None else (trace.at(t), trace.at(0.0))
-    return None if value is None or rest is None else value - rest
-
-
-def _remarks(cases: Sequence[Beside]) -> tuple[Note, ...]:
-    variants = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
-    failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
-    return (*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed))
+def _line(one: Beside, half: bool, solvers: Sequence[str]) -> dict[str, Any]:
+    t = one.case.way / 2 if half else one.case.way
+    line: dict[str, Any] = {
+        "block": one.name,
+        "case": one.case.name,
+        "quantity": one.series,
+        "unit": one.unit,
+        "at": t,
+        "when": f"{'T/2' if half else 'T'} = {t:g} s",
+        "newton": one.moved(one.newton, t),
+        "newton_by": one.newton_by,
+        "stationary": one.moved(Trace(one.forms[1].marks, one.forms[1].values), t) if one.forms else None,
+    }
+    for solver in solvers:
+        made = [one.moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
+        reached = [value for value in made if value is not None]
+        line[solver] = float(np.mean(reached)) if reached else None
+        line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
+    return line
 
 
 def _law(value: Any, line: Line, notation: Notation) -> str:

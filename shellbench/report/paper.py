@@ -23,8 +23,7 @@ from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit
-from shellbench.report.latex_letters import with_letters_of_latex
-from shellbench.report.latex_table import PACKAGES
+from shellbench.report.latex import PACKAGES, with_letters_of_latex
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.own_files import list_own, remove_older
 from shellbench.report.palette import style
@@ -55,25 +54,8 @@ def write_paper(
 ) -> Path:
     """Write tables, figures, bibliography and the document that shows them.
 
-    Parameters
-    ----------
-    store
-        Holds the records that the rows refer to, and their files.
-    rows
-        From `shellbench.bench.compare`; missing runs may be among them.
-    out
-        Folder to write; made if need be, tables and figures of an older paper are removed.
-    known
-        Known values by name of case.
-    say
-        Takes a sentence for each file of a run that is damaged.
-    whole
-        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
-
-    Returns
-    -------
-    Path
-        The document, ``paper.tex``.
+    Parameters are those of `shellbench.report.page.write_report`; in `out`, tables and figures have folders of their
+    own. Returns the document, ``paper.tex``.
 
     Raises
     ------

@@ -26,8 +26,7 @@ from shellbench.report.scene import states
 from shellbench.report.shells import scale_words
 from shellbench.report.solutions import Known
 from shellbench.report.states import spread, states_figure
-from shellbench.report.strain_figure import INKS, rolled_figure
-from shellbench.report.strains import STRAIN, STRAINS, SUITE, bending_energies, strain_rows
+from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 
 CURVE, STATES = "curve_", "states_"  # how names of figures begin
 FEWEST = 2  # kept states that are worth standing side by side

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from shellbench.report.columns import Column, Line, Show, column, frame, present
-from shellbench.report.latex_table import write_latex
+from shellbench.report.latex import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
 
 __all__ = ["Column", "Line", "Note", "Show", "Table", "frame", "present"]

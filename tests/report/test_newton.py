@@ -11,9 +11,8 @@ from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
-from shellbench.report.derivation import DERIVATION
 from shellbench.report.evidence import Formula
-from shellbench.report.newton import beside, free_fall, newton_exhibits, newton_table, shown_cases
+from shellbench.report.newton import DERIVATION, beside, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
 from shellbench.report.palette import style
 from tests.report.motion import REASON, G

@@ -12,11 +12,14 @@ from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.palette import style
 from shellbench.report.path_exhibits import path_exhibits
-from shellbench.report.strain_figure import CURVATURE, ENERGY, INKS, exact_energy
 from shellbench.report.strains import (
+    CURVATURE,
+    ENERGY,
+    INKS,
     STRAINS,
     VANISHES,
     bending_energies,
+    exact_energy,
     findings,
     linear_energy,
     published_energy,
