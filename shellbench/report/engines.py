@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,19 +12,20 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullLocator
 
 from shellbench.report.convergence import ERROR_LABEL
-from shellbench.report.digits import percent
+from shellbench.report.digits import duration, percent
 from shellbench.report.engines_cases import STUDY, CheckedCase, Contender, checked_cases, is_cross_check
-from shellbench.report.engines_table import LEVELS, cross_check_table, factor
+from shellbench.report.engines_table import LEVELS, cross_check_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import TEXT
-from shellbench.report.palette import DASHES, Dashes, Ink, inks, style
+from shellbench.report.palette import DASHES, Dashes, Ink, inks
 from shellbench.report.shells import plain
 from shellbench.report.studies import remarks_on
 
 WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
 IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
 GREY = "#BBBBBB"
+BIG, SMALL = 6.0, 3.6  # marks
 FLOOR_SHOWN = 30.0  # factor by which the axis of errors goes below what can't be told from zero
 
 
@@ -92,9 +94,7 @@ def _won(cases: Sequence[CheckedCase], level: float) -> str:
         others = [each for each in one.contenders if each.solver != one.base]
         if any(one.least(level, each) is not None for each in others):
             contested += 1
-            ratios += (
-                [min(found)] if (found := [r for each in others if (r := one.ratio(level, each)) is not None]) else []
-            )
+            ratios += sorted(ratio for each in others if (ratio := one.ratio(level, each)) is not None)[:1]
     if not contested:
         return ""
     won = sum(ratio >= 1 for ratio in ratios)
@@ -103,7 +103,7 @@ def _won(cases: Sequence[CheckedCase], level: float) -> str:
 
 
 def _span(ratios: Sequence[float]) -> str:
-    low, high = factor(min(ratios)), factor(max(ratios))
+    low, high = duration(min(ratios)), duration(max(ratios))
     return low if low == high else f"{low} to {high}"
 
 
@@ -111,9 +111,6 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
     drawn = drawn_cases(cases)
     if not drawn:
         return ()
-    colours = inks(row.solver for row in evidence.rows)
-    with style():
-        figure = cross_check_figure(drawn, colours)
     runs = [run for one in drawn for each in one.contenders for point in each.family.points for run in point.run_ids]
     return (
         Exhibit(
@@ -123,7 +120,7 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
             " choice of a solver's settings, a mark one size. Grey lines: the errors at which the table states seconds."
             " Shaded: below the uncertainty of the known value.",
             description=". ".join(_described(one) for one in drawn),
-            figure=figure,
+            figure=cross_check_figure(drawn, inks(row.solver for row in evidence.rows)),
             run_ids=tuple(dict.fromkeys(runs)),
             drawing=True,
         ),
@@ -196,43 +193,29 @@ def _panel(axes: Axes, one: CheckedCase, inks: Mapping[str, Ink], dashes: Mappin
 
 
 def _draw(axes: Axes, each: Contender, ink: Ink, dashes: Mapping[str, Dashes]) -> None:
-    sound = [point for point in each.family.points if point.sound]
-    axes.plot(
-        [point.seconds for point in sound],
-        [100 * point.error for point in sound],
-        color=ink.colour,
-        linestyle=dashes.get(each.name, "none"),
-        linewidth=1.0,
-        marker=ink.marker,
-        markersize=6.0 if each.alone else 3.6,
-        markeredgecolor="black" if each.alone else ink.colour,
-        markeredgewidth=0.8 if each.alone else 0.2,
-        zorder=3 if each.alone else 2,
-    )
-    failed = [point for point in each.family.points if not point.sound]
-    axes.plot(
-        [point.seconds for point in failed],
-        [100 * point.error for point in failed],
-        color=ink.colour,
-        linestyle="none",
-        marker=ink.marker,
-        markersize=3.6,
-        markerfacecolor="white",
-    )
+    line = dashes.get(each.name, "none")
+    sound: dict[str, Any] = {"linestyle": line, "linewidth": 1.0, "markeredgewidth": 0.2}
+    if each.alone:
+        sound |= {"markeredgecolor": "black", "markeredgewidth": 0.8, "zorder": 3}
+    failed = {"linestyle": "none", "markerfacecolor": "white"}
+    for ended_well, look in ((True, sound), (False, failed)):
+        points = [point for point in each.family.points if point.sound is ended_well]
+        seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
+        size = BIG if each.alone and ended_well else SMALL
+        axes.plot(seconds, errors, color=ink.colour, marker=ink.marker, markersize=size, **look)
 
 
 def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
-    solver_of = {each.name: each.solver for one in cases for each in one.contenders}
+    contenders = [each for one in cases for each in one.contenders]
+    solver_of = {each.name: each.solver for each in contenders}
     entries: dict[str, Line2D] = {}
     for name, line in dashes.items():
         ink = inks[solver_of[name]]
         entries[plain(name)] = Line2D([], [], color=ink.colour, linewidth=1.0, marker=ink.marker)
         entries[plain(name)].set_linestyle(line)  # type: ignore[arg-type]
-    contenders = [each for one in cases for each in one.contenders]
+    mark: dict[str, Any] = {"color": "#666666", "marker": "o", "linestyle": "none"}
     if any(each.alone for each in contenders):
-        entries["one size alone"] = Line2D(
-            [], [], color="#666666", marker="o", linestyle="none", markersize=6.0, markeredgecolor="black"
-        )
+        entries["one size alone"] = Line2D([], [], markersize=BIG, markeredgecolor="black", **mark)
     if any(not point.sound for each in contenders for point in each.family.points):
-        entries["failed run"] = Line2D([], [], color="#666666", marker="o", linestyle="none", markerfacecolor="white")
+        entries["failed run"] = Line2D([], [], markerfacecolor="white", **mark)
     return entries

@@ -100,27 +100,27 @@ def _solver(one: CheckedCase, each: Contender) -> dict[str, Any]:
         "name": each.name,
         "solver": each.solver,
         "settings": each.variant,
-        "value": each.value,
-        "uncertainty": each.uncertainty,
+        "value": each.mean("value"),
+        "uncertainty": each.mean("uncertainty"),
         "reference_uncertainty": one.yardstick.floor * one.yardstick.scale,
         "doubtful": False,
         "alone": each.alone,
         "engine": each.engine,
     }
-    if each.value is None or each.finest is None:
+    value, extrapolated, base = each.mean("value"), each.mean("extrapolated"), one.base_value
+    if value is None or each.finest is None:
         return line
-    base = one.base_value
     line |= {
-        "error": one.yardstick.error(each.value),
-        "doubtful": abs(one.yardstick.error(each.value)) < one.yardstick.floor,
-        "deviation": each.value - one.yardstick.value,
+        "error": one.yardstick.error(value),
+        "doubtful": abs(one.yardstick.error(value)) < one.yardstick.floor,
+        "deviation": value - one.yardstick.value,
         "unknowns": each.finest.unknowns,
         "run_ids": " ".join(each.finest.run_ids),
     }
-    if each.extrapolated is not None:
-        line["extrapolated_error"] = one.yardstick.error(each.extrapolated)
+    if extrapolated is not None:
+        line["extrapolated_error"] = one.yardstick.error(extrapolated)
     if base is not None and each.solver != one.base:
-        line["from_base"] = (each.value - base) / one.yardstick.scale
+        line["from_base"] = (value - base) / one.yardstick.scale
     for level in LEVELS:
         line |= {f"seconds_{level:g}": one.least(level, each), f"ratio_{level:g}": one.ratio(level, each)}
     return line
@@ -148,14 +148,9 @@ def _marked(value: Any, line: Line, notation: Notation) -> str:
 def _seconds(level: float) -> Way:
     def written(value: Any, line: Line, notation: Notation) -> str:
         ratio, mark = line[f"ratio_{level:g}"], ALONE if line["alone"] else ""
-        return notation.escape(f"{duration(value)}{mark}" + (f" ({TIMES}{factor(ratio)})" if present(ratio) else ""))
+        return notation.escape(f"{duration(value)}{mark}" + (f" ({TIMES}{duration(ratio)})" if present(ratio) else ""))
 
     return written
-
-
-def factor(ratio: float) -> str:
-    """Print a ratio of seconds with two significant digits, whole above ten."""
-    return duration(ratio)
 
 
 def _origins(cases: Sequence[CheckedCase], known: Known) -> list[Note]:

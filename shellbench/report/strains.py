@@ -65,39 +65,21 @@ def section(found: Evidence) -> Section:
 
 def strain_table(rows: Sequence[Row]) -> Table | None:
     """Return answers and energies under each strain with their errors; None if there is nothing to compare."""
-    lines: list[dict[str, Any]] = []
-    notes: list[Note] = []
     shown = strain_rows(rows)
-    for (case, quantity), of_quantity in grouped(shown, lambda row: (row.case, row.quantity)).items():
-        by_strain = {row.label: row for row in of_quantity}
-        first = of_quantity[0]
-        exact = by_strain[EXACT].value if EXACT in by_strain else None
-        mark = f" at {first.mark}" if first.mark and "_" not in first.mark else ""
-        line: dict[str, Any] = {
-            "block": first.case_title or case,
-            "case": case,
-            "quantity": quantity,
-            "what": f"{(first.description or quantity.replace('_', ' '))}{mark}",
-            "at": first.at,
-            "unit": first.unit,
-            "reference": next((row.reference for row in of_quantity if row.reference is not None), None),
-            "reference_uncertainty": first.reference_uncertainty,
-        }
-        for strain in STRAINS:
-            line |= _under(strain, by_strain.get(strain), exact)
-        lines.append(line)
-    for row in shown:
-        if row.status not in ("ok", "declined") and row.reason:
-            notes.append(Note(f"{row.case_title or row.case}, {row.label} ({STATUS_WORDS[row.status]})", row.reason))
-    if not lines:
+    if not shown:
         return None
+    notes = [
+        Note(f"{row.case_title or row.case}, {row.label} ({STATUS_WORDS[row.status]})", row.reason)
+        for row in shown
+        if row.status not in ("ok", "declined") and row.reason
+    ]
     return Table(
         name="strains",
         title=suite_title(SUITE).partition(";")[0],
         caption="The same solver with each measure of strain. Errors are relative to the known value of non-linear"
         " Kirchhoff–Love theory; those marked † to the exact measure's own figure, where no value is known, and those"
         " with a unit are absolute.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame(list(map(_line, grouped(shown, lambda row: (row.case, row.quantity)).values()))),
         columns=(
             column("what", "Quantity", _with_unit, right=False),
             column("reference", way=strong(known_value)),
@@ -108,18 +90,33 @@ def strain_table(rows: Sequence[Row]) -> Table | None:
     )
 
 
-def _under(strain: str, row: Row | None, exact: float | None) -> dict[str, Any]:
-    """Return value and error under one strain; without a known value, the departure from the exact strain's."""
-    found: dict[str, Any] = dict.fromkeys(
-        f"{strain}{part}" for part in ("", "_error", "_absolute_error", "_departure", "_status", "_run_id")
-    )
-    if row is None:
-        return found | {f"{strain}_status": "missing"}
-    found |= {strain: row.value, f"{strain}_status": row.status, f"{strain}_run_id": row.run_id}
-    found |= {f"{strain}_error": row.relative_error, f"{strain}_absolute_error": row.absolute_error}
-    if row.reference is None and strain != EXACT and exact and row.value is not None:
-        found[f"{strain}_departure"] = row.value / exact - 1
-    return found
+def _line(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return value and error under each strain; without a known value, the departure from the exact strain's."""
+    first, by_strain = rows[0], {row.label: row for row in rows}
+    exact = by_strain[EXACT].value if EXACT in by_strain else None
+    mark = f" at {first.mark}" if first.mark and "_" not in first.mark else ""
+    line: dict[str, Any] = {
+        "block": first.case_title or first.case,
+        "case": first.case,
+        "quantity": first.quantity,
+        "what": f"{first.description or first.quantity.replace('_', ' ')}{mark}",
+        "at": first.at,
+        "unit": first.unit,
+        "reference": next((row.reference for row in rows if row.reference is not None), None),
+        "reference_uncertainty": first.reference_uncertainty,
+    }
+    for strain in STRAINS:
+        row = by_strain.get(strain)
+        departs = row is not None and row.reference is None and strain != EXACT and exact and row.value is not None
+        line |= {
+            strain: row.value if row else None,
+            f"{strain}_error": row.relative_error if row else None,
+            f"{strain}_absolute_error": row.absolute_error if row else None,
+            f"{strain}_departure": row.value / exact - 1 if row and departs else None,  # type: ignore[operator]
+            f"{strain}_status": row.status if row else "missing",
+            f"{strain}_run_id": row.run_id if row else None,
+        }
+    return line
 
 
 def findings(rows: Sequence[Row]) -> list[str]:
@@ -253,57 +250,40 @@ def rolled_figure(energies: Mapping[str, Mapping[float, float]], stiffness: floa
     if not any(energies.values()):
         return None
     figure = Figure(figsize=SIZE, layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    angles = np.linspace(0.0, HALF_TURN, FINE).tolist()
-    exact = [exact_energy(math.radians(angle), stiffness) for angle in angles]
-    for strain in STRAINS:
-        ink = INKS[strain]
-        ratios = [ENERGY[strain](math.radians(angle)) for angle in angles]
-        _closed_form(left, angles, [a * b for a, b in zip(ratios, exact, strict=True)], ink, strain)
-        _closed_form(middle, angles, ratios, ink, strain)
-        _closed_form(right, angles, [CURVATURE[strain](math.radians(angle)) for angle in angles], ink, strain)
-        marks = energies.get(strain, {})
-        turned, computed = [HALF_TURN * at for at in marks], list(marks.values())
-        if not marks:
-            continue
-        true = [exact_energy(math.pi * at, stiffness) for at in marks]
-        _computed(left, turned, computed, ink, strain)
-        _computed(middle, turned, [a / b for a, b in zip(computed, true, strict=True)], ink, strain)
-    left.set_ylabel("bending energy (J)")
-    middle.set_ylabel("bending energy / exact")
-    for axes in (left, middle):
-        axes.set_xlabel(r"rolled to $\theta$ (degrees)")
-        axes.set_ylim(bottom=0.0)
-    right.set_xlabel(r"normal turned by $\varphi$ (degrees)")
-    right.set_ylabel("curvature / exact")
+    panels = left, middle, right = figure.subplots(1, 3)
+    angles = np.linspace(0.0, HALF_TURN, FINE)
+    for strain, ink in INKS.items():
+        ratio, curvature = (np.array([form[strain](a) for a in np.radians(angles)]) for form in (ENERGY, CURVATURE))
+        energy = ratio * exact_energy(np.radians(angles), stiffness)
+        for axes, values in zip(panels, (energy, ratio, curvature), strict=True):
+            look = {"linestyle": ink.dashes, "linewidth": 1.1, "label": f"{strain}, closed form"}
+            axes.plot(angles, values, color=ink.colour, **look)
+        if marks := energies.get(strain):
+            turned, computed = HALF_TURN * np.array(list(marks)), np.array(list(marks.values()))
+            look = {"linestyle": "none", "marker": ink.marker, "markersize": 4.0, "label": f"{strain}, computed"}
+            left.plot(turned, computed, color=ink.colour, **look)
+            middle.plot(turned, computed / exact_energy(np.radians(turned), stiffness), color=ink.colour, **look)
+    rolled, normal = r"rolled to $\theta$ (degrees)", r"normal turned by $\varphi$ (degrees)"
+    words = ((rolled, "bending energy (J)"), (rolled, "bending energy / exact"), (normal, "curvature / exact"))
+    for axes, (x, y) in zip(panels, words, strict=True):
+        axes.set(xlabel=x, ylabel=y, xticks=np.arange(0.0, HALF_TURN + 1, 45.0))
+    left.set_ylim(bottom=0.0)
+    middle.set_ylim(bottom=0.0)
     right.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
     _mark_zero(right)
-    for axes in (left, middle, right):
-        axes.set_xticks(np.arange(0.0, HALF_TURN + 1, 45.0))
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
 
 
-def exact_energy(theta: float, stiffness: float) -> float:
+def exact_energy(theta: Any, stiffness: float) -> Any:
     """Return the exact bending energy of a plate rolled to an angle (rad): kappa = theta/L everywhere, J."""
     return stiffness * theta**2 / 2
 
 
-def _computed(axes: Axes, x: Sequence[float], y: Sequence[float], ink: Ink, strain: str) -> None:
-    axes.plot(x, y, linestyle="none", marker=ink.marker, markersize=4.0, color=ink.colour, label=f"{strain}, computed")
-
-
-def _closed_form(axes: Axes, angles: Sequence[float], values: Sequence[float], ink: Ink, strain: str) -> None:
-    axes.plot(angles, values, color=ink.colour, linestyle=ink.dashes, linewidth=1.1, label=f"{strain}, closed form")
-
-
 def _mark_zero(axes: Axes) -> None:
     """Mark where no published curvature is left, whatever the bending."""
-    degrees = math.degrees(VANISHES)
-    axes.plot(
-        [degrees], [0.0], marker="o", markersize=6, markerfacecolor="white", markeredgecolor=INKS["published"].colour
-    )
+    degrees, colour = math.degrees(VANISHES), INKS["published"].colour
+    axes.plot([degrees], [0.0], marker="o", markersize=6, markerfacecolor="white", markeredgecolor=colour)
     axes.annotate(
         f"published stiffness\nvanishes at {degrees:.2f}°",
         (degrees, 0.0),
@@ -312,6 +292,6 @@ def _mark_zero(axes: Axes) -> None:
         ha="left",
         va="center",
         fontsize=6.5,
-        color=INKS["published"].colour,
-        arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": INKS["published"].colour},
+        color=colour,
+        arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": colour},
     )
