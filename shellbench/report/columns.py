@@ -204,38 +204,23 @@ def frame(lines: Sequence[Line], columns: Sequence[str] | None = None) -> pd.Dat
     return data.astype({name: "Int64" for name in counts if not data[name].map(type).eq(str).any()})
 
 
+def _declared(way: Way, **headings: str) -> dict[str, tuple[str, Way]]:
+    return {name: (heading, way) for name, heading in headings.items()}
+
+
 COST = ("unknowns", "seconds", "peak_memory_bytes")  # of a run, in every table that tells it
 VOCABULARY: dict[str, tuple[str, Way]] = {
-    "solution": ("Solution", solution),
-    "solver": ("Solver", code),
-    "against": ("Held against", code),
-    "run": ("Run", words),
-    "engine": ("Engine", words),
-    "environment": ("Environment", words),
-    "ended": ("Ended", words),
-    "when": ("Time", words),
-    "seeds": ("Seeds", count),
-    "answered": ("Answered", count),
-    "runs": ("Runs", count),
-    "worst_seed": ("Worst seed", count),
-    "states": ("States", count),
-    "steps": ("Steps", count),
-    "iterations": ("Iterations", count),
-    "most_in_a_step": ("Most in a step", count),
-    "unknowns": ("Unknowns", count),
-    "parameters": ("Unknowns", count),
-    "seconds": ("Time (s)", seconds),
-    "storage_bytes": ("Kept in", size),
-    "peak_memory_bytes": ("Memory", size),
-    "solve_memory_bytes": ("Peak less idle", size),
-    "reference": ("Known value", known_value),
-    "error": ("Error", error),
-    "relative_error": ("Error", error),
-    "mean_error": ("Mean error", error),
-    "worst_error": ("Worst", error),
-    "largest_error": ("Largest error", error),
-    "mean_square": ("Mean square", share),
-    "largest": ("Largest", share),
-    "largest_difference": ("Largest", share),
-    "rms_difference": ("rms", share),
+    **_declared(solution, solution="Solution"),
+    **_declared(code, solver="Solver", against="Held against"),
+    **_declared(words, run="Run", engine="Engine", environment="Environment", ended="Ended", when="Time"),
+    **_declared(count, seeds="Seeds", answered="Answered", runs="Runs", worst_seed="Worst seed", states="States"),
+    **_declared(count, steps="Steps", iterations="Iterations", most_in_a_step="Most in a step"),
+    **_declared(count, unknowns="Unknowns", parameters="Unknowns"),
+    **_declared(seconds, seconds="Time (s)"),
+    **_declared(size, storage_bytes="Kept in", peak_memory_bytes="Memory", solve_memory_bytes="Peak less idle"),
+    **_declared(known_value, reference="Known value"),
+    **_declared(error, error="Error", relative_error="Error", mean_error="Mean error", worst_error="Worst"),
+    **_declared(error, largest_error="Largest error"),
+    **_declared(share, mean_square="Mean square", largest="Largest", largest_difference="Largest"),
+    **_declared(share, rms_difference="rms"),
 }

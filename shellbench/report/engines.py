@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatterMathtext, LogLocator, NullLocator
 
-from shellbench.report.convergence import ERROR_LABEL
 from shellbench.report.digits import duration, percent
 from shellbench.report.engines_cases import STUDY, CheckedCase, Contender, checked_cases, is_cross_check
 from shellbench.report.engines_table import LEVELS, cross_check_table
@@ -19,14 +17,21 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import TEXT
 from shellbench.report.palette import DASHES, Dashes, Ink, inks
-from shellbench.report.shells import plain
+from shellbench.report.panel import (
+    ERROR_LABEL,
+    add_legend,
+    draw,
+    entry,
+    failed_entry,
+    finish,
+    mark_entry,
+    open_figure,
+)
 from shellbench.report.studies import remarks_on
 
 WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
 IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
-GREY = "#BBBBBB"
 BIG, SMALL = 6.0, 3.6  # marks
-FLOOR_SHOWN = 30.0  # factor by which the axis of errors goes below what can't be told from zero
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -146,18 +151,18 @@ def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) ->
     drawn = drawn_cases(cases)
     dashes = lines_of(drawn)
     rows = math.ceil(len(drawn) / IN_A_ROW)
-    entries = len(dashes) + 2
-    height = rows * HEIGHT + MARGIN + ENTRY * math.ceil(entries / ENTRIES)
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    for i, one in enumerate(drawn):
-        axes = figure.add_subplot(rows, min(IN_A_ROW, len(drawn)), i + 1)
-        _panel(axes, one, inks, dashes)
-        axes.set_title(plain(one.title))
-        axes.set_xlabel("wall time of the solve (s)")
-        if i % IN_A_ROW == 0:
-            axes.set_ylabel(ERROR_LABEL)
-    legend = _legend(drawn, inks, dashes)
-    figure.legend(legend.values(), legend.keys(), loc="outside lower center", ncols=min(ENTRIES, len(legend)))
+    height = rows * HEIGHT + MARGIN + ENTRY * math.ceil((len(dashes) + 2) / ENTRIES)
+    figure, panels = open_figure((WIDTH, height), rows, min(IN_A_ROW, len(drawn)))
+    for axes in panels.flat[len(drawn) :]:
+        axes.set_axis_off()
+    for i, (axes, one) in enumerate(zip(panels.flat, drawn, strict=False)):
+        for each in one.contenders:
+            _draw(axes, each, inks[each.solver], dashes.get(each.name, "none"))
+        for level in LEVELS:
+            axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
+        ordinate = "" if i % IN_A_ROW else ERROR_LABEL
+        finish([axes], "wall time of the solve (s)", ordinate, one.title, floor=100 * one.yardstick.floor)
+    add_legend(figure, _legend(drawn, inks, dashes), ENTRIES)
     return figure
 
 
@@ -172,50 +177,18 @@ def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
     return found
 
 
-def _panel(axes: Axes, one: CheckedCase, inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> None:
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for each in one.contenders:
-        _draw(axes, each, inks[each.solver], dashes)
-    errors = [100 * error for each in one.contenders for point in each.family.points for error in point.errors]
-    floor = 100 * one.yardstick.floor
-    low, high = min(*errors, 100 * LEVELS[-1]) / 3, max(*errors, 100 * LEVELS[0]) * 3
-    axes.set_ylim(max(low, floor / FLOOR_SHOWN), high)
-    for level in LEVELS:
-        axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
-    if floor > axes.get_ylim()[0]:
-        axes.axhspan(axes.get_ylim()[0], floor, color=GREY, alpha=0.35, linewidth=0, zorder=0)
-    axes.margins(x=0.08)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(numticks=7))
-        axis.set_major_formatter(LogFormatterMathtext())
-        axis.set_minor_locator(NullLocator())
-
-
-def _draw(axes: Axes, each: Contender, ink: Ink, dashes: Mapping[str, Dashes]) -> None:
-    line = dashes.get(each.name, "none")
-    sound: dict[str, Any] = {"linestyle": line, "linewidth": 1.0, "markeredgewidth": 0.2}
-    if each.alone:
-        sound |= {"markeredgecolor": "black", "markeredgewidth": 0.8, "zorder": 3}
-    failed = {"linestyle": "none", "markerfacecolor": "white"}
-    for ended_well, look in ((True, sound), (False, failed)):
-        points = [point for point in each.family.points if point.sound is ended_well]
+def _draw(axes: Axes, each: Contender, ink: Ink, line: Dashes) -> None:
+    look = {"markersize": BIG, "markeredgecolor": "black", "zorder": 3} if each.alone else {"markersize": SMALL}
+    for sound in (True, False):
+        points = [point for point in each.family.points if point.sound is sound]
         seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
-        size = BIG if each.alone and ended_well else SMALL
-        axes.plot(seconds, errors, color=ink.colour, marker=ink.marker, markersize=size, **look)
+        draw(axes, seconds, errors, ink, line if sound else "none", hollow=not sound, linewidth=1.0, **look)
 
 
 def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
     contenders = [each for one in cases for each in one.contenders]
     solver_of = {each.name: each.solver for each in contenders}
-    entries: dict[str, Line2D] = {}
-    for name, line in dashes.items():
-        ink = inks[solver_of[name]]
-        entries[plain(name)] = Line2D([], [], color=ink.colour, linewidth=1.0, marker=ink.marker)
-        entries[plain(name)].set_linestyle(line)  # type: ignore[arg-type]
-    mark: dict[str, Any] = {"color": "#666666", "marker": "o", "linestyle": "none"}
+    entries = {name: entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()}
     if any(each.alone for each in contenders):
-        entries["one size alone"] = Line2D([], [], markersize=BIG, markeredgecolor="black", **mark)
-    if any(not point.sound for each in contenders for point in each.family.points):
-        entries["failed run"] = Line2D([], [], markerfacecolor="white", **mark)
-    return entries
+        entries["one size alone"] = mark_entry(markersize=BIG, markeredgecolor="black")
+    return entries | failed_entry(any(not point.sound for each in contenders for point in each.family.points))

@@ -22,7 +22,7 @@ from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.own_files import list_own, remove_older
+from shellbench.report.own_files import list_own, remove_older, write
 from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
 from shellbench.report.solutions import Known
@@ -99,19 +99,19 @@ def write_report(
             on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
             viewed = _scripts({case: one for case, one in turned.items() if case in on_page})
             of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
-            _write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
+            write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
         report = Leaf(WHOLE, "", shown, sections)
-        _write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
-        _write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
+        write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
+        write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
         if library:
-            _write(out / LIBRARY, library)
+            write(out / LIBRARY, library)
         tables = all_tables(sections)
-        _write(out / "table.csv", tables_as_csv([one for one in tables if one.name.startswith(TOGETHER)]))
+        write(out / "table.csv", tables_as_csv([one for one in tables if one.name.startswith(TOGETHER)]))
         printed = [one for one in tables if not one.name.startswith(QUANTITIES)]
-        _write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
-        _write(out / "table.json", render(found.rows, "json"))
+        write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
+        write(out / "table.json", render(found.rows, "json"))
         for table in _apart(sections):
-            _write(out / f"{table.name}.csv", table.write("csv"))
+            write(out / f"{table.name}.csv", table.write("csv"))
         if facts["bibliography"]:
             shutil.copyfile(catalog.data_folder("references") / BIBLIOGRAPHY, out / BIBLIOGRAPHY)
         files = [figures / f"{exhibit.name}.{suffix}" for exhibit in drawn for suffix in ("pdf", "png", "svg")]
@@ -156,13 +156,12 @@ def _labels(rows: Sequence[Row]) -> dict[str, str]:
     return {row.solver: row.solver_label for row in rows if row.solver_label}
 
 
-def _newest(records: Collection[Record]) -> str | None:
-    return _minute(max(records, key=lambda record: record.order).created) if records else None
-
-
-def _minute(created: str) -> str:
-    """Say a moment to the minute."""
-    return datetime.fromisoformat(created).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
+def _newest(records: Collection[Record]) -> str:
+    """Say to the minute when the newest record was made; nothing if there is none."""
+    if not records:
+        return ""
+    newest = datetime.fromisoformat(max(records, key=lambda record: record.order).created)
+    return newest.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, list[Making]]:
@@ -196,15 +195,15 @@ def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) 
     )
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
     environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
-    titles, lines = matrix(leaf.rows, notation)
+    solvers, lines = matrix(leaf.rows, notation)
     cited = dict.fromkeys(source for table in all_tables(leaf.sections) for source in table.cited)
     return environment.get_template(template).render(
         **facts,
         leaf=leaf,
         short=shortfalls(leaf.rows),
         sources=[(key, facts["bibliography"].get(key)) for key in cited],
-        matrix_solvers=[solver for solver, _ in lines],
-        matrix=[(title, [cells[case] for _, cells in lines]) for case, title in enumerate(titles)] if lines else [],
+        matrix_solvers=solvers,
+        matrix=lines,
     )
 
 
@@ -214,7 +213,3 @@ def _table_files(table: Table) -> dict[str, str]:
         "csv": data_uri("text/csv;charset=utf-8", table.write("csv").encode()),
         "tex": data_uri("text/x-tex;charset=utf-8", table.write("latex").encode()),
     }
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

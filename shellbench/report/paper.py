@@ -25,7 +25,7 @@ from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit
 from shellbench.report.latex import PACKAGES, with_letters_of_latex
 from shellbench.report.notation import LATEX_NOTATION
-from shellbench.report.own_files import list_own, remove_older
+from shellbench.report.own_files import list_own, remove_older, write
 from shellbench.report.palette import style
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import gather
@@ -70,15 +70,15 @@ def write_paper(
             (out / name).mkdir(parents=True, exist_ok=True)
         tables = {out / "tables" / f"{table.name}.tex": table for table in all_tables(chapters)}
         for path, table in tables.items():
-            _write(path, table.write("latex"))
+            write(path, table.write("latex"))
         drawn = [exhibit for chapter in chapters for exhibit in chapter.all_exhibits]
         for exhibit in drawn:
             _draw(exhibit, out / "figures")
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         given = bibliography.read_text(encoding="utf-8") if bibliography.is_file() else ""
         own = "" if OWN in read_bibliography(bibliography) else OWN_ENTRY
-        _write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
-        _write(out / DOCUMENT, _document(chapters, records, found))
+        write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
+        write(out / DOCUMENT, _document(chapters, records, found))
         figures = [out / "figures" / f"{exhibit.name}.pdf" for exhibit in drawn]
         list_own(out, [*tables, *figures, out / BIBLIOGRAPHY, out / DOCUMENT])
     except OSError as error:
@@ -144,7 +144,3 @@ def _document(chapters: Sequence[Section], records: Mapping[str, Record], found:
         "cited": any(table.cited for table in all_tables(chapters)),
     }
     return with_letters_of_latex(environment.get_template("paper.tex.j2").render(facts))
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

@@ -138,16 +138,18 @@ def overall(rows: Sequence[Row]) -> Verdict:
 
 
 def matrix(rows: Sequence[Row], notation: Notation) -> tuple[list[str], list[tuple[str, list[Cell]]]]:
-    """Return the titles of the cases, and for each gated solver its worst headline error on each.
+    """Return the gated solvers, and for each case its title and each solver's worst headline error on it.
 
     The verdict of a cell is over all gated quantities of the case, not the headline alone.
     """
     gated = [row for row in rows if row.passed is not None or row.open_finding]
-    cases = {row.case: row.case_title or row.case for row in gated}
-    cells = grouped(gated, lambda row: (solution_name(row), row.case))
-    solvers = dict.fromkeys(solver for solver, _ in cells)
-    lines = [(solver, [_cell(cells.get((solver, case), []), notation) for case in cases]) for solver in solvers]
-    return list(cases.values()), lines
+    of_both = grouped(gated, lambda row: (row.case, solution_name(row)))
+    solvers = list(dict.fromkeys(solver for _, solver in of_both))
+    titles = {row.case: row.case_title or row.case for row in gated}
+    return solvers, [
+        (title, [_cell(of_both.get((case, solver), []), notation) for solver in solvers])
+        for case, title in titles.items()
+    ]
 
 
 def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
