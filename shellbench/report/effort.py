@@ -12,7 +12,7 @@ from shellbench.report.columns import COST, column
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.path_exhibits import CURVE, STATES
 from shellbench.report.paths import runs_by_case
-from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.solutions import by_solution, grouped
 from shellbench.report.table import Note, Table, frame
 
 
@@ -28,15 +28,17 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
     notes: list[Note] = []
     headline = [row for row in rows if row.primary]
     for runs in runs_by_case(records, headline).values():
-        by_record = {record.run_id: record for _, record in runs}
-        for name, of_solver in grouped((row for row, _ in runs), solution_name).items():
-            made = [by_record[row.run_id or ""] for row in of_solver]
+        first = runs[0][0]
+        title = first.case_title or first.case
+        for name, made in by_solution(runs).items():
             followed = [record for record in made if any(step.phase == "path" for step in record.history)]
             if not followed:
                 continue
-            title = of_solver[0].case_title or of_solver[0].case
-            lines.append({"block": title, "case": of_solver[0].case, "solution": name} | effort(followed))
-            for reason, alike in grouped_reasons(followed).items():
+            lines.append({"block": title, "case": first.case, "solution": name} | effort(followed))
+            failed = grouped(
+                (record for record in followed if record.status != "ok"), lambda one: one.reason or one.status
+            )
+            for reason, alike in failed.items():
                 seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
                 words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
                 notes.append(Note(words, reason))
@@ -69,12 +71,3 @@ def effort(records: Sequence[Record]) -> dict[str, Any]:
         "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
         "run_ids": " ".join(record.run_id for record in records),
     }
-
-
-def grouped_reasons(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Return the runs that did not end well by the reason."""
-    found: dict[str, list[Record]] = {}
-    for record in records:
-        if record.status != "ok":
-            found.setdefault(record.reason or record.status, []).append(record)
-    return found

@@ -32,7 +32,7 @@ from shellbench.report.motion_exhibits import CLOTH
 from shellbench.report.moving_fields import Apart, apart
 from shellbench.report.notation import Notation
 from shellbench.report.paths import runs_by_case
-from shellbench.report.solutions import BAD, EXPECTED, grouped, solution_name, verdict
+from shellbench.report.solutions import BAD, EXPECTED, by_solution, grouped, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table, frame
 from shellbench.report.traces import motion_steps
@@ -76,9 +76,7 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
             continue
         found = apart(runs, folder)
         against |= dict.fromkeys(one.against for one in found.values())
-        by_id = {record.run_id: record for _, record in runs}
-        for name, of_solver in grouped((row for row, _ in runs), solution_name).items():
-            made = [by_id[row.run_id or ""] for row in of_solver]
+        for name, made in by_solution(runs).items():
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
             notes += [
                 Note(f"{case.title}, {name}{'' if r.identity.seed is None else f', seed {r.identity.seed}'}", r.reason)

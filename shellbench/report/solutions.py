@@ -13,11 +13,13 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from shellbench.bench import catalog
+from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.report.columns import frame
 
 Known = Callable[[str], KnownValues]
+R = TypeVar("R")
 T = TypeVar("T")
 
 THEORIES = {
@@ -78,12 +80,18 @@ def same_but_for_seed(row: Row) -> str:
     return json.dumps([row.solver, row.overrides, row.device, row.dtype], sort_keys=True, default=str)
 
 
-def grouped(rows: Iterable[Row], key: Callable[[Row], T]) -> dict[T, list[Row]]:
-    """Return the rows by a key, in order of appearance."""
-    groups: dict[T, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(key(row), []).append(row)
+def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
+    """Return rows or records by a key, in order of appearance."""
+    groups: dict[T, list[R]] = {}
+    for one in found:
+        groups.setdefault(key(one), []).append(one)
     return groups
+
+
+def by_solution(runs: Iterable[tuple[Row, Record]]) -> dict[str, list[Record]]:
+    """Return the records of runs by the name of their line in a table."""
+    found = grouped(runs, lambda run: solution_name(run[0]))
+    return {name: [record for _, record in of_solution] for name, of_solution in found.items()}
 
 
 def verdict(rows: Sequence[Row]) -> str:
