@@ -151,35 +151,37 @@ def _by_time(name: str, case: Portrait, rows: Sequence[Row]) -> Table:
     solvers = list(dict.fromkeys(row.solver for row in rows))
     order = {quantity.name: place for place, quantity in enumerate(case.quantities)}
     asked = grouped(sorted(rows, key=lambda row: (row.at or 0.0, order.get(row.quantity, 0))), lambda row: row.quantity)
-    lines: list[dict[str, Any]] = []
-    for quantity, of_quantity in asked.items():
-        first = of_quantity[0]
-        judge = next((row for row in of_quantity if row.reference is not None), first)
-        line: dict[str, Any] = {
-            "block": first.mark,
-            "case": name,
-            "quantity": quantity,
-            "unit": first.unit,
-            "at": first.at,
-            "reference": judge.reference,
-            "reference_uncertainty": judge.reference_uncertainty,
-        }
-        for solver in solvers:
-            line |= _found(solver, [row for row in of_quantity if row.solver == solver])
-        lines.append(line)
     return Table(
         name=f"{TIMES}{name}",
         title=f"{case.title}: quantities by time",
         caption="Known values with their uncertainty in the last digits; each solver's mean over its seeds, and the"
         " error of its worst seed, in percent of the known value or, with a unit, as it is. Errors in bold fall short"
         " of what is asked.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame([_line(of_quantity, solvers) for of_quantity in asked.values()]),
         columns=(
             column("quantity", "Quantity", _with_unit, right=False),
             "reference",
             *(one for solver in solvers for one in (_answer(solver), _error(solver))),
         ),
     )
+
+
+def _line(rows: Sequence[Row], solvers: Sequence[str]) -> dict[str, Any]:
+    first = rows[0]
+    judge = next((row for row in rows if row.reference is not None), first)
+    line: dict[str, Any] = {
+        "block": first.mark,
+        "case": first.case,
+        "quantity": first.quantity,
+        "unit": first.unit,
+        "at": first.at,
+        "reference": judge.reference,
+        "reference_uncertainty": judge.reference_uncertainty,
+    }
+    answers = grouped(rows, lambda row: row.solver)
+    for solver in solvers:
+        line |= _found(solver, answers.get(solver, []))
+    return line
 
 
 def _found(solver: str, rows: Sequence[Row]) -> dict[str, Any]:
@@ -201,13 +203,13 @@ def _with_unit(value: Any, line: Line, notation: Notation) -> str:
 
 def _answer(solver: str) -> Column:
     def number(value: Any, line: Line, notation: Notation) -> str:
-        error = line[f"{solver} error"]
-        doubts = [abs(error) / 10 if present(error) else 0.0, line["reference_uncertainty"] or 0.0]
+        absolute = line[f"{solver} error"]
+        doubts = [abs(absolute) / 10 if present(absolute) else 0.0, line["reference_uncertainty"] or 0.0]
         return notation.number(rounded(value, max(d for d in doubts if present(d)) or None))
 
     def otherwise(line: Line, notation: Notation) -> str:
-        said = line[f"{solver} verdict"]
-        return notation.escape(said) if said in BAD else ""
+        status = line[f"{solver} verdict"]
+        return notation.escape(status) if status in BAD else ""
 
     return column(f"{solver} value", solver, number, instead=otherwise)
 

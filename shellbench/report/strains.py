@@ -41,7 +41,6 @@ STRAIN = "strain_"  # how names of figures begin
 STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
 EXACT = "exact"
 VANISHES = math.acos((1 - math.sqrt(5)) / 2)  # root of cos + sin^2: no published curvature there, 128.17 degrees
-
 HALF_TURN = 180.0  # degrees: the plate is rolled by t half turns
 SIZE = (7.2, 2.9)  # inches
 FINE = 181  # points of a closed form
@@ -59,8 +58,8 @@ def strain_rows(rows: Sequence[Row]) -> list[Row]:
 def section(found: Evidence) -> Section:
     """Return the section of the ablation."""
     tables = given(strain_table(found.compared))
-    words = findings(found.compared) if tables else ()
-    return Section("strains", "Strain measures", tuple(words), tables, found.figures(STRAIN), place="one suite")
+    paragraphs = tuple(findings(found.compared) if tables else ())
+    return Section("strains", "Strain measures", paragraphs, tables, found.figures(STRAIN), place="one suite")
 
 
 def strain_table(rows: Sequence[Row]) -> Table | None:
