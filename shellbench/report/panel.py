@@ -28,7 +28,7 @@ UNCERTAIN = "uncertainty of the known value"
 SMALLEST = 1e-12  # relative figure that is drawn for none
 BELOW = 2.5  # factor by which a fitted line is drawn under its curve
 SPACING = 0.075  # of a panel's height between two slopes' labels
-ROOM, ROOM_BELOW = 3.0, 6.0  # factors between the curves and the ends of the axis; slopes stand below them
+ROOM, FOR_SLOPES = 3.0, 6.0  # factors between curves and ends of the axis, and where slopes stand below curves
 FLOOR_SHOWN = 30.0  # factor by which that axis goes below what can't be told from zero, at most
 MOST_IN_A_ROW = 6  # entries of the legend
 NARROW, FEW_DECADES = 0.7, 2.0  # decades below which an axis has few plain steps, and 1, 3 or 1, 2, 5 of each decade
@@ -58,6 +58,7 @@ def finish(
     *,
     floor: float | Sequence[float] = 0.0,
     log: str = "xy",
+    below: float = ROOM,
 ) -> None:
     """Label panels that share their ordinate, limit it to what is drawn, shade what is uncertain, and tick the axes.
 
@@ -69,6 +70,8 @@ def finish(
         What can't be told from zero, on the ordinate; of each panel, if there are several.
     log
         Which axes are logarithmic, if something positive is drawn: an empty one has no logarithm.
+    below
+        Factor that is left below the curves: `FOR_SLOPES` where slopes are to stand there.
     """
     panels = list(panels)
     floors = np.broadcast_to(np.asarray(floor, dtype=float), len(panels))
@@ -87,7 +90,7 @@ def finish(
     heights = np.concatenate([np.empty(0), *drawn])
     heights = heights[np.isfinite(heights) & (heights > 0)]
     if "y" in log and len(heights):
-        panels[0].set_ylim(max(heights.min() / ROOM_BELOW, floors.max() / FLOOR_SHOWN), heights.max() * ROOM)
+        panels[0].set_ylim(max(heights.min() / below, floors.max() / FLOOR_SHOWN), heights.max() * ROOM)
     for axes, uncertain in zip(panels, floors, strict=True):
         low, high = axes.get_ylim()
         if uncertain > max(low, 0.0):
@@ -108,7 +111,7 @@ def tick(axis: Axis) -> None:
     elif decades < FEW_DECADES:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if 2 * decades < FEW_DECADES else (1.0, 3.0)))
     else:
-        axis.set_major_locator(LogLocator(numticks=6))
+        axis.set_major_locator(LogLocator(numticks=8))
     plain_steps = decades < FEW_DECADES
     axis.set_major_formatter(StrMethodFormatter("{x:g}") if plain_steps else FuncFormatter(power_words))
     axis.set_minor_locator(NullLocator())
