@@ -11,7 +11,7 @@ about a known value, whose `kind` is not "solver", it is nothing: there is nothi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -42,8 +42,6 @@ class Column:
         Whether it holds sentences: neither the terminal nor a printed page has room for it.
     key
         Column of the data by which a reader sorts this one at full precision; what its cells show if empty.
-    whole
-        Whether its values are whole numbers, also in the data.
     """
 
     heading: str
@@ -51,7 +49,6 @@ class Column:
     right: bool = True
     wide: bool = False
     key: str = ""
-    whole: bool = False
 
     def sort_value(self, line: Line) -> float | None:
         """Return the number by which a row of the data is sorted; None if it has none."""
@@ -126,6 +123,11 @@ def at_most(figures: int) -> Way:
     return written
 
 
+def rounded_value(value: Any, line: Line, notation: Notation) -> str:
+    """Write a value of which nothing limits the digits."""
+    return notation.number(rounded(value))
+
+
 def known_value(value: Any, line: Line, notation: Notation) -> str:
     """Write a known value with its uncertainty in the last digits."""
     doubt = line["reference_uncertainty"]
@@ -192,39 +194,33 @@ def column(
 
     aligned = way not in LEFT if right is None else right
     heading = f"{heading} ({unit})" if unit else heading
-    return Column(heading, written, aligned, wide, name if aligned else "", way in WHOLE)
+    return Column(heading, written, aligned, wide, name if aligned else "")
 
 
+def frame(lines: Sequence[Line], columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Return lines as the data of a table, whole numbers as such though some be missing."""
+    data = pd.DataFrame(list(lines), columns=columns)
+    counts = [name for name in data if name in VOCABULARY and VOCABULARY[name][1] in WHOLE]
+    return data.astype({name: "Int64" for name in counts if not data[name].map(type).eq(str).any()})
+
+
+def _declared(way: Way, **headings: str) -> dict[str, tuple[str, Way]]:
+    return {name: (heading, way) for name, heading in headings.items()}
+
+
+COST = ("unknowns", "seconds", "peak_memory_bytes")  # of a run, in every table that tells it
 VOCABULARY: dict[str, tuple[str, Way]] = {
-    "solution": ("Solution", solution),
-    "solver": ("Solver", code),
-    "against": ("Held against", code),
-    "run": ("Run", words),
-    "engine": ("Engine", words),
-    "environment": ("Environment", words),
-    "ended": ("Ended", words),
-    "when": ("Time", words),
-    "seeds": ("Seeds", count),
-    "runs": ("Runs", count),
-    "worst_seed": ("Worst seed", count),
-    "states": ("States", count),
-    "steps": ("Steps", count),
-    "iterations": ("Iterations", count),
-    "most_in_a_step": ("Most in a step", count),
-    "unknowns": ("Unknowns", count),
-    "parameters": ("Unknowns", count),
-    "seconds": ("Time (s)", seconds),
-    "storage_bytes": ("Kept in", size),
-    "peak_memory_bytes": ("Memory", size),
-    "solve_memory_bytes": ("Peak less idle", size),
-    "reference": ("Known value", known_value),
-    "error": ("Error", error),
-    "relative_error": ("Error", error),
-    "mean_error": ("Mean error", error),
-    "worst_error": ("Worst", error),
-    "largest_error": ("Largest error", error),
-    "mean_square": ("Mean square", share),
-    "largest": ("Largest", share),
-    "largest_difference": ("Largest", share),
-    "rms_difference": ("rms", share),
+    **_declared(solution, solution="Solution"),
+    **_declared(code, solver="Solver", against="Held against"),
+    **_declared(words, run="Run", engine="Engine", environment="Environment", ended="Ended", when="Time"),
+    **_declared(count, seeds="Seeds", answered="Answered", runs="Runs", worst_seed="Worst seed", states="States"),
+    **_declared(count, steps="Steps", iterations="Iterations", most_in_a_step="Most in a step"),
+    **_declared(count, unknowns="Unknowns", parameters="Unknowns"),
+    **_declared(seconds, seconds="Time (s)"),
+    **_declared(size, storage_bytes="Kept in", peak_memory_bytes="Memory", solve_memory_bytes="Peak less idle"),
+    **_declared(known_value, reference="Known value"),
+    **_declared(error, error="Error", relative_error="Error", mean_error="Mean error", worst_error="Worst"),
+    **_declared(error, largest_error="Largest error"),
+    **_declared(share, mean_square="Mean square", largest="Largest", largest_difference="Largest"),
+    **_declared(share, rms_difference="rms"),
 }

@@ -6,16 +6,20 @@ from collections.abc import Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
-import pandas as pd
-
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report import cells
-from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Note, Table
+from shellbench.report.columns import COST, column
+from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.solutions import by_solution, grouped
+from shellbench.report.table import Note, Table, frame
+from shellbench.report.trace_exhibits import CURVE, STATES
 from shellbench.report.traces import runs_by_case
 
-COUNTS = ("seeds", "states", "iterations", "most_in_a_step", "unknowns", "peak_memory_bytes")
+
+def section(found: Evidence) -> Section:
+    """Return the section of paths: what they took, and how they went."""
+    tables, figures = given(effort_table(found.records, found.compared)), found.figures(CURVE, STATES)
+    return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
 
 
 def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
@@ -24,15 +28,17 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
     notes: list[Note] = []
     headline = [row for row in rows if row.primary]
     for runs in runs_by_case(records, headline).values():
-        by_record = {record.run_id: record for _, record in runs}
-        for name, of_solver in grouped((row for row, _ in runs), solution_name).items():
-            made = [by_record[row.run_id or ""] for row in of_solver]
+        first = runs[0][0]
+        title = first.case_title or first.case
+        for name, made in by_solution(runs).items():
             followed = [record for record in made if any(step.phase == "path" for step in record.history)]
             if not followed:
                 continue
-            title = of_solver[0].case_title or of_solver[0].case
-            lines.append({"block": title, "case": of_solver[0].case, "solution": name} | effort(followed))
-            for reason, alike in grouped_reasons(followed).items():
+            lines.append({"block": title, "case": first.case, "solution": name} | effort(followed))
+            failed = grouped(
+                (record for record in followed if record.status != "ok"), lambda one: one.reason or one.status
+            )
+            for reason, alike in failed.items():
                 seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
                 words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
                 notes.append(Note(words, reason))
@@ -45,17 +51,8 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
         " wall time and largest memory of the whole solve, in which there may be other discretisations too. Of several"
         " seeds: the most states, iterations, unknowns and memory, and the mean time. Runs that failed are counted up"
         " to their failure.",
-        data=pd.DataFrame(lines).astype(dict.fromkeys(COUNTS, "Int64")),
-        columns=(
-            Column("Solution", cells.solution, right=False),
-            Column("Runs", cells.count("seeds")),
-            Column("States", cells.count("states")),
-            Column("Iterations", cells.count("iterations")),
-            Column("Most in a step", cells.count("most_in_a_step")),
-            Column("Unknowns", cells.count("unknowns")),
-            Column("Time (s)", cells.seconds),
-            Column("Memory", cells.memory("peak_memory_bytes")),
-        ),
+        data=frame(lines),
+        columns=("solution", column("seeds", "Runs"), "states", "iterations", "most_in_a_step", *COST),
         notes=tuple(notes),
     )
 
@@ -74,12 +71,3 @@ def effort(records: Sequence[Record]) -> dict[str, Any]:
         "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
         "run_ids": " ".join(record.run_id for record in records),
     }
-
-
-def grouped_reasons(records: Sequence[Record]) -> dict[str, list[Record]]:
-    """Return the runs that did not end well by the reason."""
-    found: dict[str, list[Record]] = {}
-    for record in records:
-        if record.status != "ok":
-            found.setdefault(record.reason or record.status, []).append(record)
-    return found

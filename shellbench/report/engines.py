@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from shellbench.report.digits import percent
-from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
-from shellbench.report.engines_figure import cross_check_figure, drawn_cases
-from shellbench.report.engines_table import LEVELS, cross_check_table, factor
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from shellbench.report.digits import duration, percent
+from shellbench.report.engines_cases import STUDY, CheckedCase, Contender, checked_cases, is_cross_check
+from shellbench.report.engines_table import LEVELS, cross_check_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import TEXT
-from shellbench.report.palette import inks, style
+from shellbench.report.palette import DASHES, Dashes, Ink, inks
+from shellbench.report.panel import (
+    ERROR_LABEL,
+    add_legend,
+    draw,
+    entry,
+    failed_entry,
+    finish,
+    mark_entry,
+    open_figure,
+)
 from shellbench.report.studies import remarks_on
+
+WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
+IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
+BIG, SMALL = 6.0, 3.6  # marks
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -80,9 +99,7 @@ def _won(cases: Sequence[CheckedCase], level: float) -> str:
         others = [each for each in one.contenders if each.solver != one.base]
         if any(one.least(level, each) is not None for each in others):
             contested += 1
-            ratios += (
-                [min(found)] if (found := [r for each in others if (r := one.ratio(level, each)) is not None]) else []
-            )
+            ratios += sorted(ratio for each in others if (ratio := one.ratio(level, each)) is not None)[:1]
     if not contested:
         return ""
     won = sum(ratio >= 1 for ratio in ratios)
@@ -91,7 +108,7 @@ def _won(cases: Sequence[CheckedCase], level: float) -> str:
 
 
 def _span(ratios: Sequence[float]) -> str:
-    low, high = factor(min(ratios)), factor(max(ratios))
+    low, high = duration(min(ratios)), duration(max(ratios))
     return low if low == high else f"{low} to {high}"
 
 
@@ -99,9 +116,6 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
     drawn = drawn_cases(cases)
     if not drawn:
         return ()
-    colours = inks(row.solver for row in evidence.rows)
-    with style():
-        figure = cross_check_figure(drawn, colours)
     runs = [run for one in drawn for each in one.contenders for point in each.family.points for run in point.run_ids]
     return (
         Exhibit(
@@ -111,7 +125,7 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
             " choice of a solver's settings, a mark one size. Grey lines: the errors at which the table states seconds."
             " Shaded: below the uncertainty of the known value.",
             description=". ".join(_described(one) for one in drawn),
-            figure=figure,
+            figure=cross_check_figure(drawn, inks(row.solver for row in evidence.rows)),
             run_ids=tuple(dict.fromkeys(runs)),
             drawing=True,
         ),
@@ -125,3 +139,56 @@ def _described(one: CheckedCase) -> str:
         down = f"down to {TEXT.number(percent(min(sound), signed=False))} %" if sound else "failed"
         reached.append(f"{each.name} {down}")
     return f"{one.title}: {'; '.join(reached)}"
+
+
+def drawn_cases(cases: Sequence[CheckedCase]) -> list[CheckedCase]:
+    """Return the cases that have a panel: those with a curve."""
+    return [one for one in cases if any(not each.alone for each in one.contenders)]
+
+
+def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) -> Figure:
+    """Draw the panels; horizontal lines are the errors for which the table has the seconds."""
+    drawn = drawn_cases(cases)
+    dashes = lines_of(drawn)
+    rows = math.ceil(len(drawn) / IN_A_ROW)
+    height = rows * HEIGHT + MARGIN + ENTRY * math.ceil((len(dashes) + 2) / ENTRIES)
+    figure, panels = open_figure((WIDTH, height), rows, min(IN_A_ROW, len(drawn)))
+    for axes in panels.flat[len(drawn) :]:
+        axes.set_axis_off()
+    for i, (axes, one) in enumerate(zip(panels.flat, drawn, strict=False)):
+        for each in one.contenders:
+            _draw(axes, each, inks[each.solver], dashes.get(each.name, "none"))
+        for level in LEVELS:
+            axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
+        ordinate = "" if i % IN_A_ROW else ERROR_LABEL
+        finish([axes], "wall time of the solve (s)", ordinate, one.title, floor=100 * one.yardstick.floor)
+    add_legend(figure, _legend(drawn, inks, dashes), ENTRIES)
+    return figure
+
+
+def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
+    """Return the dashes of each line by its name: the same in all panels, different for one solver's settings."""
+    names = sorted({(each.solver, each.name) for one in cases for each in one.contenders if not each.alone})
+    seen: dict[str, int] = {}
+    found: dict[str, Dashes] = {}
+    for solver, name in names:
+        found[name] = DASHES[seen.get(solver, 0) % len(DASHES)]
+        seen[solver] = seen.get(solver, 0) + 1
+    return found
+
+
+def _draw(axes: Axes, each: Contender, ink: Ink, line: Dashes) -> None:
+    look = {"markersize": BIG, "markeredgecolor": "black", "zorder": 3} if each.alone else {"markersize": SMALL}
+    for sound in (True, False):
+        points = [point for point in each.family.points if point.sound is sound]
+        seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
+        draw(axes, seconds, errors, ink, line if sound else "none", hollow=not sound, linewidth=1.0, **look)
+
+
+def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
+    contenders = [each for one in cases for each in one.contenders]
+    solver_of = {each.name: each.solver for each in contenders}
+    entries = {name: entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()}
+    if any(each.alone for each in contenders):
+        entries["one size alone"] = mark_entry(markersize=BIG, markeredgecolor="black")
+    return entries | failed_entry(any(not point.sound for each in contenders for point in each.family.points))

@@ -1,9 +1,14 @@
-"""The cross-check of solvers: on each case, what every sweep of every solver comes to at its finest."""
+"""The cross-check of solvers: on each case, what every sweep of every solver comes to at its finest.
+
+Seconds are set against each other where one command took them in one environment, on one core.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
 from statistics import fmean
 
 from shellbench.bench import catalog
@@ -12,12 +17,12 @@ from shellbench.bench.row import Row
 from shellbench.bench.suite import Study, value_words
 from shellbench.engine import ENGINE
 from shellbench.report.accuracy import Family, Point, failed_runs, point_of
-from shellbench.report.engines_timing import why_incomparable
 from shellbench.report.solutions import grouped, heading, same_but_for_seed
 from shellbench.report.studies import rows_of_study, study_of
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
 STUDY: Study = "engines"
+TOGETHER = 60.0  # seconds between runs that one command planned: a plan of hundreds of runs takes a few
 Size = tuple[Point, Sequence[Row]]
 
 
@@ -29,21 +34,16 @@ class Contender:
     ----------
     variant
         Its settings that depart from the defaults, the swept one left out, in words; empty if none does.
-    value, uncertainty, extrapolated
-        Of the finest run that ended well, in the quantity's unit, the mean of its seeds; the solver's own estimate of
-        its error and its own extrapolation where it states them.
-    finest
-        That run; None if no run ended well.
+    finest, rows
+        The finest run that ended well, and its rows, one for each seed; None if no run did.
     engine
         Name and version of what the solver stands on; empty if it stands on none.
     """
 
     family: Family
     variant: str
-    value: float | None
-    uncertainty: float | None
-    extrapolated: float | None
     finest: Point | None
+    rows: Sequence[Row]
     engine: str
 
     @property
@@ -55,6 +55,11 @@ class Contender:
     def name(self) -> str:
         """The solver and its settings, as a line of a table."""
         return f"{self.solver}, {self.variant}" if self.variant else self.solver
+
+    def mean(self, name: str) -> float | None:
+        """Return a number of the finest run, the mean of its seeds; None if one of them states none."""
+        values = [getattr(row, name) for row in self.rows]
+        return fmean(values) if values and None not in values else None
 
     @property
     def alone(self) -> bool:
@@ -97,7 +102,7 @@ class CheckedCase:
         """Value of the finest run of the solver to which the others are related."""
         ours = [one for one in self.contenders if one.solver == self.base and one.finest is not None]
         finest = max(ours, key=lambda one: one.finest.unknowns if one.finest else 0, default=None)
-        return finest.value if finest else None
+        return finest.mean("value") if finest else None
 
     def least(self, level: float, contender: Contender) -> float | None:
         """Return the least seconds within a level by the strict rule of `Family.cheapest`."""
@@ -116,8 +121,8 @@ def checked_cases(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Ch
     headline = [row for row in rows_of_study(rows, STUDY) if row.primary and not row.own_case]
     suites = dict.fromkeys(suite for row in headline for suite in row.suites if study_of(suite) == STUDY)
     order = {case: i for i, case in enumerate(case for suite in suites for case in catalog.find_suite(suite).order)}
-    cases = grouped(sorted(headline, key=lambda row: order.get(row.case, len(order))), lambda row: row.case)
-    found = (_checked(records, of_case) for of_case in cases.values())
+    headline = sorted(headline, key=lambda row: order.get(row.case, len(order)))
+    found = (_checked(records, of_case) for of_case in grouped(headline, lambda row: row.case).values())
     return [one for one in found if one is not None]
 
 
@@ -189,14 +194,41 @@ def _contender(solver: str, variant: str, swept: str, sizes: Sequence[Size]) -> 
     return Contender(
         family=Family(solver, swept, tuple(point for point, _ in ordered)),
         variant=variant,
-        value=_mean([row.value for row in rows]),
-        uncertainty=_mean([row.uncertainty for row in rows]),
-        extrapolated=_mean([row.extrapolated for row in rows]),
         finest=finest,
+        rows=rows,
         engine=", ".join(engines),
     )
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
-    given = [value for value in values if value is not None]
-    return fmean(given) if given and len(given) == len(values) else None
+def why_incomparable(records: Sequence[Record]) -> str | None:
+    """Say why ratios of the runs' seconds would mislead, as the end of a sentence; None if they would not.
+
+    A record carries the time at which its run was planned; all runs of one command are planned together. It does not
+    say how many runs the command made at a time, nor what else the machine did.
+    """
+    found = [record.environment for record in records]
+    machines = dict.fromkeys(f"{one.processor}, {one.cores} cores, {one.platform}" for one in found)
+    threads, versions = sorted({one.threads for one in found}), sorted({one.python for one in found})
+    if len(machines) > 1:
+        return f"they were taken on different machines ({'; '.join(machines)})"
+    if len({one.gpu for one in found}) > 1 or len({record.identity.device for record in records}) > 1:
+        return "some were taken on a GPU and some were not"
+    if threads not in ([], [1]):
+        return f"they were taken with {' and '.join(map(str, threads))} threads, not with one"
+    if len(versions) > 1:
+        return f"they were taken by different versions of Python ({', '.join(versions)})"
+    named: dict[str, str] = {}  # not all runs name an engine or a plug-in
+    for package, version in (item for one in found for item in one.versions.items()):
+        if named.setdefault(package, version) != version:
+            return f"they were taken with different versions of {package}"
+    commands = planned_apart(records)
+    if len(commands) > 1:
+        return f"they were taken by {len(commands)} commands, planned at {' and '.join(commands)}"
+    return None
+
+
+def planned_apart(records: Sequence[Record]) -> list[str]:
+    """Return when each command planned its first of the runs, to the second."""
+    times = sorted(datetime.fromisoformat(created) for created in {record.created for record in records})
+    later = [after for before, after in pairwise(times) if (after - before).total_seconds() > TOGETHER]
+    return [time.strftime("%Y-%m-%d %H:%M:%S") for time in (*times[:1], *later)]

@@ -9,32 +9,20 @@ import pandas as pd
 
 from shellbench.bench import catalog
 from shellbench.bench.reference import KnownValue
+from shellbench.report.columns import Column, Line, Way, column, error, present
 from shellbench.report.digits import duration, rounded
 from shellbench.report.engines_cases import CheckedCase, Contender
 from shellbench.report.notation import TEXT, Notation
 from shellbench.report.solutions import Known, theory_words
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table
 
 LEVELS = (1e-3, 1e-4, 1e-5)
-BEFORE_COSTS = (
-    "block",
-    "case",
-    "kind",
-    "name",
-    "solver",
-    "settings",
-    "value",
-    "uncertainty",
-    "source",
-    "deviation",
-    "error",
-    "reference_uncertainty",
-    "doubtful",
-    "extrapolated_error",
-    "from_base",
-    "unknowns",
+COLUMNS = (
+    *("block", "case", "kind", "name", "solver", "settings", "value", "uncertainty", "source", "deviation", "error"),
+    *("reference_uncertainty", "doubtful", "extrapolated_error", "from_base", "unknowns"),
+    *(f"{what}_{level:g}" for level in LEVELS for what in ("seconds", "ratio")),
+    *("alone", "engine", "run_ids"),
 )
-AFTER_COSTS = ("alone", "engine", "run_ids")
 ALONE = "†"
 TIMES = "×"
 CAPTION = (
@@ -54,24 +42,24 @@ def cross_check_table(cases: Sequence[CheckedCase], known: Known = catalog.known
         name="cross_check",
         title="Solvers and engines, cross-checked",
         caption=" ".join(filter(None, (CAPTION, _extrapolation(lines), _relation(bases)))),
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame(lines, columns=COLUMNS),
         columns=(
-            Column("Solver", _name, right=False),
-            Column("Value", _value, key="value"),
-            Column("Error", _relative("error"), key="error"),
-            *_if_any(lines, "extrapolated_error", Column("Extrapolated", _relative("extrapolated_error"))),
-            *_if_any(lines, "from_base", Column(f"From {' or '.join(bases)}", _relative("from_base"))),
-            Column("Unknowns", _count, key="unknowns"),
-            *(Column(f"{100 * level:g} % (s)", _seconds(level), key=f"seconds_{level:g}") for level in LEVELS),
-            *_if_any(lines, "engine", Column("Engine", _words("engine"), right=False)),
+            column("name", "Solver", _name, right=False),
+            column("value", "Value", _value),
+            column("error", way=_marked),
+            *_if_any(lines, "extrapolated_error", column("extrapolated_error", "Extrapolated", error)),
+            *_if_any(lines, "from_base", column("from_base", f"From {' or '.join(bases)}", error)),
+            "unknowns",
+            *(column(f"seconds_{level:g}", f"{100 * level:g} % (s)", _seconds(level)) for level in LEVELS),
+            *_if_any(lines, "engine", "engine"),
         ),
         notes=(*_origins(cases, known), *_runs(cases)),
-        sources=tuple(dict.fromkeys(str(line["source"]) for line in lines if present(line["source"]))),
+        sources=tuple(dict.fromkeys(str(line["source"]) for line in lines if present(line.get("source")))),
     )
 
 
-def _if_any(lines: Sequence[Line], name: str, column: Column) -> tuple[Column, ...]:
-    return (column,) if any(present(line[name]) for line in lines) else ()
+def _if_any(lines: Sequence[Line], name: str, one: str | Column) -> tuple[str | Column, ...]:
+    return (one,) if any(present(line.get(name)) for line in lines) else ()
 
 
 def _relation(bases: Sequence[str]) -> str:
@@ -85,114 +73,84 @@ def _relation(bases: Sequence[str]) -> str:
 
 
 def _extrapolation(lines: Sequence[Line]) -> str:
-    stated = any(present(line["extrapolated_error"]) for line in lines)
+    stated = any(present(line.get("extrapolated_error")) for line in lines)
     return "Extrapolated: error of the value that a solver itself extrapolates." if stated else ""
-
-
-def _empty(one: CheckedCase) -> dict[str, Any]:
-    costs = [f"{what}_{level:g}" for level in LEVELS for what in ("seconds", "ratio")]
-    columns = (*BEFORE_COSTS, *costs, *AFTER_COSTS)
-    return dict.fromkeys(columns) | {"block": one.heading, "case": one.case, "doubtful": False, "alone": False}
 
 
 def _known(one: CheckedCase) -> dict[str, Any]:
     row = one.known
-    return _empty(one) | {
+    return {
+        "block": one.heading,
+        "case": one.case,
         "kind": "known",
         "name": "Known value" if row.reference is not None else "Best answer",
         "value": one.yardstick.value,
         "uncertainty": one.yardstick.floor * one.yardstick.scale,
         "source": row.reference_source,
+        "doubtful": False,
+        "alone": False,
     }
 
 
 def _solver(one: CheckedCase, each: Contender) -> dict[str, Any]:
-    line = _empty(one) | {
+    line = {
+        "block": one.heading,
+        "case": one.case,
         "kind": "solver",
         "name": each.name,
         "solver": each.solver,
         "settings": each.variant,
-        "value": each.value,
-        "uncertainty": each.uncertainty,
+        "value": each.mean("value"),
+        "uncertainty": each.mean("uncertainty"),
         "reference_uncertainty": one.yardstick.floor * one.yardstick.scale,
+        "doubtful": False,
         "alone": each.alone,
         "engine": each.engine,
     }
-    if each.value is None or each.finest is None:
+    value, extrapolated, base = each.mean("value"), each.mean("extrapolated"), one.base_value
+    if value is None or each.finest is None:
         return line
-    base = one.base_value
     line |= {
-        "error": one.yardstick.error(each.value),
-        "doubtful": abs(one.yardstick.error(each.value)) < one.yardstick.floor,
-        "deviation": each.value - one.yardstick.value,
+        "error": one.yardstick.error(value),
+        "doubtful": abs(one.yardstick.error(value)) < one.yardstick.floor,
+        "deviation": value - one.yardstick.value,
         "unknowns": each.finest.unknowns,
         "run_ids": " ".join(each.finest.run_ids),
     }
-    if each.extrapolated is not None:
-        line["extrapolated_error"] = one.yardstick.error(each.extrapolated)
+    if extrapolated is not None:
+        line["extrapolated_error"] = one.yardstick.error(extrapolated)
     if base is not None and each.solver != one.base:
-        line["from_base"] = (each.value - base) / one.yardstick.scale
+        line["from_base"] = (value - base) / one.yardstick.scale
     for level in LEVELS:
         line |= {f"seconds_{level:g}": one.least(level, each), f"ratio_{level:g}": one.ratio(level, each)}
     return line
 
 
-def _name(line: Line, notation: Notation) -> str:
+def _name(value: Any, line: Line, notation: Notation) -> str:
     if line["kind"] == "known":
         cited = f" {notation.cite(line['source'])}" if present(line["source"]) else ""
-        return notation.strong(notation.escape(line["name"])) + cited
+        return notation.strong(notation.escape(value)) + cited
     settings = f", {line['settings']}" if line["settings"] else ""
     return notation.code(line["solver"]) + notation.escape(settings)
 
 
-def _value(line: Line, notation: Notation) -> str:
-    if not present(line["value"]):
-        return notation.missing
+def _value(value: Any, line: Line, notation: Notation) -> str:
     if line["kind"] == "known":
-        return notation.strong_number(rounded(line["value"], line["uncertainty"], show_uncertainty=True))
+        return notation.strong_number(rounded(value, line["uncertainty"], show_uncertainty=True))
     doubts = (line["uncertainty"], line["reference_uncertainty"], abs(line["deviation"]) / 10)
-    return notation.number(rounded(line["value"], max(filter(present, doubts))))
+    return notation.number(rounded(value, max(filter(present, doubts))))
 
 
-def _relative(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        if not present(line[name]):
-            return "" if line["kind"] == "known" else notation.missing
-        mark = notation.escape("*") if name == "error" and line["doubtful"] else ""
-        return notation.error(line[name]) + mark
-
-    return show
+def _marked(value: Any, line: Line, notation: Notation) -> str:
+    return error(value, line, notation) + (notation.escape("*") if line["doubtful"] else "")
 
 
-def _count(line: Line, notation: Notation) -> str:
-    if not present(line["unknowns"]):
-        return "" if line["kind"] == "known" else notation.missing
-    return str(int(line["unknowns"]))
+def _seconds(level: float) -> Way:
+    def written(value: Any, line: Line, notation: Notation) -> str:
+        ratio, mark = line[f"ratio_{level:g}"], ALONE if line["alone"] else ""
+        return notation.escape(f"{duration(value)}{mark}" + (f" ({TIMES}{duration(ratio)})" if present(ratio) else ""))
 
-
-def _seconds(level: float) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        seconds, ratio = line[f"seconds_{level:g}"], line[f"ratio_{level:g}"]
-        if not present(seconds):
-            return "" if line["kind"] == "known" else notation.missing
-        mark = ALONE if line["alone"] else ""
-        return notation.escape(f"{duration(seconds)}{mark}" + (f" ({TIMES}{factor(ratio)})" if present(ratio) else ""))
-
-    return show
-
-
-def factor(ratio: float) -> str:
-    """Print a ratio of seconds with two significant digits, whole above ten."""
-    return duration(ratio)
-
-
-def _words(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        if not present(line[name]):
-            return "" if line["kind"] == "known" else notation.missing
-        return notation.escape(str(line[name]))
-
-    return show
+    return written
 
 
 def _origins(cases: Sequence[CheckedCase], known: Known) -> list[Note]:

@@ -1,15 +1,16 @@
-"""The sections of evidence: consistency, memory, convergence and cost, and the studies, each from records alone.
+"""What a report is made from, and the sections that it is made of.
 
-A section is made by one module, which knows which runs it can use; the page shows those that have something to show.
+A section is made by one module, from records and rows alone, and says where it stands. The page, Markdown and LaTeX
+show every section in the same way: words, figures, tables, and its parts under headings of their own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import pandas as pd
 
@@ -20,14 +21,23 @@ from shellbench.report.exhibit import Exhibit
 from shellbench.report.palette import Ink, inks
 from shellbench.report.runs import table_of_runs
 from shellbench.report.solutions import Known
+from shellbench.report.suites import compared
 from shellbench.report.table import Table
 
 T = TypeVar("T")
 
+Place = Literal["own page", "one suite", "its suites"]
+
+
+class Formula(str):
+    """A formula, on a line of its own."""
+
+    formula = True
+
 
 @dataclass(frozen=True)
 class Section:
-    """One section of the page.
+    """One section of a report.
 
     Attributes
     ----------
@@ -37,14 +47,43 @@ class Section:
         Paragraphs, plain words.
     details
         Long tables behind it, kept as CSV only.
+    parts
+        Under headings of their own, after all else.
+    place
+        The page that it stands on: its own, if there are several suites; that of the suite that most of it is about;
+        or parted, each table and figure on the page of the suite that it is about.
     """
 
     name: str
     title: str
-    words: tuple[str, ...]
-    tables: tuple[Table, ...]
-    exhibits: tuple[Exhibit, ...]
+    words: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    exhibits: tuple[Exhibit, ...] = ()
     details: tuple[Table, ...] = ()
+    parts: tuple[Section, ...] = ()
+    place: Place = "own page"
+
+    @property
+    def all_tables(self) -> list[Table]:
+        """Tables, those of its parts among them."""
+        return [*self.tables, *(table for part in self.parts for table in part.all_tables)]
+
+    @property
+    def all_exhibits(self) -> list[Exhibit]:
+        """Figures, those of its parts among them."""
+        return [*self.exhibits, *(exhibit for part in self.parts for exhibit in part.all_exhibits)]
+
+    @property
+    def shows(self) -> bool:
+        """Whether there is anything to see: words alone tell nothing."""
+        return bool(self.all_tables or self.all_exhibits)
+
+    def with_each(self, table: Callable[[Table], Table | None], exhibit: Callable[[Exhibit], bool]) -> Section:
+        """Return the section with each table changed or left out, and the figures that are wanted."""
+        tables = tuple(one for each in self.tables if (one := table(each)) is not None)
+        parts = tuple(part.with_each(table, exhibit) for part in self.parts)
+        kept = tuple(part for part, before in zip(parts, self.parts, strict=True) if part.shows or not before.shows)
+        return replace(self, tables=tables, exhibits=tuple(filter(exhibit, self.exhibits)), parts=kept)
 
 
 @dataclass(frozen=True)
@@ -61,6 +100,10 @@ class Evidence:
         Where the records' files are.
     known
         Known values by name of case.
+    whole
+        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
+    drawn
+        Figures that compare solvers, case by case.
     """
 
     records: Mapping[str, Record]
@@ -86,5 +129,27 @@ class Evidence:
         """Colour and marker of each solver."""
         return inks(row.solver for row in self.rows)
 
+    whole: bool = False
+    drawn: Sequence[Exhibit] = ()
+
+    @cached_property
+    def compared(self) -> list[Row]:
+        """The rows that hold solvers against known values."""
+        return compared(self.rows)
+
+    def figures(self, *prefixes: str) -> tuple[Exhibit, ...]:
+        """Return the figures whose names begin so, in the order of the beginnings."""
+        return tuple(one for prefix in prefixes for one in self.drawn if one.name.startswith(prefix))
+
 
 Maker = Callable[[Evidence], Section | None]
+
+
+def given(*tables: Table | None) -> tuple[Table, ...]:
+    """Return the tables that there are."""
+    return tuple(table for table in tables if table is not None)
+
+
+def all_tables(sections: Iterable[Section]) -> list[Table]:
+    """Return the tables of sections in their order."""
+    return [table for section in sections for table in section.all_tables]

@@ -7,61 +7,39 @@ against the field of a deterministic solver if there is exactly one, and of no o
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report import cells
+from shellbench.report.columns import code, column
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Column, Table
+from shellbench.report.table import Table, frame
 
 Array = NDArray[np.float64]
 
 
+def section(found: Evidence) -> Section:
+    """Return the section of differences between fields."""
+    tables = given(field_table(found.records, found.compared, found.folder))
+    return Section("fields", "Whole fields", tables=tables, place="its suites")
+
+
 def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
     """Return the table of differences between fields; None if there are no two to compare."""
-    lines: list[dict[str, Any]] = []
     headline = [
         row
         for row in rows
         if row.primary and row.default_settings and row.status == "ok" and row.run_id in records  # the same load
     ]
-    for (case, _), of_case in grouped(headline, lambda row: (row.case, row.own_case)).items():
-        certain = {row.run_id: row for row in of_case if row.seed is None}
-        if len(certain) != 1:
-            continue
-        yardstick = next(iter(certain.values()))
-        theirs = read_fields(records[yardstick.run_id or ""], folder)
-        for name, of_solver in grouped(of_case, solution_name).items():
-            found = [
-                (row.run_id, *differences(ours, theirs))
-                for row in of_solver
-                if row is not yardstick
-                and theirs is not None
-                and np.any(theirs.displacement)
-                and (ours := read_fields(records[row.run_id or ""], folder)) is not None
-                and ours.position.shape == theirs.position.shape
-            ]
-            if found:
-                lines.append(
-                    {
-                        "block": of_case[0].case_title or case,
-                        "case": case,
-                        "solution": name,
-                        "against": yardstick.solver,
-                        "seeds": len(found),
-                        "mean_square": max(square for _, square, _ in found),
-                        "largest": max(largest for _, _, largest in found),
-                        "run_ids": " ".join(str(run_id) for run_id, _, _ in found),
-                    }
-                )
+    cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
+    lines = [line for of_case in cases for line in _lines(records, of_case, folder)]
     if not lines:
         return None
     return Table(
@@ -69,15 +47,36 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
         title="Differences between fields",
         caption="Root of the mean square over the shell's area, and largest, of the difference between displacement"
         " fields, relative to the same measure of the field that they are held against; the worst seed of each.",
-        data=pd.DataFrame(lines),
-        columns=(
-            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
-            Column("Held against", lambda line, notation: notation.code(line["against"]), right=False),
-            Column("Seeds", lambda line, notation: str(line["seeds"])),
-            Column("Mean square", cells.share("mean_square")),
-            Column("Largest", cells.share("largest")),
-        ),
+        data=frame(lines),
+        columns=(column("solution", way=code), "against", "seeds", "mean_square", "largest"),
     )
+
+
+def _lines(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[dict[str, Any]]:
+    """Yield a line for each solution of a case that has a field beside that of the only deterministic one."""
+    kept = {row.run_id: read_fields(records[row.run_id or ""], folder) for row in rows}
+    certain = {row.run_id: row.solver for row in rows if row.seed is None}
+    theirs = kept[next(iter(certain))] if len(certain) == 1 else None
+    if theirs is None or not np.any(theirs.displacement):
+        return
+    for name, of_solver in grouped(rows, solution_name).items():
+        ours = {row.run_id: kept[row.run_id] for row in of_solver if row.run_id not in certain}
+        found = {
+            run_id: differences(one, theirs)
+            for run_id, one in ours.items()
+            if one is not None and one.position.shape == theirs.position.shape
+        }
+        if found:
+            yield {
+                "block": rows[0].case_title or rows[0].case,
+                "case": rows[0].case,
+                "solution": name,
+                "against": next(iter(certain.values())),
+                "seeds": len(found),
+                "mean_square": max(square for square, _ in found.values()),
+                "largest": max(largest for _, largest in found.values()),
+                "run_ids": " ".join(map(str, found)),
+            }
 
 
 @dataclass(frozen=True)

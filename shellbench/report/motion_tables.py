@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -13,21 +14,52 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
-from shellbench.report import cells
-from shellbench.report.digits import quoted, rounded
+from shellbench.report.columns import (
+    Column,
+    Line,
+    at_most,
+    code,
+    column,
+    error,
+    in_its_unit,
+    present,
+    significant,
+    words,
+)
+from shellbench.report.digits import rounded
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation
-from shellbench.report.solutions import BAD, EXPECTED, grouped, solution_name, verdict
+from shellbench.report.solutions import BAD, EXPECTED, by_solution, grouped, verdict
 from shellbench.report.suites import leading_rows
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table, frame
+from shellbench.report.trace_exhibits import CLOTH
 from shellbench.report.traces import Apart, apart, motion_steps, runs_by_case
 
-GLANCE = 2  # significant digits of an error, a drift and a difference
+TIMES = "times_"  # how names of tables by time begin
+GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 
-def motion_tables(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> list[Table]:
-    """Return all tables of motions."""
-    course = motion_table(records, rows, folder)
-    return [*([course] if course is not None else []), *by_time_tables(records, rows)]
+def section(found: Evidence) -> Section:
+    """Return the section of cloth in motion, with a part for each case."""
+    by_time = {table.name: table for table in by_time_tables(found.records, found.compared)}
+    titles = {row.case: row.case_title or row.case for row in found.compared}
+    figures = {one.name: one for one in found.figures(*CLOTH)}
+    parts = [
+        Section(
+            name=case,
+            title=title,
+            tables=given(by_time.get(f"{TIMES}{case}")),
+            exhibits=tuple(figures[name] for prefix in CLOTH if (name := f"{prefix}{case}") in figures),
+        )
+        for case, title in titles.items()
+    ]
+    return Section(
+        name="cloth",
+        title="Cloth in motion",
+        tables=given(motion_table(found.records, found.compared, found.folder)),
+        parts=tuple(part for part in parts if part.shows),
+        place="its suites",
+    )
 
 
 def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
@@ -42,9 +74,7 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
             continue
         found = apart(runs, folder)
         against |= dict.fromkeys(one.against for one in found.values())
-        by_id = {record.run_id: record for _, record in runs}
-        for name, of_solver in grouped((row for row, _ in runs), solution_name).items():
-            made = [by_id[row.run_id or ""] for row in of_solver]
+        for name, made in by_solution(runs).items():
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
             notes += [
                 Note(f"{case.title}, {name}{'' if r.identity.seed is None else f', seed {r.identity.seed}'}", r.reason)
@@ -61,17 +91,17 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
         " that was lost or gained by the solver's own account, and the largest root mean square, over the"
         f" surface, of the difference of the displacement{standard}, beside those at the times asked for. Of several"
         " seeds the worst; time is their mean.",
-        data=pd.DataFrame(lines).astype({"steps": "Int64", "iterations": "Int64"}),
+        data=frame(lines),
         columns=(
-            Column("Solution", lambda line, notation: notation.code(line["solution"]), right=False),
-            Column("Reached (s)", _figure("reached")),
-            Column("Steps", cells.count("steps")),
-            Column("Iterations", cells.count("iterations")),
-            Column("Energy drift (J)", _figure("drift")),
-            Column("Largest difference (m)", _figure("largest")),
-            Column("at (s)", _figure("largest_at")),
-            Column("Differences at the times asked for (m)", _asked, right=False, wide=True),
-            Column("Time (s)", cells.seconds),
+            column("solution", way=code),
+            column("reached", "Reached", at_most(4), unit="s"),
+            "steps",
+            "iterations",
+            column("drift", "Energy drift", GLANCE, unit="J"),
+            column("largest", "Largest difference", GLANCE, unit="m"),
+            column("largest_at", "at", at_most(4), unit="s"),
+            column("asked_differences", "Differences at the times asked for", _asked, unit="m", right=False, wide=True),
+            "seconds",
         ),
         notes=tuple(dict.fromkeys(notes)),
     )
@@ -119,113 +149,81 @@ def _by_time(name: str, case: Portrait, rows: Sequence[Row]) -> Table:
     solvers = list(dict.fromkeys(row.solver for row in rows))
     order = {quantity.name: place for place, quantity in enumerate(case.quantities)}
     asked = grouped(sorted(rows, key=lambda row: (row.at or 0.0, order.get(row.quantity, 0))), lambda row: row.quantity)
-    lines: list[dict[str, Any]] = []
-    for quantity, of_quantity in asked.items():
-        first = of_quantity[0]
-        judge = next((row for row in of_quantity if row.reference is not None), first)
-        line: dict[str, Any] = {
-            "block": first.mark,
-            "case": name,
-            "quantity": quantity,
-            "unit": first.unit,
-            "at": first.at,
-            "reference": judge.reference,
-            "reference_uncertainty": judge.reference_uncertainty,
-        }
-        for solver in solvers:
-            line |= _answer(solver, [row for row in of_quantity if row.solver == solver])
-        lines.append(line)
     return Table(
-        name=f"times_{name}",
+        name=f"{TIMES}{name}",
         title=f"{case.title}: quantities by time",
         caption="Known values with their uncertainty in the last digits; each solver's mean over its seeds, and the"
         " error of its worst seed, in percent of the known value or, with a unit, as it is. Errors in bold fall short"
         " of what is asked.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame([_line(of_quantity, solvers) for of_quantity in asked.values()]),
         columns=(
-            Column("Quantity", lambda line, notation: notation.escape(_words(line)), right=False),
-            Column("Known value", _known),
-            *(
-                column
-                for solver in solvers
-                for column in (Column(solver, _value(solver)), Column("Error", _error(solver)))
-            ),
+            column("quantity", "Quantity", _with_unit, right=False),
+            "reference",
+            *(one for solver in solvers for one in (_answer(solver), _error(solver))),
         ),
     )
 
 
-def _answer(solver: str, rows: Sequence[Row]) -> dict[str, Any]:
+def _line(rows: Sequence[Row], solvers: Sequence[str]) -> dict[str, Any]:
+    first = rows[0]
+    judge = next((row for row in rows if row.reference is not None), first)
+    line: dict[str, Any] = {
+        "block": first.mark,
+        "case": first.case,
+        "quantity": first.quantity,
+        "unit": first.unit,
+        "at": first.at,
+        "reference": judge.reference,
+        "reference_uncertainty": judge.reference_uncertainty,
+    }
+    answers = grouped(rows, lambda row: row.solver)
+    for solver in solvers:
+        line |= _found(solver, answers.get(solver, []))
+    return line
+
+
+def _found(solver: str, rows: Sequence[Row]) -> dict[str, Any]:
     values = [row.value for row in rows if row.value is not None]
     absolute = [row.absolute_error for row in rows if row.absolute_error is not None]
     relative = [row.relative_error for row in rows if row.relative_error is not None]
-    words = verdict(rows) if rows else ""
     return {
         f"{solver} value": fmean(values) if values else None,
         f"{solver} error": max(absolute, key=abs, default=None),
         f"{solver} relative error": max(relative, key=abs, default=None),
-        f"{solver} verdict": words,
+        f"{solver} verdict": verdict(rows) if rows else "",
     }
 
 
-def _words(line: Line) -> str:
-    name = str(line["quantity"])
-    mark = f"_{1000 * line['at']:g}ms"
-    return f"{name.removesuffix(mark).replace('_', ' ')} ({line['unit']})"
+def _with_unit(value: Any, line: Line, notation: Notation) -> str:
+    name = str(value).removesuffix(f"_{1000 * line['at']:g}ms").replace("_", " ")
+    return words(f"{name} ({line['unit']})", line, notation)
 
 
-def _known(line: Line, notation: Notation) -> str:
-    if not present(line["reference"]):
-        return notation.missing
-    return notation.number(rounded(line["reference"], line["reference_uncertainty"], show_uncertainty=True))
-
-
-def _value(solver: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value, error = line[f"{solver} value"], line[f"{solver} error"]
-        if not present(value):
-            words = str(line[f"{solver} verdict"])
-            return notation.escape(words) if words in BAD else notation.missing
-        doubts = [abs(error) / 10 if present(error) else 0.0, line["reference_uncertainty"] or 0.0]
+def _answer(solver: str) -> Column:
+    def number(value: Any, line: Line, notation: Notation) -> str:
+        absolute = line[f"{solver} error"]
+        doubts = [abs(absolute) / 10 if present(absolute) else 0.0, line["reference_uncertainty"] or 0.0]
         return notation.number(rounded(value, max(d for d in doubts if present(d)) or None))
 
-    return show
+    def otherwise(line: Line, notation: Notation) -> str:
+        status = line[f"{solver} verdict"]
+        return notation.escape(status) if status in BAD else ""
+
+    return column(f"{solver} value", solver, number, instead=otherwise)
 
 
-def _error(solver: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        relative, absolute = line[f"{solver} relative error"], line[f"{solver} error"]
-        if present(relative):
-            text = notation.error(relative)
-        elif present(absolute):
-            unit = notation.escape(str(line["unit"]))
-            text = f"{notation.number(rounded(absolute, _last_digit(absolute)))} {unit}"
-        else:
-            return notation.missing
-        return notation.strong(text) if line[f"{solver} verdict"] in (*BAD, EXPECTED) else text
+def _error(solver: str) -> Column:
+    absolute = in_its_unit(f"{solver} error", GLANCE)
+    plain = column(f"{solver} relative error", "Error", error, instead=absolute)
 
-    return show
+    def written(line: Line, notation: Notation) -> str:
+        text = plain.show(line, notation)
+        short = text != notation.missing and line[f"{solver} verdict"] in (*BAD, EXPECTED)
+        return notation.strong(text) if short else text
+
+    return replace(plain, show=written)
 
 
-def _last_digit(value: float) -> float | None:
-    """Return an uncertainty that leaves `GLANCE` digits of a value."""
-    return abs(value) * 10.0 ** (1 - GLANCE) if value else None
-
-
-def _figure(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value = line[name]
-        if not present(value):
-            return notation.missing
-        exact = name.endswith(("reached", "at"))
-        return notation.number(quoted(float(f"{value:.4g}")) if exact else rounded(value, _last_digit(value)))
-
-    return show
-
-
-def _asked(line: Line, notation: Notation) -> str:
-    times, values = (str(line[name]).split() for name in ("asked_times", "asked_differences"))
-    shown = [
-        f"{notation.number(rounded(float(value), _last_digit(float(value))))} {notation.escape(f'at {t} s')}"
-        for t, value in zip(times, values, strict=True)
-    ]
-    return "; ".join(shown) or notation.missing
+def _asked(value: Any, line: Line, notation: Notation) -> str:
+    asked = zip(str(line["asked_times"]).split(), str(value).split(), strict=True)
+    return "; ".join(f"{GLANCE(float(one), line, notation)} {notation.escape(f'at {t} s')}" for t, one in asked)

@@ -1,6 +1,7 @@
 """The finding on the published functional of motion: what the solvers' motions say, beside Newton's law.
 
-`shellbench.report.derivation` says what that functional is stationary at, and why.
+Kairanda et al., eq. (35), add the kinetic energy to the potential energy and minimise the sum over time: the inertia
+has the wrong sign. `DERIVATION` tells at what that sum is stationary, and why it has no motion by Newton's law.
 """
 
 from __future__ import annotations
@@ -17,23 +18,66 @@ from shellbench.bench.kinds import portrait_of, portrait_of_named
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
-from shellbench.report.derivation import TITLE
-from shellbench.report.digits import rounded
+from shellbench.report.columns import Line, Show, column, present, significant
+from shellbench.report.evidence import Evidence, Formula, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation
 from shellbench.report.palette import inks
-from shellbench.report.solutions import STATUS_WORDS, variant_name
+from shellbench.report.solutions import STATUS_WORDS, grouped, variant_name
 from shellbench.report.suites import leading_rows
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced, yardstick
 
-NEWTON = "newton"  # how names of the figures begin
+NEWTON = "newton"  # the section, its figure and its table
+TITLE = "Newton’s law and the published functional"
 FINE = 121  # points of a closed form
+WAY = significant(4)  # how a way since rest is written
 NOT_RUN = "not run"
-HALF_AND_END = (("T/2", 0.5), ("T", 1.0))  # shares of the time, and what a line calls them
 STATIONARY = "stationary point of the published functional"
 LAW = "Newton’s law, closed form"
+DERIVATION: tuple[str, ...] = (
+    (
+        "Cloth moves by Newton’s law: areal density times acceleration is the load less the force of the strains. With"
+        " the displacement u(ξ, t), the strain energy E(u) and the load f, from rest:"
+    ),
+    Formula("ρ ü = f − ∂E/∂u,   u(0) = 0,   u̇(0) = 0."),
+    (
+        "The published loss (Kairanda et al., eq. (35)) is the mean over space and time of potential energy plus"
+        " kinetic energy, and training makes it as small as it can:"
+    ),
+    Formula("I[u] = ∫₀ᵀ ( E(u) − f·u + ½ ρ |u̇|² ) dt,   u(0) = 0."),
+    (
+        "(The integral over the surface is left out of the notation.) Vary u by δu with δu(0) = 0 and integrate the"
+        " last term by parts:"
+    ),
+    Formula("δI = ∫₀ᵀ ( ∂E/∂u − f − ρ ü ) · δu dt + ρ u̇(T)·δu(T)."),
+    "Nothing is prescribed at the final time T, so that I is stationary only where",
+    Formula("ρ ü = ∂E/∂u − f   and   u̇(T) = 0."),
+    (
+        "The right-hand side is Newton’s with the opposite sign: as if the mass were negative, and with a condition at"
+        " the end of time in place of rest at its beginning. The functional of mechanics has the difference,"
+        " ½ ρ |u̇|² − E(u) + f·u (Hamilton’s principle), and is stationary at the motion, not minimal: no loss that is"
+        " only made smaller finds it. Step by step in time a minimum does exist: what an implicit time integrator"
+        " solves is the minimum of E(u) − f·u + (a positive factor) |u − predicted u|², an incremental potential."
+    ),
+    "Free fall. Nothing holds the napkin and nothing strains it: E = 0, f = ρ g, and the sum is stationary at",
+    Formula("ü = −g,   u̇(T) = 0,   u = g (T t − t²/2)   in place of   u = g t²/2."),
+    (
+        "So it starts at full speed and comes to rest at T, where the two meet. At T/2 it has fallen"
+        " (T²/2 − T²/8)/(T²/8) = 3.00 times as far as it should. The published field, u = F(ξ, t) t², starts at rest,"
+        " and so can come as near to that motion as its network lets it, but not reach it at t = 0."
+    ),
+    (
+        "Cloth that is held. As long as it moves little, each mode, of frequency ω and static displacement uₛ, swings"
+        " by Newton’s law, and creeps by the published one:"
+    ),
+    Formula("u = uₛ (1 − cos ωt)   becomes   u = uₛ (1 − cosh ω(T − t) / cosh ωT)."),
+    (
+        "Where ωT is large it goes to its static shape at once, without overshoot and without swinging. Such a drape"
+        " looks plausible and is no motion; only figures over time tell the two apart."
+    ),
+)
 
 
 def free_fall(case: Portrait, series: str) -> tuple[Trace, Trace] | None:
@@ -77,9 +121,19 @@ class Finding:
     variants: Mapping[str, str]
 
     @property
-    def what(self) -> str:
-        """What is shown, in words."""
+    def words(self) -> str:
+        """What the series is called."""
         return self.series.replace("_", " ")
+
+    @property
+    def name(self) -> str:
+        """What tables and figures call it."""
+        return f"{self.case.title}: {self.words}"
+
+    def moved(self, trace: Trace | None, t: float) -> float | None:
+        """Return the way since rest; None if the trace does not reach so far."""
+        value, rest = (None, None) if trace is None else (trace.at(t), trace.at(0.0))
+        return None if value is None or rest is None else value - rest
 
 
 def shown_cases() -> dict[str, str]:
@@ -89,39 +143,43 @@ def shown_cases() -> dict[str, str]:
 
 def findings(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Finding]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
-    found = []
-    headline = leading_rows([row for row in rows if row.primary and not row.own_case])
-    for name, series in shown_cases().items():
-        of_case = [row for row in headline if row.case == name]
-        made = [(row, records[row.run_id]) for row in of_case if row.run_id and row.run_id in records]
-        case = portrait_of(made[0][1]) if made else _declared(name) if of_case else None
-        if case is None or case.ends is None:
-            continue
-        left = [(row, run) for row, record in made if (run := traced(record, case, row.solver))]
-        runs = [(row, run) for row, run in left if series in run.traces]
-        forms = free_fall(case, series) or ()
-        standard = yardstick([row for row, _ in runs])
-        newton, by = None, NOT_RUN
-        if forms:
-            newton, by = forms[0], "closed form"
-        elif standard is not None:
-            newton, by = next(run.traces[series] for row, run in runs if row is standard), standard.solver
-        status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in of_case}
-        solved = {row.solver for row, _ in runs}
-        found.append(
-            Finding(
-                case=case,
-                series=series,
-                unit=next((one.quantity.unit for one in case.along if one.name == series), "m"),
-                forms=forms,
-                newton=newton,
-                newton_by=by,
-                runs=tuple(run for _, run in runs),
-                status={solver: words for solver, words in status.items() if solver not in solved},
-                variants={row.solver: words for row, _ in runs if (words := variant_name(row))},
-            )
-        )
-    return found
+    headline = grouped(leading_rows([row for row in rows if row.primary and not row.own_case]), lambda row: row.case)
+    asked = ((series, headline[case]) for case, series in shown_cases().items() if case in headline)
+    found = (_finding(records, of_case, series) for series, of_case in asked)
+    return [one for one in found if one is not None]
+
+
+def _finding(records: Mapping[str, Record], rows: Sequence[Row], series: str) -> Finding | None:
+    case = _portrait(rows, records)
+    if case is None or case.ends is None:
+        return None
+    made = [
+        (row, run) for row in rows if (run := _run(records.get(row.run_id or ""), case, row)) and series in run.traces
+    ]
+    forms = free_fall(case, series) or ()
+    standard = yardstick([row for row, _ in made])
+    newton, by = None, NOT_RUN
+    if forms:
+        newton, by = forms[0], "closed form"
+    elif standard is not None:
+        newton, by = next(run.traces[series] for row, run in made if row is standard), standard.solver
+    status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in rows}
+    left = {run.name for _, run in made}
+    return Finding(
+        case=case,
+        series=series,
+        unit=next((one.quantity.unit for one in case.along if one.name == series), "m"),
+        forms=forms,
+        newton=newton,
+        newton_by=by,
+        runs=tuple(run for _, run in made),
+        status={solver: words for solver, words in status.items() if solver not in left},
+        variants={row.solver: words for row, _ in made if (words := variant_name(row))},
+    )
+
+
+def _run(record: Record | None, case: Portrait, row: Row) -> TracedRun | None:
+    return None if record is None else traced(record, case, row.solver)
 
 
 def declared_solvers(case: Portrait) -> list[str]:
@@ -132,7 +190,11 @@ def declared_solvers(case: Portrait) -> list[str]:
     return list(dict.fromkeys(run.solver for run in runs))
 
 
-def _declared(name: str) -> Portrait | None:
+def _portrait(rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | None:
+    record = next((records[row.run_id] for row in rows if row.run_id and row.run_id in records), None)
+    if record is not None:
+        return portrait_of(record)
+    name = rows[0].case
     return portrait_of_named(catalog.named_case(name)) if name in catalog.case_names() else None
 
 
@@ -140,12 +202,24 @@ def _status(row: Row) -> str:
     return NOT_RUN if row.status == "missing" else STATUS_WORDS.get(row.status, "left no motion")
 
 
+def section(found: Evidence) -> Section:
+    """Return the section of the finding, with its derivation."""
+    return Section(
+        name=NEWTON,
+        title=TITLE,
+        tables=given(newton_table(found.records, found.compared)),
+        exhibits=found.figures(NEWTON),
+        parts=(Section("why", "Why", words=DERIVATION),),
+        place="one suite",
+    )
+
+
 def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
     """Yield the figure that sets the cases of the finding side by side."""
     shown = [one for one in findings(records, rows) if one.runs or one.forms]
     if not shown:
         return
-    runs = [  # each case is a panel of its own
+    runs = [
         TracedRun(run.name, run.seed, run.run_id, run.reason, {one.case.name: run.traces[one.series]})
         for one in shown
         for run in one.runs
@@ -153,99 +227,84 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
     panels = [
         TracePanel(
             (one.case.name,),
-            f"{one.what} ({one.unit})",
+            f"{one.words} ({one.unit})",
             title=one.case.title,
             forms=dict(zip((LAW, STATIONARY), one.forms, strict=False)),
         )
         for one in shown
     ]
     missing = [f"{one.case.title}: {solver} {words}" for one in shown for solver, words in one.status.items()]
-    ends = [
-        ", ".join(f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs) or NOT_RUN
-        for one in shown
-    ]
     yield Exhibit(
         name=NEWTON,
         title=TITLE,
         caption="How far the napkin has fallen in free fall, and the height of the centre of mass of the strip and of"
         " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
         " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
-        description="; ".join(
-            f"{one.case.title}: {one.what}, at the end: {end}" for one, end in zip(shown, ends, strict=True)
-        ),
+        description="; ".join(_told(one) for one in shown),
         figure=trace_figure(panels, runs, inks(row.solver for row in rows)),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
         drawing=True,
     )
 
 
+def _told(one: Finding) -> str:
+    ends = [f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs]
+    return f"{one.name}, at the end: {', '.join(ends) or NOT_RUN}"
+
+
 def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
     cases = findings(records, rows)
-    solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
-    lines = [_line(one, solvers, words, share * one.case.way) for one in cases for words, share in HALF_AND_END]
-    if not lines:
+    if not cases:
         return None
-    notes = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
+    solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))
+    variants = [Note(f"{one.case.title}, {name}", words) for one in cases for name, words in one.variants.items()]
     failed = [(one.case.title, run) for one in cases for run in one.runs if run.reason]
-    notes += [Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed]
     return Table(
-        name="newton",
+        name=NEWTON,
         title="Way since rest",
         caption="How far the point, or the centre of mass, has moved since rest (m), and in brackets its ratio to"
         " Newton’s law; means over seeds.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame([_line(one, half, solvers) for one in cases for half in (True, False)]),
         columns=(
-            Column("Time", lambda line, notation: notation.escape(str(line["when"])), right=False),
-            Column("Newton’s law", _law),
-            Column("Published functional, stationary", _ratio("stationary")),
-            *(Column(solver, _ratio(solver)) for solver in solvers),
+            "when",
+            column("newton", "Newton’s law", _law, instead=lambda line, notation: notation.escape(line["newton_by"])),
+            column("stationary", "Published functional, stationary", _with_ratio),
+            *(column(solver, solver, _with_ratio, instead=_status_of(solver)) for solver in solvers),
         ),
-        notes=tuple(notes),
+        notes=(*variants, *(Note(f"{title}, {run.name}", f"failed: {run.reason}") for title, run in failed)),
     )
 
 
-def _line(one: Finding, solvers: Sequence[str], words: str, t: float) -> dict[str, Any]:
+def _line(one: Finding, half: bool, solvers: Sequence[str]) -> dict[str, Any]:
+    t = one.case.way / 2 if half else one.case.way
     line: dict[str, Any] = {
-        "block": f"{one.case.title}: {one.what}",
+        "block": one.name,
         "case": one.case.name,
         "quantity": one.series,
         "unit": one.unit,
         "at": t,
-        "when": f"{words} = {t:g} s",
-        "newton": _moved(one.newton, t),
+        "when": f"{'T/2' if half else 'T'} = {t:g} s",
+        "newton": one.moved(one.newton, t),
         "newton_by": one.newton_by,
-        "stationary": _moved(one.forms[1], t) if one.forms else None,
+        "stationary": one.moved(one.forms[1], t) if one.forms else None,
     }
     for solver in solvers:
-        made = [_moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
-        values = [value for value in made if value is not None]
-        line[solver] = float(np.mean(values)) if values else None
+        made = [one.moved(run.traces[one.series], t) for run in one.runs if run.name == solver]
+        reached = [value for value in made if value is not None]
+        line[solver] = float(np.mean(reached)) if reached else None
         line[f"{solver} status"] = one.status.get(solver, "" if made else NOT_RUN)
     return line
 
 
-def _moved(trace: Trace | None, t: float) -> float | None:
-    value, rest = (None, None) if trace is None else (trace.at(t), trace.at(0.0))
-    return None if value is None or rest is None else value - rest
+def _law(value: Any, line: Line, notation: Notation) -> str:
+    return f"{WAY(value, line, notation)} {notation.escape(line['newton_by'])}"
 
 
-def _law(line: Line, notation: Notation) -> str:
-    by = notation.escape(str(line["newton_by"]))
-    return f"{_number(line['newton'], notation)} {by}" if present(line["newton"]) else by
+def _with_ratio(value: Any, line: Line, notation: Notation) -> str:
+    law = line["newton"]
+    return WAY(value, line, notation) + (f" ({value / law:.2f})" if present(law) and law else "")
 
 
-def _ratio(name: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value, law = line[name], line["newton"]
-        if not present(value):
-            words = str(line.get(f"{name} status", ""))
-            return notation.escape(words) if words else notation.missing
-        ratio = f" ({value / law:.2f})" if present(law) and law else ""
-        return _number(value, notation) + ratio
-
-    return show
-
-
-def _number(value: float, notation: Notation) -> str:
-    return notation.number(rounded(value, abs(value) * 1e-3 or None))
+def _status_of(solver: str) -> Show:
+    return lambda line, notation: notation.escape(str(line[f"{solver} status"]))

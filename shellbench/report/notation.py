@@ -47,8 +47,8 @@ class Notation:
     ----------
     escape
         Plain words, with whatever is special in the format made harmless.
-    number
-        A number from its digits.
+    power
+        What follows a mantissa: a power of ten other than 1.
     code
         A name in typewriter.
     cite
@@ -59,16 +59,28 @@ class Notation:
         The sign of percent with the space before it.
     missing
         What stands where there is no value.
+    minus
+        The sign of what is negative.
+    formula
+        Encloses a number.
     """
 
     name: str
     escape: Callable[[str], str]
-    number: Callable[[Digits], str]
+    power: Callable[[int], str]
     code: Callable[[str], str]
     cite: Callable[[str], str]
     strong: Callable[[str], str]
     per_cent: str
     missing: str
+    minus: str = MINUS
+    formula: str = ""
+
+    def number(self, digits: Digits) -> str:
+        """Write a number from its digits, with its uncertainty in the last ones."""
+        doubt = "" if digits.uncertainty is None else f"({digits.uncertainty})"
+        power = self.power(digits.exponent) if digits.exponent else ""
+        return f"{self.formula}{digits.mantissa.replace('-', self.minus)}{doubt}{power}{self.formula}"
 
     def strong_number(self, digits: Digits) -> str:
         """Write a number that must not be overlooked."""
@@ -77,30 +89,6 @@ class Notation:
     def error(self, relative: float) -> str:
         """Write a relative error in percent, with its sign and two significant digits."""
         return self.number(percent(relative)) + self.per_cent
-
-
-def _doubt(digits: Digits) -> str:
-    return "" if digits.uncertainty is None else f"({digits.uncertainty})"
-
-
-def _text_number(digits: Digits) -> str:
-    return f"{digits.mantissa}{_doubt(digits)}" + (f"e{digits.exponent}" if digits.exponent else "")
-
-
-def _unicode_number(digits: Digits) -> str:
-    text = digits.mantissa.replace("-", MINUS) + _doubt(digits)
-    return text + (f"×10{str(digits.exponent).translate(SUPERSCRIPTS)}" if digits.exponent else "")
-
-
-def _latex_number(digits: Digits) -> str:
-    power = rf"\times10^{{{digits.exponent}}}" if digits.exponent else ""
-    return f"${digits.mantissa}{_doubt(digits)}{power}$"
-
-
-def _html_number(digits: Digits) -> str:
-    text = digits.mantissa.replace("-", MINUS) + _doubt(digits)
-    power = str(digits.exponent).replace("-", MINUS)
-    return text + (f"×10<sup>{power}</sup>" if digits.exponent else "")
 
 
 def _one_line(text: str) -> str:
@@ -134,19 +122,20 @@ def _markdown_code(text: str) -> str:
 TEXT = Notation(
     name="text",
     escape=_one_line,
-    number=_text_number,
+    power=lambda power: f"e{power}",
     code=_one_line,
     cite=lambda key: f"[{_one_line(key)}]",
     strong=_one_line,
     per_cent=" %",
     missing="-",
+    minus="-",
 )
 MARKDOWN = Notation(
     name="markdown",
     escape=escape_markdown,
-    number=_unicode_number,
+    power=lambda power: f"×10{str(power).translate(SUPERSCRIPTS)}",
     code=_markdown_code,
-    cite=lambda key: _markdown_code(key),
+    cite=_markdown_code,
     strong=lambda words: f"**{words}**",
     per_cent=f"{NARROW}%",
     missing="–",
@@ -154,17 +143,19 @@ MARKDOWN = Notation(
 LATEX_NOTATION = Notation(
     name="latex",
     escape=escape_latex,
-    number=_latex_number,
+    power=lambda power: rf"\times10^{{{power}}}",
     code=lambda text: rf"\texttt{{{escape_latex(text)}}}",
     cite=lambda key: rf"\cite{{{re.sub(r'[^A-Za-z0-9:_.+-]', '', key)}}}",
     strong=lambda words: rf"\textbf{{{words}}}",
     per_cent=r"\,\%",
     missing="--",
+    minus="-",
+    formula="$",
 )
 HTML = Notation(
     name="html",
     escape=escape_html,
-    number=_html_number,
+    power=lambda power: f"×10<sup>{str(power).replace('-', MINUS)}</sup>",
     code=lambda text: f"<code>{escape_html(text)}</code>",
     cite=lambda key: f'<a href="#source-{anchor(key)}">{escape_html(key)}</a>',
     strong=lambda words: f"<strong>{words}</strong>",

@@ -24,4 +24,9 @@ def remove_older(out: Path) -> None:
 def list_own(out: Path, written: Iterable[Path]) -> None:
     """List the files that a report wrote, relative to its folder, so that the next one can remove them."""
     names = sorted({path.relative_to(out).as_posix() for path in written if path.is_file()})
-    (out / MANIFEST).write_text("".join(f"{name}\n" for name in names), encoding="utf-8", newline="\n")
+    write(out / MANIFEST, "".join(f"{name}\n" for name in names))
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file of text, alike on every system."""
+    path.write_text(text, encoding="utf-8", newline="\n")

@@ -17,30 +17,23 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
-from shellbench.report.bibliography import Source, read_bibliography
-from shellbench.report.contents import Tables, tables_of
-from shellbench.report.derivation import DERIVATION
-from shellbench.report.derivation import TITLE as NEWTON_TITLE
-from shellbench.report.evidence import Evidence, Section
+from shellbench.report.bibliography import read_bibliography
+from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
-from shellbench.report.exhibits import PICTURE, exhibits
-from shellbench.report.leaves import Leaf, leaves_of
+from shellbench.report.exhibits import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.own_files import list_own, remove_older
+from shellbench.report.own_files import list_own, remove_older, write
 from shellbench.report.provenance import Making, environment_words, makings
-from shellbench.report.sections import sections as evidence_sections
+from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
 from shellbench.report.solutions import Known
-from shellbench.report.strains import words as strain_words
-from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import matrix, overall, shortfalls
 from shellbench.report.table import Table
-from shellbench.report.tables import render, tables_as_csv
-from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
+from shellbench.report.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
 BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
-WHOLE = "report"  # name of what is no page of a suite
+TOGETHER = (DISPLACEMENTS, QUANTITIES)  # tables with the same columns, in one CSV
 
 
 def write_report(
@@ -81,53 +74,54 @@ def write_report(
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    stored = store.records_of({row.run_id for row in rows}, say)
-    rows, by_id = told_apart(rows, stored)
-    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
-    shown = compared(rows)
-    found = Evidence(by_id, rows, store.folder, known)
-    sections = evidence_sections(found)
-    tables = tables_of(found, sections, whole=whole)
-    drawn = exhibits(by_id, shown, store.folder, known)
-    turned = views(by_id, shown, store.folder, pictured_runs(drawn))
-    proven = [exhibit for section in sections for exhibit in section.exhibits]
-    leaves = leaves_of(shown, tables, drawn, sections)
+    found, stored, sections = gather(store, rows, known, whole, say)
+    shown, drawn = found.compared, [exhibit for section in sections for exhibit in section.all_exhibits]
+    turned = views(dict(found.records), shown, store.folder, pictured_runs(drawn))
+    leaves = leaves_of(shown, sections)
     try:
         figures = out / "figures"
         remove_older(out)
         figures.mkdir(parents=True, exist_ok=True)
-        uris = save_all([*drawn, *proven], figures, for_print)
-        bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
-        facts = _facts(stored, rows, tables, sections, read_bibliography(bibliography))
-        facts |= {
-            "made_by": _made_by(facts["makings"], [*drawn, *proven], turned),
+        uris = save_all(drawn, figures, for_print)
+        facts = _facts(stored, found, sections) | {
             "uris": uris,
             "for_print": for_print,
-            "beyond": "" if whole else beyond(rows),
+            "beyond": "" if whole else beyond(found.rows),
             "leaves": leaves,
             "verdicts": {leaf.name: overall(leaf.rows) for leaf in leaves},
         }
+        facts["made_by"] = _made_by(facts["makings"], drawn, turned)
         for leaf in leaves:
-            _write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | _of_leaf(leaf, turned, facts)))
-        whole_report = Leaf(WHOLE, "", list(shown), tables, drawn, list(sections))
-        _write(out / "index.html", _page("index.html.j2", HTML, whole_report, facts | _scripts({})))
-        _write(out / "report.md", _page("report.md.j2", MARKDOWN, whole_report, facts | _paths_shown(whole_report)))
+            on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
+            viewed = _scripts({case: one for case, one in turned.items() if case in on_page})
+            of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
+            write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
+        report = Leaf(WHOLE, "", shown, sections)
+        write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
+        write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
         if turned:
-            _write(out / LIBRARY, library())
-        _write(out / "table.csv", tables_as_csv([*tables.displacements, *tables.quantities]))
-        _write(out / "table.tex", "\n".join(table.write("latex") for table in tables.printed))
-        _write(out / "table.json", render(rows, "json"))
-        for table in (*tables.apart, *(table for section in sections for table in section.details)):
-            _write(out / f"{table.name}.csv", table.write("csv"))
-        if bibliography.is_file():
-            shutil.copyfile(bibliography, out / BIBLIOGRAPHY)
-        names = [exhibit.name for exhibit in (*drawn, *proven)]
-        files = [figures / f"{name}.{suffix}" for name in names for suffix in ("pdf", "png", "svg")]
+            write(out / LIBRARY, library())
+        tables = all_tables(sections)
+        write(out / "table.csv", tables_as_csv([one for one in tables if one.name.startswith(TOGETHER)]))
+        printed = [one for one in tables if not one.name.startswith(QUANTITIES)]
+        write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
+        write(out / "table.json", render(found.rows, "json"))
+        for table in _apart(sections):
+            write(out / f"{table.name}.csv", table.write("csv"))
+        if facts["bibliography"]:
+            shutil.copyfile(catalog.data_folder("references") / BIBLIOGRAPHY, out / BIBLIOGRAPHY)
+        files = [figures / f"{exhibit.name}.{suffix}" for exhibit in drawn for suffix in ("pdf", "png", "svg")]
         pages = ["index.html", LIBRARY, *(leaf.file for leaf in leaves)]
         list_own(out, [*(out / name for name in (*pages, *facts["downloads"])), *files])
     except OSError as error:
         raise InputError(f"{out}: the report can't be written ({error.strerror})") from None
     return out / "index.html"
+
+
+def _apart(sections: Sequence[Section]) -> list[Table]:
+    """Return the tables with columns of their own, each a file of its own."""
+    details = [table for section in sections for table in section.details]
+    return [*(table for table in all_tables(sections) if not table.name.startswith(TOGETHER)), *details]
 
 
 def pictured_runs(drawn: Sequence[Exhibit]) -> dict[str, str]:
@@ -136,30 +130,20 @@ def pictured_runs(drawn: Sequence[Exhibit]) -> dict[str, str]:
     return {exhibit.name.removeprefix(PICTURE): exhibit.run_ids[0] for exhibit in pictures if exhibit.run_ids}
 
 
-def _facts(
-    records: dict[str, Record],
-    rows: Sequence[Row],
-    tables: Tables,
-    sections: Sequence[Section],
-    sources: dict[str, Source],
-) -> dict[str, Any]:
-    made, environments = makings(records, rows)
-    shown = compared(rows)
+def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Section]) -> dict[str, Any]:
+    made, environments = makings(records, found.rows)
+    sources = read_bibliography(catalog.data_folder("references") / BIBLIOGRAPHY)
     return {
         "version": __version__,
-        "verdict": overall(shown),
-        "strain_words": strain_words(shown) if tables.strains else [],
-        "newton_title": NEWTON_TITLE,
-        "derivation": DERIVATION,
+        "verdict": overall(found.compared),
         "report_command": REPORT_COMMAND,
-        "solvers": _labels(rows),
+        "solvers": _labels(found.rows),
         "makings": made,
         "environments": [environment_words(environment) for environment in environments],
         "newest": _newest(records.values()),
         "bibliography": sources,
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
-        + [f"{table.name}.csv" for table in tables.apart]
-        + [f"{table.name}.csv" for section in sections for table in section.details]
+        + [f"{table.name}.csv" for table in _apart(sections)]
         + ([BIBLIOGRAPHY] if sources else []),
     }
 
@@ -168,13 +152,12 @@ def _labels(rows: Sequence[Row]) -> dict[str, str]:
     return {row.solver: row.solver_label for row in rows if row.solver_label}
 
 
-def _newest(records: Collection[Record]) -> str | None:
-    return _minute(max(records, key=lambda record: record.order).created) if records else None
-
-
-def _minute(created: str) -> str:
-    """Say a moment to the minute."""
-    return datetime.fromisoformat(created).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
+def _newest(records: Collection[Record]) -> str:
+    """Say to the minute when the newest record was made; nothing if there is none."""
+    if not records:
+        return ""
+    newest = datetime.fromisoformat(max(records, key=lambda record: record.order).created)
+    return newest.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, list[Making]]:
@@ -183,17 +166,6 @@ def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[s
     seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
     shown = {exhibit.name: dict.fromkeys([*exhibit.run_ids, *seen.get(exhibit.name, ())]) for exhibit in drawn}
     return {name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()}
-
-
-def _of_leaf(leaf: Leaf, turned: Mapping[str, View], facts: Mapping[str, Any]) -> dict[str, Any]:
-    pictures = {exhibit.name for exhibit in leaf.exhibits}
-    on_page = {case: one for case, one in turned.items() if f"{PICTURE}{case}" in pictures}
-    return {"verdict": facts["verdicts"][leaf.name]} | _paths_shown(leaf) | _cloth(leaf) | _scripts(on_page)
-
-
-def _paths_shown(leaf: Leaf) -> dict[str, Any]:
-    curves = any(exhibit.name.startswith((CURVE, STATES)) for exhibit in leaf.exhibits)
-    return {"paths_shown": bool(leaf.tables.paths) or curves}
 
 
 def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
@@ -208,14 +180,6 @@ def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     }
 
 
-def _cloth(leaf: Leaf) -> dict[str, Any]:
-    """Return the cases of the section on cloth: the title of each, and names of its figures."""
-    figures = {exhibit.name for exhibit in leaf.exhibits}
-    names = {case: [name for prefix in CLOTH if (name := f"{prefix}{case}") in figures] for case in leaf.cases}
-    cases = {case: (leaf.cases[case], of_case) for case, of_case in names.items() if of_case}
-    return {"cloth": cases, "motions_shown": bool(cases or leaf.tables.motions)}
-
-
 def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("shellbench.report"),
@@ -225,24 +189,16 @@ def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) 
         undefined=jinja2.StrictUndefined,
     )
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
-    tables = [*leaf.tables.all, *(table for section in leaf.sections for table in section.tables)]
-    shown = {table.name: table for table in tables}.values()
-    titles, lines = matrix(leaf.rows, notation)
-    cited = dict.fromkeys(source for table in shown for source in table.cited)
-    on_index = template.startswith("index")
-    apart = {"solvers": _labels(leaf.rows)} if leaf.name != WHOLE else {}
+    environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
+    solvers, lines = matrix(leaf.rows, notation)
+    cited = dict.fromkeys(source for table in all_tables(leaf.sections) for source in table.cited)
     return environment.get_template(template).render(
-        **facts | apart,
+        **facts,
         leaf=leaf,
-        tables=leaf.tables,
-        sections=leaf.sections,
-        exhibits=leaf.exhibits,
         short=shortfalls(leaf.rows),
         sources=[(key, facts["bibliography"].get(key)) for key in cited],
-        files={table.name: _table_files(table) for table in shown} if notation is HTML and not on_index else {},
-        written={} if on_index else {t.name: t.write("html" if notation is HTML else "markdown") for t in shown},
-        matrix_solvers=[solver for solver, _ in lines],
-        matrix=[(title, [cells[case] for _, cells in lines]) for case, title in enumerate(titles)] if lines else [],
+        matrix_solvers=solvers,
+        matrix=lines,
     )
 
 
@@ -252,7 +208,3 @@ def _table_files(table: Table) -> dict[str, str]:
         "csv": data_uri("text/csv;charset=utf-8", table.write("csv").encode()),
         "tex": data_uri("text/x-tex;charset=utf-8", table.write("latex").encode()),
     }
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

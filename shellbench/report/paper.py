@@ -7,7 +7,7 @@ into another document as it is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,20 +21,15 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
-from shellbench.report.contents import tables_of
-from shellbench.report.derivation import TITLE as NEWTON_TITLE
-from shellbench.report.evidence import Evidence
+from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit
-from shellbench.report.exhibits import exhibits
-from shellbench.report.latex_letters import with_letters_of_latex
-from shellbench.report.latex_table import PACKAGES
+from shellbench.report.latex import PACKAGES, with_letters_of_latex
 from shellbench.report.notation import LATEX_NOTATION
-from shellbench.report.own_files import list_own, remove_older
+from shellbench.report.own_files import list_own, remove_older, write
 from shellbench.report.palette import style
 from shellbench.report.provenance import environment_words, makings
-from shellbench.report.sections import sections as evidence_sections
+from shellbench.report.sections import gather
 from shellbench.report.solutions import Known, theory_words
-from shellbench.report.suites import compared, rows_at_home, told_apart
 from shellbench.report.summary import overall
 from shellbench.report.table import Table, present
 
@@ -49,16 +44,6 @@ LINE_INCHES = 17 / 2.54  # of the document
 ERROR, REFERENCE = "error", "reference"  # how columns end that hold figures against known values
 
 
-@dataclass(frozen=True)
-class Chapter:
-    """A section of the document."""
-
-    title: str
-    words: tuple[str, ...] = ()
-    tables: tuple[Table, ...] = ()
-    exhibits: tuple[Exhibit, ...] = ()
-
-
 def write_paper(
     store: Store,
     rows: Sequence[Row],
@@ -69,74 +54,36 @@ def write_paper(
 ) -> Path:
     """Write tables, figures, bibliography and the document that shows them.
 
-    Parameters
-    ----------
-    store
-        Holds the records that the rows refer to, and their files.
-    rows
-        From `shellbench.bench.compare`; missing runs may be among them.
-    out
-        Folder to write; made if need be, tables and figures of an older paper are removed.
-    known
-        Known values by name of case.
-    say
-        Takes a sentence for each file of a run that is damaged.
-    whole
-        Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
-
-    Returns
-    -------
-    Path
-        The document, ``paper.tex``.
+    Parameters are those of `shellbench.report.page.write_report`; in `out`, tables and figures have folders of their
+    own. Returns the document, ``paper.tex``.
 
     Raises
     ------
     InputError
         If the store can't be read, or `out` is a file or can't be written.
     """
-    records = store.records_of({row.run_id for row in rows}, say)
-    rows, apart = told_apart(rows, records)
-    rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
-    chapters = _chapters(Evidence(apart, rows, store.folder, known), whole=whole)
+    found, records, sections = gather(store, rows, known, whole, say)
+    chapters = [section.with_each(lambda table: _stated(table, found), lambda exhibit: True) for section in sections]
     try:
         remove_older(out)
         for name in ("tables", "figures"):
             (out / name).mkdir(parents=True, exist_ok=True)
-        for chapter in chapters:
-            for table in chapter.tables:
-                _write(out / "tables" / f"{table.name}.tex", table.write("latex"))
-            for exhibit in chapter.exhibits:
-                _draw(exhibit, out / "figures")
+        tables = {out / "tables" / f"{table.name}.tex": table for table in all_tables(chapters)}
+        for path, table in tables.items():
+            write(path, table.write("latex"))
+        drawn = [exhibit for chapter in chapters for exhibit in chapter.all_exhibits]
+        for exhibit in drawn:
+            _draw(exhibit, out / "figures")
         bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
         given = bibliography.read_text(encoding="utf-8") if bibliography.is_file() else ""
         own = "" if OWN in read_bibliography(bibliography) else OWN_ENTRY
-        _write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
-        _write(out / DOCUMENT, _document(chapters, records, rows))
-        tables = [out / "tables" / f"{table.name}.tex" for chapter in chapters for table in chapter.tables]
-        drawn = [out / "figures" / f"{exhibit.name}.pdf" for chapter in chapters for exhibit in chapter.exhibits]
-        list_own(out, [*tables, *drawn, out / BIBLIOGRAPHY, out / DOCUMENT])
+        write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
+        write(out / DOCUMENT, _document(chapters, records, found))
+        figures = [out / "figures" / f"{exhibit.name}.pdf" for exhibit in drawn]
+        list_own(out, [*tables, *figures, out / BIBLIOGRAPHY, out / DOCUMENT])
     except OSError as error:
         raise InputError(f"{out}: the paper can't be written ({error.strerror})") from None
     return out / DOCUMENT
-
-
-def _chapters(found: Evidence, *, whole: bool = False) -> list[Chapter]:
-    """Return the sections of the document that have something to show, their tables with theory and sources."""
-    rows, sections = compared(found.rows), evidence_sections(found)
-    tables = tables_of(found, sections, whole=whole)
-    chapters = [
-        Chapter("Displacements", tables=tuple(tables.displacements)),
-        Chapter("Fields", tables=tuple(tables.fields)),
-        Chapter("Other quantities", tables=tuple(tables.quantities)),
-        Chapter("Paths", tables=tuple(tables.paths)),
-        Chapter("Strain measures", tables=tuple(tables.strains)),
-        Chapter(NEWTON_TITLE, tables=tuple(tables.newton)),
-        Chapter("Cloth in motion", tables=tuple(tables.motions)),
-        *(Chapter(s.title, s.words, s.tables, s.exhibits) for s in sections),
-        Chapter("Figures", exhibits=tuple(exhibits(found.records, rows, found.folder, found.known))),
-    ]
-    stated = [replace(c, tables=tuple(_stated(table, found) for table in c.tables)) for c in chapters]
-    return [chapter for chapter in stated if chapter.tables or chapter.exhibits]
 
 
 def _draw(exhibit: Exhibit, folder: Path) -> None:
@@ -169,8 +116,8 @@ def _judges(cases: Iterable[str], known: Known) -> Iterable[str]:
         yield from (value.source for value in known(case).values if value.role == "judge" and present(value.source))
 
 
-def _document(chapters: Sequence[Chapter], records: Mapping[str, Record], rows: Sequence[Row]) -> str:
-    made, environments = makings(records, rows)
+def _document(chapters: Sequence[Section], records: Mapping[str, Record], found: Evidence) -> str:
+    made, environments = makings(records, found.rows)
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("shellbench.report"),
         autoescape=False,
@@ -190,14 +137,10 @@ def _document(chapters: Sequence[Chapter], records: Mapping[str, Record], rows: 
         "version": __version__,
         "packages": PACKAGES,
         "line_inches": LINE_INCHES,
-        "verdict": overall(compared(rows)).words,
+        "verdict": overall(found.compared).words,
         "chapters": chapters,
         "environments": [environment_words(one) for one in environments],
         "commands": dict.fromkeys(making.command for making in made),
-        "cited": any(table.cited for chapter in chapters for table in chapter.tables),
+        "cited": any(table.cited for table in all_tables(chapters)),
     }
     return with_letters_of_latex(environment.get_template("paper.tex.j2").render(facts))
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8", newline="\n")

@@ -10,7 +10,6 @@ from typing import Any
 
 from shellbench.bench.record import Environment, Record
 from shellbench.bench.row import Row
-from shellbench.report.solutions import solution_name
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,6 @@ class Making:
     """
 
     record: Record
-    solution: str
     command: str
     environment: int
 
@@ -62,7 +60,6 @@ def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Ma
             environments.append(record.environment)
         found[record.run_id] = Making(
             record=record,
-            solution=solution_name(row),
             command=command(record, row.overrides),
             environment=environments.index(record.environment) + 1,
         )

@@ -10,15 +10,16 @@ import json
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
-import numpy as np
 import pandas as pd
 
 from shellbench.bench import catalog
+from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
+from shellbench.report.columns import frame
 
 Known = Callable[[str], KnownValues]
-Block = tuple[str, bool, str, float | None]
+R = TypeVar("R")
 T = TypeVar("T")
 
 THEORIES = {
@@ -30,47 +31,17 @@ THEORIES = {
     "mixed": "mixed theories",
     "unstated": "theory not stated",
 }
+MARKED = ("at", "mark", "unit")
 COLUMNS = (
-    "block",
-    "case",
-    "quantity",
-    "at",
-    "mark",
-    "unit",
-    "kind",
-    "solution",
-    "theory",
-    "judged_by",
-    "source",
-    "origin",
-    "locator",
-    "value",
-    "uncertainty",
-    "converged",
-    "spread",
-    "extrapolated",
-    "mean_error",
-    "worst_error",
-    "mean_absolute_error",
-    "worst_absolute_error",
-    "worst_seed",
-    "reference",
-    "reference_uncertainty",
-    "tolerance",
-    "tolerance_is_absolute",
-    "verdict",
-    "reason",
-    "seeds",
-    "answered",
-    "parameters",
-    "storage_bytes",
-    "seconds",
-    "peak_memory_bytes",
-    "energy_gap",
-    "run_ids",
+    *("block", "case", "quantity", *MARKED, "kind", "solution", "theory", "judged_by"),
+    *("source", "origin", "locator", "value", "uncertainty", "converged", "spread", "extrapolated"),
+    *("mean_error", "worst_error", "mean_absolute_error", "worst_absolute_error", "worst_seed"),
+    *("reference", "reference_uncertainty", "tolerance", "tolerance_is_absolute", "verdict", "reason"),
+    *("seeds", "answered", "parameters", "storage_bytes", "seconds", "peak_memory_bytes", "energy_gap", "run_ids"),
 )
-
-INTEGERS = ("worst_seed", "answered", "parameters", "storage_bytes", "peak_memory_bytes")
+BLOCK = ["case", "own_case", "quantity", "at"]  # what a row is a figure of, the mark of its state among it
+NUMBERS = ["value", "uncertainty", "relative_error", "absolute_error", "seed", "parameters", "storage_bytes", "seconds"]
+NUMBERS += ["peak_memory_bytes", "energy_gap", "reference"]
 
 PASS, SHORT, EXPECTED, NOT_GATED = "pass", "fell short", "expected failure", "not gated"
 STATUS_WORDS = {"failed": "run failed", "timeout": "timed out", "missing": "missing", "declined": "declined"}
@@ -80,11 +51,6 @@ BAD = (SHORT, *STATUS_WORDS.values())
 def theory_words(theory: str | None) -> str:
     """Return what a reader calls a theory."""
     return THEORIES.get(theory or "", theory or "")
-
-
-def block_of(row: Row) -> Block:
-    """Return what a row is a figure of: case, whether it is a user's own, quantity, and the mark of its state."""
-    return row.case, row.own_case, row.quantity, row.at
 
 
 def heading(row: Row) -> str:
@@ -114,12 +80,18 @@ def same_but_for_seed(row: Row) -> str:
     return json.dumps([row.solver, row.overrides, row.device, row.dtype], sort_keys=True, default=str)
 
 
-def grouped(rows: Iterable[Row], key: Callable[[Row], T]) -> dict[T, list[Row]]:
-    """Return the rows by a key, in order of appearance."""
-    groups: dict[T, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(key(row), []).append(row)
+def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
+    """Return rows or records by a key, in order of appearance."""
+    groups: dict[T, list[R]] = {}
+    for one in found:
+        groups.setdefault(key(one), []).append(one)
     return groups
+
+
+def by_solution(runs: Iterable[tuple[Row, Record]]) -> dict[str, list[Record]]:
+    """Return the records of runs by the name of their line in a table."""
+    found = grouped(runs, lambda run: solution_name(run[0]))
+    return {name: [record for _, record in of_solution] for name, of_solution in found.items()}
 
 
 def verdict(rows: Sequence[Row]) -> str:
@@ -144,31 +116,27 @@ def comparison(rows: Sequence[Row], known: Known) -> pd.DataFrame:
     known
         Known values by name of case.
     """
+    runs = pd.DataFrame([dict(row) | {"row": row, "line": same_but_for_seed(row)} for row in rows])
     lines: list[dict[str, Any]] = []
-    for (case, own, quantity, _), of_block in grouped(rows, block_of).items():
-        first = of_block[0]
-        common = {
-            "block": heading(first),
-            "case": case,
-            "quantity": quantity,
-            "at": first.at,
-            "mark": first.mark,
-            "unit": first.unit,
-        }
-        judge = next((row for row in of_block if row.reference is not None), None)
-        labels = {variant_name(row) for row in of_block}
-        values = KnownValues() if own else known(case)
-        lines += [common | _figure(value, judge) for value in _others(values, quantity, labels)]
-        if judge is not None:
-            lines.append(common | _judge(judge, values))
-        for group in grouped(of_block, same_but_for_seed).values():
-            lines.append(common | _solver(group))
-    return pd.DataFrame(lines, columns=list(COLUMNS)).astype(dict.fromkeys(INTEGERS, "Int64"))
+    if len(runs):
+        runs[NUMBERS] = runs[NUMBERS].astype(float)
+        for _, block in runs.groupby(BLOCK, sort=False, dropna=False):
+            lines += _block(block, known)
+    return frame(lines, COLUMNS)
 
 
-def _others(values: KnownValues, quantity: str, labels: set[str]) -> list[KnownValue]:
-    """Others' figures that belong beside these solutions: a variant's only where the variant itself is shown."""
-    return [v for v in values.of(quantity, "literature", "published") if v.label not in variants() - labels]
+def _block(runs: pd.DataFrame, known: Known) -> list[dict[str, Any]]:
+    """Return the lines of one quantity of one case."""
+    first = runs["row"].iloc[0]
+    judge = next(iter(runs.loc[runs["reference"].notna(), "row"]), None)
+    values = KnownValues() if first.own_case else known(first.case)
+    absent = variants() - set(map(variant_name, runs["row"]))  # a variant's figure stands beside the variant alone
+    others = [v for v in values.of(first.quantity, "literature", "published") if v.label not in absent]
+    lines = [_figure(value, judge) for value in others]
+    lines += [] if judge is None else [_judge(judge, values)]
+    lines += [_solver(line) for _, line in runs.groupby("line", sort=False)]
+    common = {"block": heading(first)} | {name: getattr(first, name) for name in ("case", "quantity", *MARKED)}
+    return [common | line for line in lines]
 
 
 def variants() -> set[str]:
@@ -176,77 +144,78 @@ def variants() -> set[str]:
     return {run.label for name in catalog.suite_names() for run in catalog.find_suite(name).runs if run.settings}
 
 
+def _reference(judge: Row | None) -> dict[str, Any]:
+    """Return what a line is held against."""
+    names = {
+        "judged_by": "reference_theory",
+        "reference": "reference",
+        "reference_uncertainty": "reference_uncertainty",
+    }
+    return {} if judge is None else {name: getattr(judge, of_row) for name, of_row in names.items()}
+
+
 def _figure(value: KnownValue, judge: Row | None) -> dict[str, Any]:
     reference = judge.reference if judge else None
     error = (value.value - reference) / abs(reference) if reference else None
-    return {
+    return _reference(judge) | {
         "kind": value.role,
         "solution": f"{value.label}, published" if value.label in variants() else value.label or value.role,
-        "theory": value.theory,
-        "judged_by": judge.reference_theory if judge else None,
-        "source": value.source,
-        "origin": value.origin,
-        "locator": value.locator,
-        "value": value.value,
-        "uncertainty": value.uncertainty,
+        **{name: getattr(value, name) for name in ("theory", "source", "origin", "locator", "value", "uncertainty")},
         "mean_error": error,
         "worst_error": error,
-        "reference": reference,
-        "reference_uncertainty": judge.reference_uncertainty if judge else None,
     }
 
 
 def _judge(row: Row, values: KnownValues) -> dict[str, Any]:
     judge = values.judge(row.quantity, row.reference_theory or "")
-    return {
+    return _reference(row) | {
         "kind": "judge",
         "solution": "Converged",
         "theory": row.reference_theory,
-        "judged_by": row.reference_theory,
         "source": row.reference_source,
         "origin": judge.origin if judge else "",
         "locator": judge.locator if judge else "",
         "value": row.reference,
         "uncertainty": row.reference_uncertainty,
-        "reference": row.reference,
-        "reference_uncertainty": row.reference_uncertainty,
     }
 
 
-def _solver(rows: list[Row]) -> dict[str, Any]:
+def _solver(runs: pd.DataFrame) -> dict[str, Any]:
+    rows: list[Row] = list(runs["row"])
     first = rows[0]
-    answered = [row for row in rows if row.value is not None]
-    values = [row.value for row in answered if row.value is not None]
-    return {
+    answered = runs[runs["value"].notna()]
+    settled = runs["converged"].dropna()
+    judged = answered[answered["seed"].notna()]
+    return _reference(first) | {
         "kind": "solver",
         "solution": solution_name(first),
-        "judged_by": first.reference_theory,
         "origin": first.solver_label,
-        "value": float(np.mean(values)) if values else None,
-        "uncertainty": _largest(row.uncertainty for row in answered),
-        "converged": all(said) if (said := [r.converged for r in rows if r.converged is not None]) else None,
-        "spread": float(np.std(values, ddof=1)) if len(values) > 1 else None,
+        "value": answered["value"].mean(),
+        "uncertainty": answered["uncertainty"].max(),
+        "converged": all(settled) if len(settled) else None,
+        "spread": answered["value"].std(),
         "extrapolated": first.extrapolated if len(rows) == 1 else None,
-        "mean_error": _mean(row.relative_error for row in answered),
-        "worst_error": _worst(row.relative_error for row in answered),
-        "mean_absolute_error": _mean(row.absolute_error for row in answered),
-        "worst_absolute_error": _worst(row.absolute_error for row in answered),
-        "worst_seed": _worst_seed(answered),
-        "reference": first.reference,
-        "reference_uncertainty": first.reference_uncertainty,
+        "mean_error": answered["relative_error"].mean(),
+        "worst_error": _worst(answered, "relative_error", "relative_error"),
+        "mean_absolute_error": answered["absolute_error"].mean(),
+        "worst_absolute_error": _worst(answered, "absolute_error", "absolute_error"),
+        "worst_seed": _worst(judged, "relative_error", "seed"),
         "tolerance": first.tolerance,
         "tolerance_is_absolute": first.tolerance_is_absolute,
         "verdict": verdict(rows),
         "reason": _reasons(rows),
         "seeds": " ".join(str(row.seed) for row in rows if row.seed is not None),
         "answered": len(answered),
-        "parameters": _largest(row.parameters for row in rows),
-        "storage_bytes": _largest(row.storage_bytes for row in rows),
-        "seconds": _mean(row.seconds for row in rows),
-        "peak_memory_bytes": _largest(row.peak_memory_bytes for row in rows),
-        "energy_gap": _largest(row.energy_gap for row in rows),
+        "seconds": runs["seconds"].mean(),
+        **{name: runs[name].max() for name in ("parameters", "storage_bytes", "peak_memory_bytes", "energy_gap")},
         "run_ids": " ".join(row.run_id for row in rows if row.run_id),
     }
+
+
+def _worst(runs: pd.DataFrame, name: str, wanted: str) -> float | None:
+    """Return what the run with the largest magnitude of an error has in a column; None if none has the error."""
+    errors = runs[name].dropna().abs()
+    return None if errors.empty else float(runs.loc[errors.idxmax(), wanted])
 
 
 def _reasons(rows: Sequence[Row]) -> str:
@@ -261,25 +230,3 @@ def _reasons(rows: Sequence[Row]) -> str:
 
 def _reason(row: Row) -> str:
     return row.reason or f"open finding: {row.open_finding}"
-
-
-def _given(values: Iterable[float | None]) -> list[float]:
-    return [value for value in values if value is not None]
-
-
-def _mean(values: Iterable[float | None]) -> float | None:
-    given = _given(values)
-    return float(np.mean(given)) if given else None
-
-
-def _largest(values: Iterable[float | None]) -> float | None:
-    return max(_given(values), default=None)
-
-
-def _worst(values: Iterable[float | None]) -> float | None:
-    return max(_given(values), key=abs, default=None)
-
-
-def _worst_seed(rows: Sequence[Row]) -> int | None:
-    judged = [row for row in rows if row.relative_error is not None and row.seed is not None]
-    return max(judged, key=lambda row: abs(row.relative_error or 0.0)).seed if judged else None

@@ -3,25 +3,47 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.digits import quoted, rounded
+from shellbench.report.columns import (
+    Column,
+    Line,
+    at_most,
+    column,
+    error,
+    in_its_unit,
+    known_value,
+    present,
+    rounded_value,
+    strong,
+    words,
+)
+from shellbench.report.digits import quoted
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import SUPERSCRIPTS, Notation
+from shellbench.report.palette import DASHES, OKABE_ITO, Ink
 from shellbench.report.solutions import STATUS_WORDS, grouped
 from shellbench.report.suites import rows_of, suite_title
-from shellbench.report.table import Column, Line, Note, Show, Table, present
+from shellbench.report.table import Note, Table
 
 SUITE = "strain_ablation"
+STRAIN = "strain_"  # how names of figures begin
 STRAINS = ("linear", "published", "exact")  # what the suite calls its runs
 EXACT = "exact"
 VANISHES = math.acos((1 - math.sqrt(5)) / 2)  # root of cos + sin^2: no published curvature there, 128.17 degrees
-FIGURES = 6  # significant digits of a value without a known one beside it
+HALF_TURN = 180.0  # degrees: the plate is rolled by t half turns
+SIZE = (7.2, 2.9)  # inches
+FINE = 181  # points of a closed form
 
 
 def strain_rows(rows: Sequence[Row]) -> list[Row]:
@@ -33,69 +55,70 @@ def strain_rows(rows: Sequence[Row]) -> list[Row]:
     return [row for of_case in of_cases for row in sorted(of_case, key=lambda row: row.at or 0.0)]
 
 
+def section(found: Evidence) -> Section:
+    """Return the section of the ablation."""
+    tables = given(strain_table(found.compared))
+    paragraphs = tuple(findings(found.compared) if tables else ())
+    return Section("strains", "Strain measures", paragraphs, tables, found.figures(STRAIN), place="one suite")
+
+
 def strain_table(rows: Sequence[Row]) -> Table | None:
     """Return answers and energies under each strain with their errors; None if there is nothing to compare."""
-    lines: list[dict[str, Any]] = []
-    notes: list[Note] = []
     shown = strain_rows(rows)
-    for (case, quantity), of_quantity in grouped(shown, lambda row: (row.case, row.quantity)).items():
-        by_strain = {row.label: row for row in of_quantity}
-        first = of_quantity[0]
-        exact = by_strain[EXACT].value if EXACT in by_strain else None
-        mark = f" at {first.mark}" if first.mark and "_" not in first.mark else ""
-        line: dict[str, Any] = {
-            "block": first.case_title or case,
-            "case": case,
-            "quantity": quantity,
-            "what": f"{(first.description or quantity.replace('_', ' '))}{mark}",
-            "at": first.at,
-            "unit": first.unit,
-            "reference": next((row.reference for row in of_quantity if row.reference is not None), None),
-            "reference_uncertainty": first.reference_uncertainty,
-        }
-        for strain in STRAINS:
-            line |= _under(strain, by_strain.get(strain), exact)
-        lines.append(line)
-    for row in shown:
-        if row.status not in ("ok", "declined") and row.reason:
-            notes.append(Note(f"{row.case_title or row.case}, {row.label} ({STATUS_WORDS[row.status]})", row.reason))
-    if not lines:
+    if not shown:
         return None
+    notes = [
+        Note(f"{row.case_title or row.case}, {row.label} ({STATUS_WORDS[row.status]})", row.reason)
+        for row in shown
+        if row.status not in ("ok", "declined") and row.reason
+    ]
     return Table(
         name="strains",
         title=suite_title(SUITE).partition(";")[0],
         caption="The same solver with each measure of strain. Errors are relative to the known value of non-linear"
         " Kirchhoff–Love theory; those marked † to the exact measure's own figure, where no value is known, and those"
         " with a unit are absolute.",
-        data=pd.DataFrame(lines),
+        data=pd.DataFrame(list(map(_line, grouped(shown, lambda row: (row.case, row.quantity)).values()))),
         columns=(
-            Column("Quantity", _what, right=False),
-            Column("Known value", _known),
-            *(
-                column
-                for strain in STRAINS
-                for column in (Column(strain.capitalize(), _value(strain)), Column("Error", _error(strain)))
-            ),
+            column("what", "Quantity", _with_unit, right=False),
+            column("reference", way=strong(known_value)),
+            *(one for strain in STRAINS for one in (_answer(strain), _error(strain))),
         ),
         notes=tuple(dict.fromkeys(notes)),
+        suite=SUITE,
     )
 
 
-def _under(strain: str, row: Row | None, exact: float | None) -> dict[str, Any]:
-    """Return value and error under one strain; without a known value, the departure from the exact strain's."""
-    found: dict[str, Any] = dict.fromkeys(
-        f"{strain}{part}" for part in ("", "_error", "_absolute_error", "_departure", "_status", "_run_id")
-    )
-    if row is None:
-        return found | {f"{strain}_status": "missing"}
-    found |= {strain: row.value, f"{strain}_status": row.status, f"{strain}_run_id": row.run_id}
-    found |= {f"{strain}_error": row.relative_error, f"{strain}_absolute_error": row.absolute_error}
-    if row.reference is None and strain != EXACT and exact and row.value is not None:
-        found[f"{strain}_departure"] = row.value / exact - 1
-    return found
+def _line(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return value and error under each strain; without a known value, the departure from the exact strain's."""
+    first, by_strain = rows[0], {row.label: row for row in rows}
+    exact = by_strain[EXACT].value if EXACT in by_strain else None
+    mark = f" at {first.mark}" if first.mark and "_" not in first.mark else ""
+    line: dict[str, Any] = {
+        "block": first.case_title or first.case,
+        "case": first.case,
+        "quantity": first.quantity,
+        "what": f"{first.description or first.quantity.replace('_', ' ')}{mark}",
+        "at": first.at,
+        "unit": first.unit,
+        "reference": next((row.reference for row in rows if row.reference is not None), None),
+        "reference_uncertainty": first.reference_uncertainty,
+    }
+    for strain in STRAINS:
+        row = by_strain.get(strain)
+        departs = row is not None and row.reference is None and strain != EXACT and exact and row.value is not None
+        line |= {
+            strain: row.value if row else None,
+            f"{strain}_error": row.relative_error if row else None,
+            f"{strain}_absolute_error": row.absolute_error if row else None,
+            f"{strain}_departure": row.value / exact - 1 if row and departs else None,  # type: ignore[operator]
+            f"{strain}_status": row.status if row else "missing",
+            f"{strain}_run_id": row.run_id if row else None,
+        }
+    return line
 
 
-def words(rows: Sequence[Row]) -> list[str]:
+def findings(rows: Sequence[Row]) -> list[str]:
     """Explain what the ablation shows, in paragraphs of plain words."""
     degrees = math.degrees(VANISHES)
     paragraphs = [
@@ -167,40 +190,107 @@ def bending_energies(records: Mapping[str, Record], rows: Sequence[Row], case: s
     return found
 
 
-def _what(line: Line, notation: Notation) -> str:
-    unit = f" ({line['unit']})" if present(line["unit"]) else ""
-    return notation.escape(f"{line['what']}{unit}")
+def _with_unit(value: Any, line: Line, notation: Notation) -> str:
+    return words(f"{value} ({line['unit']})" if present(line["unit"]) else value, line, notation)
 
 
-def _known(line: Line, notation: Notation) -> str:
-    value, uncertainty = line["reference"], line["reference_uncertainty"]
-    if not present(value):
-        return notation.missing
-    return notation.strong_number(
-        rounded(value, uncertainty if present(uncertainty) else None, show_uncertainty=present(uncertainty))
+def _answer(strain: str) -> Column:
+    number = column(strain, strain.capitalize(), rounded_value)
+
+    def written(line: Line, notation: Notation) -> str:
+        status = STATUS_WORDS.get(line[f"{strain}_status"])
+        if status is None:
+            return number.show(line, notation)
+        partly = f" ({number.show(line, notation)})" if present(line[strain]) else ""
+        return notation.strong(notation.escape(status)) + partly
+
+    return replace(number, show=written)
+
+
+def _error(strain: str) -> Column:
+    absolute = in_its_unit(f"{strain}_absolute_error", at_most(2))
+
+    def otherwise(line: Line, notation: Notation) -> str:
+        departure = line[f"{strain}_departure"]
+        marked = notation.error(departure) + notation.escape("†") if present(departure) else ""
+        return absolute(line, notation) or marked
+
+    return column(f"{strain}_error", "Error", error, instead=otherwise)
+
+
+INKS: Mapping[str, Ink] = {
+    "linear": Ink(OKABE_ITO[6], "s", DASHES[2]),
+    "published": Ink(OKABE_ITO[5], "^", DASHES[1]),
+    "exact": Ink(OKABE_ITO[2], "o", DASHES[0]),
+}
+ENERGY: Mapping[str, Callable[[float], float]] = {
+    "linear": linear_energy,
+    "published": published_energy,
+    "exact": lambda theta: 1.0,
+}
+CURVATURE: Mapping[str, Callable[[float], float]] = {
+    "linear": math.cos,
+    "published": lambda phi: math.cos(phi) + math.sin(phi) ** 2,
+    "exact": lambda phi: 1.0,
+}
+
+
+def rolled_figure(energies: Mapping[str, Mapping[float, float]], stiffness: float) -> Figure | None:
+    """Draw the bending energy of a rolled plate against its angle, as it is and relative to the exact one.
+
+    Parameters
+    ----------
+    energies
+        By strain and by t, the angle in half turns: bending energy, J. None is drawn if it is empty.
+    stiffness
+        Exact bending energy over half the square of the angle, J: B A / L^2, with B the bending stiffness, A the
+        area and L the length that is rolled.
+    """
+    if not any(energies.values()):
+        return None
+    figure = Figure(figsize=SIZE, layout="constrained")
+    panels = left, middle, right = figure.subplots(1, 3)
+    angles = np.linspace(0.0, HALF_TURN, FINE)
+    for strain, ink in INKS.items():
+        ratio, curvature = (np.array([form[strain](a) for a in np.radians(angles)]) for form in (ENERGY, CURVATURE))
+        energy = ratio * exact_energy(np.radians(angles), stiffness)
+        for axes, values in zip(panels, (energy, ratio, curvature), strict=True):
+            look = {"linestyle": ink.dashes, "linewidth": 1.1, "label": f"{strain}, closed form"}
+            axes.plot(angles, values, color=ink.colour, **look)
+        if marks := energies.get(strain):
+            turned, computed = HALF_TURN * np.array(list(marks)), np.array(list(marks.values()))
+            look = {"linestyle": "none", "marker": ink.marker, "markersize": 4.0, "label": f"{strain}, computed"}
+            left.plot(turned, computed, color=ink.colour, **look)
+            middle.plot(turned, computed / exact_energy(np.radians(turned), stiffness), color=ink.colour, **look)
+    rolled, normal = r"rolled to $\theta$ (degrees)", r"normal turned by $\varphi$ (degrees)"
+    words = ((rolled, "bending energy (J)"), (rolled, "bending energy / exact"), (normal, "curvature / exact"))
+    for axes, (x, y) in zip(panels, words, strict=True):
+        axes.set(xlabel=x, ylabel=y, xticks=np.arange(0.0, HALF_TURN + 1, 45.0))
+    left.set_ylim(bottom=0.0)
+    middle.set_ylim(bottom=0.0)
+    right.axhline(0.0, color="#999999", linewidth=0.6, zorder=0)
+    _mark_zero(right)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def exact_energy(theta: Any, stiffness: float) -> Any:
+    """Return the exact bending energy of a plate rolled to an angle (rad): kappa = theta/L everywhere, J."""
+    return stiffness * theta**2 / 2
+
+
+def _mark_zero(axes: Axes) -> None:
+    """Mark where no published curvature is left, whatever the bending."""
+    degrees, colour = math.degrees(VANISHES), INKS["published"].colour
+    axes.plot([degrees], [0.0], marker="o", markersize=6, markerfacecolor="white", markeredgecolor=colour)
+    axes.annotate(
+        f"published stiffness\nvanishes at {degrees:.2f}°",
+        (degrees, 0.0),
+        xytext=(0.02, 0.2),
+        textcoords="axes fraction",
+        ha="left",
+        va="center",
+        fontsize=6.5,
+        color=colour,
+        arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": colour},
     )
-
-
-def _value(strain: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        value, status = line[strain], line[f"{strain}_status"]
-        if status in STATUS_WORDS:
-            words = notation.strong(notation.escape(STATUS_WORDS[status]))
-            return f"{words} ({notation.number(rounded(value))})" if present(value) else words
-        return notation.number(rounded(value)) if present(value) else notation.missing
-
-    return show
-
-
-def _error(strain: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        relative, absolute = line[f"{strain}_error"], line[f"{strain}_absolute_error"]
-        if present(relative):
-            return notation.error(relative)
-        if present(absolute):
-            return notation.number(quoted(float(f"{absolute:.2g}"))) + " " + notation.escape(line["unit"])
-        if present(line[f"{strain}_departure"]):
-            return notation.error(line[f"{strain}_departure"]) + notation.escape("†")
-        return notation.missing
-
-    return show

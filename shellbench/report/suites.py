@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
@@ -40,19 +41,16 @@ def told_apart(rows: Sequence[Row], records: Mapping[str, Record] | None = None)
         else row
         for row in rows
     ]
-    renamed = {
-        run_id: record.model_copy(update={"case_name": OWN + record.case_name})
-        if record.own_case and record.case_name in names
-        else record
-        for run_id, record in (records or {}).items()
-    }
     titles = {row.run_id: row.case_title for row in apart if row.own_case and row.case_title}
-    return apart, {
-        run_id: record.model_copy(update={"case": record.case | {"title": titles[run_id][:LONGEST_TITLE]}})
-        if run_id in titles
-        else record
-        for run_id, record in renamed.items()
-    }
+    renamed = dict(records or {})
+    for run_id, record in renamed.items():
+        update: dict[str, Any] = {}
+        if record.own_case and record.case_name in names:
+            update["case_name"] = OWN + record.case_name
+        if run_id in titles:
+            update["case"] = record.case | {"title": titles[run_id][:LONGEST_TITLE]}
+        renamed[run_id] = record.model_copy(update=update) if update else record
+    return apart, renamed
 
 
 def shown_under(row: Row) -> tuple[str, ...]:

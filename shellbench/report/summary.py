@@ -49,24 +49,22 @@ class Verdict:
     @property
     def words(self) -> str:
         """The verdict in one sentence."""
-        if not self.gated:
-            text = "Nothing is gated here"
-        elif self.good:
-            text = f"All {self.gated} gated figures hold"
-        else:
-            text = f"{self.held} of {self.gated} gated figures hold"
-            short = self.gated - self.held - self.without_answer
-            if short:
-                text += f"; {short} fell short"
-            if self.without_answer:
-                text += f"; {self.without_answer} ha{'ve' if self.without_answer != 1 else 's'} no answer"
-        if self.expected:
-            text += f"; {self.expected} expected failure{'s' if self.expected != 1 else ''} (open findings)"
-        if self.bad_runs:
-            text += f"; {self.bad_runs} run{'s' if self.bad_runs != 1 else ''} failed or missing"
-        if self.beside:
-            text += f"; {self.beside} run{'s' if self.beside != 1 else ''} beside them, which no gate judges, failed"
-        return text + "."
+        short = self.gated - self.held - self.without_answer
+        have = "have" if self.without_answer != 1 else "has"
+        held = f"{'All' if self.good else f'{self.held} of'} {self.gated} gated figures hold"
+        parts = (
+            held if self.gated else "Nothing is gated here",
+            f"{short} fell short" if short else "",
+            f"{self.without_answer} {have} no answer" if self.without_answer else "",
+            f"{_counted(self.expected, 'expected failure')} (open findings)" if self.expected else "",
+            f"{_counted(self.bad_runs, 'run')} failed or missing" if self.bad_runs else "",
+            f"{_counted(self.beside, 'run')} beside them, which no gate judges, failed" if self.beside else "",
+        )
+        return "; ".join(filter(None, parts)) + "."
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'s' if count != 1 else ''}"
 
 
 @dataclass(frozen=True)
@@ -140,18 +138,18 @@ def overall(rows: Sequence[Row]) -> Verdict:
 
 
 def matrix(rows: Sequence[Row], notation: Notation) -> tuple[list[str], list[tuple[str, list[Cell]]]]:
-    """Return the titles of the cases, and for each gated solver its worst headline error on each.
+    """Return the gated solvers, and for each case its title and each solver's worst headline error on it.
 
     The verdict of a cell is over all gated quantities of the case, not the headline alone.
     """
     gated = [row for row in rows if row.passed is not None or row.open_finding]
-    cases = {row.case: row.case_title or row.case for row in gated}
-    solvers = dict.fromkeys(solution_name(row) for row in gated)
-    lines = []
-    for solver in solvers:
-        of_solver = [row for row in gated if solution_name(row) == solver]
-        lines.append((solver, [_cell([row for row in of_solver if row.case == case], notation) for case in cases]))
-    return list(cases.values()), lines
+    of_both = grouped(gated, lambda row: (row.case, solution_name(row)))
+    solvers = list(dict.fromkeys(solver for _, solver in of_both))
+    titles = {row.case: row.case_title or row.case for row in gated}
+    return solvers, [
+        (title, [_cell(of_both.get((case, solver), []), notation) for solver in solvers])
+        for case, title in titles.items()
+    ]
 
 
 def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
@@ -163,9 +161,8 @@ def _cell(rows: Sequence[Row], notation: Notation) -> Cell:
     errors = [row.relative_error for row in headline if row.relative_error is not None]
     if not errors:
         return Cell(notation.escape(words), state)
-    worst = max(errors, key=abs)
-    text = f"{notation.escape(words)}: {notation.number(power_of_ten(worst))}"
-    tolerance = headline[0].tolerance
-    if tolerance is not None and not headline[0].tolerance_is_absolute:
-        text += " / " + notation.number(power_of_ten(tolerance))
-    return Cell(text, state)
+    shown = [max(errors, key=abs)]
+    if headline[0].tolerance is not None and not headline[0].tolerance_is_absolute:
+        shown.append(headline[0].tolerance)
+    numbers = " / ".join(notation.number(power_of_ten(one)) for one in shown)
+    return Cell(f"{notation.escape(words)}: {numbers}", state)

@@ -9,15 +9,15 @@ scopes for screen readers.)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import pandas as pd
 
-from shellbench.report.columns import VOCABULARY, Column, Line, Show, column, present
-from shellbench.report.latex_table import write_latex
+from shellbench.report.columns import Column, Line, Show, column, frame, present
+from shellbench.report.latex import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
 
 __all__ = ["Column", "Line", "Note", "Show", "Table", "frame", "present"]
@@ -54,6 +54,8 @@ class Table:
         One row for each row of the table, at full precision; the column `block` says under which heading.
     columns
         By their names in the vocabulary of `shellbench.report.columns`, or whole where they depart from it.
+    suite
+        That it is about, if it is about one; else its cases say so.
     """
 
     name: str
@@ -62,7 +64,8 @@ class Table:
     data: pd.DataFrame
     columns: tuple[str | Column, ...]
     notes: tuple[Note, ...] = ()
-    sources: tuple[str, ...] = field(default=())
+    sources: tuple[str, ...] = ()
+    suite: str = ""
 
     @property
     def cited(self) -> tuple[str, ...]:
@@ -78,34 +81,21 @@ class Table:
         """Return the columns that a notation shows."""
         return tuple(one for one in self.declared if not one.wide or notation not in (TEXT, LATEX_NOTATION))
 
-    def lines(self) -> Iterator[tuple[str, list[Line]]]:
-        """Yield the heading of each block (plain words) with its rows of the data."""
-        yield from self._lines
-
     @cached_property
-    def _lines(self) -> tuple[tuple[str, list[Line]], ...]:
-        """The blocks as plain data: each of the formats asks for them, and pandas takes its time."""
+    def lines(self) -> list[tuple[str, list[Line]]]:
+        """The heading of each block (plain words) with its rows of the data, once for all formats."""
         blocks = self.data.groupby("block", sort=False) if len(self.data) else ()
-        return tuple(
-            (str(heading), [{str(name): value for name, value in line.items()} for line in rows.to_dict("records")])
-            for heading, rows in blocks
-        )
+        return [(str(heading), cast(list[Line], rows.to_dict("records"))) for heading, rows in blocks]
 
     def blocks(self, notation: Notation) -> Iterator[tuple[str, list[Cells]]]:
         """Yield the heading of each block (plain words) with its rows of cells in a notation."""
         columns = self.columns_in(notation)
-        for heading, lines in self.lines():
+        for heading, lines in self.lines:
             yield heading, [[column.show(line, notation) for column in columns] for line in lines]
 
     def write(self, format: Format) -> str:
         """Write the table in a format."""
         return WRITERS[format](self)
-
-
-def frame(lines: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Return lines as the data of a table, whole numbers as such though some be missing."""
-    data = pd.DataFrame(list(lines))
-    return data.astype({name: "Int64" for name in data if name in VOCABULARY and column(str(name)).whole})
 
 
 def write_text(table: Table) -> str:
@@ -165,7 +155,7 @@ def write_html(table: Table) -> str:
         f"<caption><strong>{HTML.escape(table.title)}.</strong> {HTML.escape(table.caption)}</caption>",
         f"<thead><tr>{head}</tr></thead>",
     ]
-    for heading, block in table.lines():
+    for heading, block in table.lines:
         lines.append("<tbody>")
         if heading:
             words = f"<span>{HTML.escape(heading)}</span>"
@@ -183,7 +173,7 @@ def write_html(table: Table) -> str:
 
 def _telling(table: Table) -> list[Column]:
     """Return the columns that say something in some row: the page leaves out the others."""
-    lines = [line for _, block in table.lines() for line in block]
+    lines = [line for _, block in table.lines for line in block]
     silent = ("", HTML.missing)
     first, *rest = table.declared
     return [first, *(c for c in rest if not lines or any(c.show(line, HTML) not in silent for line in lines))]

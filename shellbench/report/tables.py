@@ -6,21 +6,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.compare import as_json
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
-from shellbench.report import cells
+from shellbench.report.columns import Column, Line, column, in_its_unit, present, significant, solution, words
 from shellbench.report.digits import allowance, quoted, rounded
 from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
 from shellbench.report.engines_table import cross_check_table
+from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
 from shellbench.report.studies import rows_of_study, studies_of
 from shellbench.report.suites import compared, is_study, rows_at_home, rows_of, suite_title, suites_of
-from shellbench.report.table import Column, Format, Line, Note, Show, Table, present
+from shellbench.report.table import Format, Note, Table
+
+DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
 
 
 def render(
@@ -81,29 +85,31 @@ def displacement_tables(
     """
     headline = [row for row in rows if row.primary]
     shown = {suite: rows_of(headline, suite) for suite in suites_of(headline)} if whole else rows_at_home(headline)
-    return [
-        comparison_table(f"displacements_{suite}", suite_title(suite), of_suite, known)
-        for suite, of_suite in shown.items()
-    ]
+    return [comparison_table(DISPLACEMENTS, suite, "", of_suite, known) for suite, of_suite in shown.items()]
 
 
-def quantity_tables(rows: Sequence[Row], known: Known = catalog.known_values) -> list[Table]:
-    """Return a table of all other quantities for each suite; a run that several declare is in one of them."""
-    homes = rows_at_home([row for row in rows if not row.primary])
-    return [
-        comparison_table(f"quantities_{suite}", f"{suite_title(suite)}: other quantities", of_suite, known)
-        for suite, of_suite in homes.items()
-    ]
+def displacements(found: Evidence) -> Section:
+    """Return the section of headline quantities."""
+    tables = displacement_tables(found.compared, found.known, whole=found.whole)
+    return Section("displacements", "Displacements", tables=tuple(tables), place="its suites")
 
 
-def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -> Table:
-    """Return the table that holds solvers against known values."""
+def quantities(found: Evidence) -> Section:
+    """Return the section of all other quantities; a run that several suites declare is in the table of one."""
+    homes = rows_at_home([row for row in found.compared if not row.primary])
+    title = ": other quantities"
+    tables = [comparison_table(QUANTITIES, suite, title, of_suite, found.known) for suite, of_suite in homes.items()]
+    return Section("quantities", "Other quantities", tables=tuple(tables), place="its suites")
+
+
+def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], known: Known) -> Table:
+    """Return the table of a suite that holds solvers against known values."""
     data = comparison(rows, known)
     theories = dict.fromkeys(theory_words(theory) for theory in data.loc[data["kind"] == "judge", "theory"])
     sources = tuple(dict.fromkeys(source for source in data["source"] if present(source)))
     return Table(
-        name=name,
-        title=title,
+        name=f"{begins}{suite}",
+        title=f"{suite_title(suite)}{title}",
         caption=caption(
             list(theories),
             marked=any(map(within_doubt, data.to_dict("records"))),
@@ -113,6 +119,7 @@ def comparison_table(name: str, title: str, rows: Sequence[Row], known: Known) -
         columns=COMPARISON,
         notes=tuple(notes(rows, data.to_dict("records"), known)),
         sources=sources,
+        suite=suite,
     )
 
 
@@ -167,12 +174,10 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
     return list(dict.fromkeys(remarks))
 
 
-def _solution(line: Line, notation: Notation) -> str:
-    words = str(line["solution"])
+def _solution(value: Any, line: Line, notation: Notation) -> str:
     if line["kind"] == "solver":
-        name, comma, variant = words.partition(", ")
-        return notation.code(name) + notation.escape(f"{comma}{variant}")
-    name = notation.escape(words)
+        return solution(value, line, notation)
+    name = notation.escape(value)
     if line["kind"] == "judge":
         name = notation.strong(name)
     if notation not in (TEXT, LATEX_NOTATION):
@@ -183,24 +188,15 @@ def _solution(line: Line, notation: Notation) -> str:
 def _origin(line: Line, notation: Notation) -> str:
     if line["kind"] == "solver":
         return ""
-    words = notation.escape(f"{theory_words(line['theory'])}: {line['origin']}")
-    return f"{words} {notation.cite(line['source'])}" if present(line["source"]) else words
+    told = notation.escape(f"{theory_words(line['theory'])}: {line['origin']}")
+    return f"{told} {notation.cite(line['source'])}" if present(line["source"]) else told
 
 
-def _of_solvers(show: Show) -> Show:
-    """Leave the cell of a known value empty: there is nothing to say."""
-    return lambda line, notation: show(line, notation) if line["kind"] == "solver" else ""
+def _seeds(value: Any, line: Line, notation: Notation) -> str:
+    return f"{int(line['answered'])}/{len(str(value).split())}"
 
 
-def _seeds(line: Line, notation: Notation) -> str:
-    seeds = str(line["seeds"]).split() if present(line["seeds"]) else []
-    return f"{int(line['answered'])}/{len(seeds)}" if seeds else notation.missing
-
-
-def _value(line: Line, notation: Notation) -> str:
-    value = line["value"]
-    if not present(value):
-        return notation.missing
+def _value(value: Any, line: Line, notation: Notation) -> str:
     if line["kind"] in ("literature", "published"):
         return notation.number(quoted(value))
     if line["kind"] == "judge":
@@ -229,58 +225,53 @@ def within_doubt(line: Line, which: str = "mean") -> bool:
 
 def _own_uncertainty(line: Line, notation: Notation) -> str:
     """Write what a solver says of its own error; that it did not converge, if it says so."""
+    if line["kind"] != "solver":
+        return ""
     stated = line["uncertainty"]
-    words = notation.number(rounded(float(stated), float(stated) / 10)) if present(stated) and stated > 0 else ""
+    number = GLANCE(stated, line, notation) if present(stated) and stated > 0 else ""
     failed = present(line["converged"]) and not line["converged"]
-    return " ".join(filter(None, (words, notation.escape(NOT_CONVERGED) if failed else ""))) or notation.missing
+    return " ".join(filter(None, (number, notation.escape(NOT_CONVERGED) if failed else ""))) or notation.missing
 
 
-def _error(which: str) -> Show:
-    def show(line: Line, notation: Notation) -> str:
-        relative, absolute = line[f"{which}_error"], line[f"{which}_absolute_error"]
-        if present(relative):
-            text = notation.error(relative)
-            return text + notation.escape("*") if within_doubt(line, which) else text
-        if present(absolute):
-            return notation.number(rounded(absolute, abs(absolute) / 10)) + " " + notation.escape(line["unit"])
-        return notation.missing if line["kind"] == "solver" else ""
+def _error(which: str, heading: str) -> Column:
+    def marked(value: Any, line: Line, notation: Notation) -> str:
+        return notation.error(value) + (notation.escape("*") if within_doubt(line, which) else "")
 
-    return show
+    return column(f"{which}_error", heading, marked, instead=in_its_unit(f"{which}_absolute_error", GLANCE))
 
 
 def _worst(line: Line, notation: Notation) -> str:
-    if not present(line["answered"]) or line["answered"] < 2:
-        return notation.missing
-    return _error("worst")(line, notation)
+    if line["kind"] != "solver":
+        return ""
+    several = present(line["answered"]) and line["answered"] > 1
+    return WORST.show(line, notation) if several else notation.missing
 
 
-def _tolerance(line: Line, notation: Notation) -> str:
-    if not present(line["tolerance"]):
-        return notation.missing
+def _tolerance(value: Any, line: Line, notation: Notation) -> str:
     if line["tolerance_is_absolute"]:
-        return notation.number(quoted(line["tolerance"])) + " " + notation.escape(line["unit"])
-    return notation.number(allowance(line["tolerance"])) + notation.per_cent
+        return f"{notation.number(quoted(value))} {notation.escape(line['unit'])}"
+    return notation.number(allowance(value)) + notation.per_cent
 
 
-def _verdict(line: Line, notation: Notation) -> str:
-    if not present(line["verdict"]):
-        return notation.missing
-    words = notation.escape(str(line["verdict"]))
-    return notation.strong(words) if line["verdict"] in (*BAD, EXPECTED) else words
+def _verdict(value: Any, line: Line, notation: Notation) -> str:
+    told = words(value, line, notation)
+    return notation.strong(told) if value in (*BAD, EXPECTED) else told
 
 
 NOT_CONVERGED = "(not converged)"
-COMPARISON = (
-    Column("Solution", _solution, right=False),
+GLANCE = significant(2)
+WORST = _error("worst", "Worst seed")
+COMPARISON: tuple[str | Column, ...] = (
+    column("solution", way=_solution, right=False),
     Column("Theory, origin and source", _origin, right=False, wide=True),
-    Column("Seeds", _of_solvers(_seeds)),
-    Column("Value", _value, key="value"),
-    Column("Uncertainty", _of_solvers(_own_uncertainty)),
-    Column("Error", _error("mean"), key="mean_error"),
-    Column("Worst seed", _of_solvers(_worst), key="worst_error"),
-    Column("Tolerance", _of_solvers(_tolerance), key="tolerance"),
-    Column("Verdict", _of_solvers(_verdict), right=False),
-    Column("Unknowns", _of_solvers(cells.count("parameters")), key="parameters"),
-    Column("Time (s)", _of_solvers(cells.seconds), key="seconds"),
-    Column("Memory", _of_solvers(cells.memory("peak_memory_bytes")), key="peak_memory_bytes"),
+    column("seeds", way=_seeds),
+    column("value", "Value", _value),
+    Column("Uncertainty", _own_uncertainty),
+    _error("mean", "Error"),
+    replace(WORST, show=_worst),
+    column("tolerance", "Tolerance", _tolerance),
+    column("verdict", "Verdict", _verdict, right=False),
+    "parameters",
+    "seconds",
+    "peak_memory_bytes",
 )

@@ -23,8 +23,7 @@ from shellbench.report.palette import Ink, inks
 from shellbench.report.scene import drawn, spread, states
 from shellbench.report.shells import scale_words, shapes_figure
 from shellbench.report.solutions import Known
-from shellbench.report.strain_figure import INKS, rolled_figure
-from shellbench.report.strains import STRAINS, SUITE, bending_energies, strain_rows
+from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure
 from shellbench.report.traces import (
@@ -44,7 +43,7 @@ from shellbench.report.traces import (
     traced,
 )
 
-CURVE, STATES, STRAIN = "curve_", "states_", "strain_"  # how names of figures begin
+CURVE, STATES = "curve_", "states_"  # how names of figures begin
 MOTION, ENERGY, APART, BUCKLING, FRAMES = CLOTH = ("motion_", "energy_", "apart_", "buckling_", "frames_")
 FEWEST = 2  # kept states that are worth standing side by side
 MOST_FRAMES = 5  # in a row: every fifth of the time of a motion

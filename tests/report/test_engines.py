@@ -8,11 +8,9 @@ from shellbench.bench import catalog
 from shellbench.bench.record import Environment
 from shellbench.bench.suite import SuiteRun
 from shellbench.report import tables
-from shellbench.report.engines import section
-from shellbench.report.engines_cases import checked_cases
-from shellbench.report.engines_figure import cross_check_figure, lines_of
+from shellbench.report.engines import cross_check_figure, lines_of, section
+from shellbench.report.engines_cases import TOGETHER, checked_cases, why_incomparable
 from shellbench.report.engines_table import LEVELS, cross_check_table
-from shellbench.report.engines_timing import TOGETHER, why_incomparable
 from shellbench.report.palette import inks
 from shellbench.report.suites import compared
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known

@@ -11,8 +11,8 @@ from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
-from shellbench.report.derivation import DERIVATION
-from shellbench.report.newton import findings, free_fall, newton_exhibits, newton_table, shown_cases
+from shellbench.report.evidence import Formula
+from shellbench.report.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
 from shellbench.report.palette import style
 from tests.report.motion import REASON, G
@@ -192,7 +192,7 @@ def test_the_derivation_is_read_in_both_pages(report):
         (report.parent / "cloth.html").read_text(encoding="utf-8"),
         (report.parent / "report.md").read_text(encoding="utf-8"),
     )
-    formulas = [passage.text for passage in DERIVATION if passage.formula]
+    formulas = [passage for passage in DERIVATION if isinstance(passage, Formula)]
     assert len(formulas) >= 5
     assert page.count('<p class="formula">') == len(formulas)
     assert len(re.findall(r"^> ", text, flags=re.MULTILINE)) == len(formulas)

@@ -11,16 +11,19 @@ from scipy.optimize import brentq
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.palette import style
-from shellbench.report.strain_figure import CURVATURE, ENERGY, INKS, exact_energy
 from shellbench.report.strains import (
+    CURVATURE,
+    ENERGY,
+    INKS,
     STRAINS,
     VANISHES,
     bending_energies,
+    exact_energy,
+    findings,
     linear_energy,
     published_energy,
     strain_rows,
     strain_table,
-    words,
 )
 from shellbench.report.trace_exhibits import path_exhibits
 from tests.report.nonlinear import rolled_energy, seen_curvature
@@ -149,7 +152,7 @@ def test_the_table_as_csv_has_every_digit(nonlinear, table):
 
 
 def test_the_words_have_the_records_figures(nonlinear):
-    text = " ".join(words(nonlinear.rows))
+    text = " ".join(findings(nonlinear.rows))
     assert "128.17°" in text
     assert "1.30 at 90°" in text
     assert "7.5 J in the published measure" in text
