@@ -463,7 +463,7 @@ def check_solver_command(
 
         shellbench check-solver mine --case scordelis_lo --refine "cells=[8, 8];[16, 16];[32, 32]"
     """
-    from shellbench.testing.command import check_solver
+    from shellbench.testing.suite import check_solver
 
     code = check_solver(solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json)
     raise typer.Exit(code)

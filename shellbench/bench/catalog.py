@@ -7,9 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from shellbench.bench.kinds import read_problem
-from shellbench.bench.reference import KnownValues, read_known_values
+from shellbench.bench.reference import FOLDER, KnownValues, Tolerance, Tolerances, read_known_values, read_tolerances
 from shellbench.bench.suite import Suite, read_suite
-from shellbench.bench.tolerances import FOLDER, Tolerance, Tolerances, read_tolerances
 from shellbench.errors import InputError
 from shellbench.model import read_toml
 from shellbench.problem import Problem

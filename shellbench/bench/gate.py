@@ -20,10 +20,10 @@ from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, decl
 from shellbench.bench.lock import LockCheck, check_lock
 from shellbench.bench.plan import declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
+from shellbench.bench.reference import Tolerances, claimed
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import Store
-from shellbench.bench.tolerances import Tolerances, claimed
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem
 

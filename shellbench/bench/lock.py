@@ -20,8 +20,8 @@ from typing import Literal
 from pydantic import ValidationError
 
 from shellbench.bench import catalog
+from shellbench.bench.reference import FOLDER, Tolerance
 from shellbench.bench.suite import SuiteRun
-from shellbench.bench.tolerances import FOLDER, Tolerance
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, one_sentence
 from shellbench.problem import Problem

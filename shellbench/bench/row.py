@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from shellbench.bench.identity import GATED_DTYPE
-from shellbench.bench.tolerances import Tolerance
+from shellbench.bench.reference import Tolerance
 from shellbench.model import Model
 
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]

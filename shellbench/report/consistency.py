@@ -24,7 +24,7 @@ from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
-from shellbench.report.studies import remarks_on
+from shellbench.report.suites import remarks_on
 from shellbench.report.table import Column, Note, Table, frame
 
 WIDTH, ALONE, HEIGHT, MARGIN = 2.53, 3.3, 2.15, 0.62  # inches: a panel of three, of two, its height, and the legend

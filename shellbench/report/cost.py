@@ -31,7 +31,7 @@ from shellbench.report.panel import (
 )
 from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
-from shellbench.report.studies import remarks_on
+from shellbench.report.suites import remarks_on
 from shellbench.report.table import Note, Table, frame
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)

@@ -18,7 +18,7 @@ from shellbench.bench.suite import Study, value_words
 from shellbench.engine import ENGINE
 from shellbench.report.accuracy import Family, Point, failed_runs, point_of
 from shellbench.report.solutions import grouped, heading, same_but_for_seed
-from shellbench.report.studies import rows_of_study, study_of
+from shellbench.report.suites import rows_of_study, study_of
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
 STUDY: Study = "engines"

@@ -29,7 +29,7 @@ from shellbench.report.notation import TEXT, Notation
 from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
 from shellbench.report.resolution import of_largest
-from shellbench.report.studies import remarks_on
+from shellbench.report.suites import remarks_on
 from shellbench.report.table import Column, Show, Table, frame
 
 NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"

@@ -16,7 +16,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.suite import Study
 from shellbench.report.solutions import same_but_for_seed, solution_name, variant_name
-from shellbench.report.studies import studies_of
+from shellbench.report.suites import studies_of
 
 GIVEN = ("case", "solver", "quantity", "unit", "status", "label")
 GIVEN_NUMBERS = (

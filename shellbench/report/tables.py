@@ -20,8 +20,16 @@ from shellbench.report.engines_table import cross_check_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
 from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
-from shellbench.report.studies import rows_of_study, studies_of
-from shellbench.report.suites import compared, is_study, rows_at_home, rows_of, suite_title, suites_of
+from shellbench.report.suites import (
+    compared,
+    is_study,
+    rows_at_home,
+    rows_of,
+    rows_of_study,
+    studies_of,
+    suite_title,
+    suites_of,
+)
 from shellbench.report.table import Format, Note, Table
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin

@@ -26,7 +26,7 @@ from shellbench.report.palette import DASHES, Dashes, Ink
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known
-from shellbench.report.studies import remarks_on
+from shellbench.report.suites import remarks_on
 from shellbench.report.table import Column, Note, Table, present
 
 STUDY: Study = "thinness"

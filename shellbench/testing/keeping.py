@@ -1,17 +1,167 @@
-"""Checks of what is kept of an answer: that it comes back whole, and that its size is counted honestly."""
+"""Checks of what is kept of an answer: that it comes back whole, and that its size is counted honestly.
+
+What is in a saved solution: its arrays by name, to be looked at and to be altered.
+"""
 
 from __future__ import annotations
 
+import json
 import shutil
+import struct
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
 from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
-from shellbench.testing.files import REALS, Part, altered, compressed_size, pickled, read_arrays, what_matters
 from shellbench.testing.subject import Answer, Lost, NoAnswer, Respondent, load_in
+
+PICKLE, PROTOCOLS = 0x80, range(2, 6)  # first byte of a pickle, and the second, which names its protocol
+SAFETENSORS = {
+    "F64": "<f8",
+    "F32": "<f4",
+    "F16": "<f2",
+    "I64": "<i8",
+    "I32": "<i4",
+    "I16": "<i2",
+    "I8": "i1",
+    "U8": "u1",
+    "BOOL": "u1",
+}
+"""Number formats of safetensors that NumPy knows; see huggingface.co/docs/safetensors."""
+
+REALS = "fc"  # NumPy's kinds of real and complex numbers
+NUMBERS = REALS + "iub"
+NUDGE = 1e-3  # relative change of real numbers that matter: displacements follow
+HARDEST = 9  # zlib's level
+MOST_SLICES = 12  # along an axis, that are altered one by one: components, not nodes
+
+Part = tuple[slice | int, ...]
+"""An index: which part of an array."""
+
+
+@dataclass(frozen=True)
+class SavedArrays:
+    """The arrays of a file.
+
+    Attributes
+    ----------
+    arrays
+        By name; texts are left out.
+    spans
+        Where each lies in the file, (first byte, bytes); empty for npz, which is written anew.
+    """
+
+    path: Path
+    arrays: dict[str, NDArray[Any]]
+    spans: dict[str, tuple[int, int]]
+
+
+def read_arrays(path: Path) -> SavedArrays | None:
+    """Return the arrays of an npz or safetensors file; None if it is neither."""
+    if zipfile.is_zipfile(path):
+        return _npz(path)
+    return _safetensors(path)
+
+
+def pickled(path: Path) -> bool:
+    """Tell whether a file is a pickle or holds one."""
+    if path.is_dir():
+        return any(pickled(p) for p in path.rglob("*") if p.is_file())
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            if any(name.endswith((".pkl", ".pickle")) for name in names):
+                return True  # PyTorch's files are such
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                for name in data.files:
+                    data[name]
+        except ValueError:
+            return True  # NumPy says that an array holds Python objects
+        return False
+    if _safetensors(path) is not None:
+        return False  # its first bytes are a length, which may be anything
+    start = path.read_bytes()[:2]
+    return len(start) == 2 and start[0] == PICKLE and start[1] in PROTOCOLS
+
+
+def _npz(path: Path) -> SavedArrays | None:
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data.files}
+    except ValueError:
+        return None
+    return SavedArrays(path, {n: a for n, a in arrays.items() if a.dtype.kind in NUMBERS}, {})
+
+
+def _safetensors(path: Path) -> SavedArrays | None:
+    data = path.read_bytes()
+    try:
+        (length,) = struct.unpack("<Q", data[:8])
+        header = json.loads(data[8 : 8 + length])
+        arrays, spans = {}, {}
+        for name, entry in header.items():
+            if name == "__metadata__":
+                continue
+            first, last = (8 + length + offset for offset in entry["data_offsets"])
+            kind = np.dtype(SAFETENSORS[entry["dtype"]])
+            arrays[name] = np.frombuffer(data[first:last], dtype=kind).reshape(entry["shape"])
+            spans[name] = (first, last - first)
+    except (ValueError, KeyError, TypeError, AttributeError, struct.error):
+        return None
+    return SavedArrays(path, arrays, spans)
+
+
+def what_matters(array: NDArray[Any], matters: Callable[[Part], bool]) -> NDArray[Any] | None:
+    """Return the least part of an array without which the displacement is another; None if all of it can go.
+
+    `matters` tells whether altering a part does. Parts are the slices along a short axis, such as components.
+    """
+    if not matters(()):
+        return None
+    least = array
+    for axis, count in enumerate(array.shape):
+        if 1 < count <= MOST_SLICES:
+            needed = [i for i in range(count) if matters((*(slice(None),) * axis, i))]
+            part = np.take(array, needed, axis)
+            least = part if needed and part.size < least.size else least
+    return least
+
+
+def altered(saved: SavedArrays, name: str, part: Part, target: Path) -> Path:
+    """Write the file with a part of one array a little changed."""
+    array = saved.arrays[name]
+    nudged = np.asarray(array * (1 + NUDGE) if array.dtype.kind in REALS else np.bitwise_xor(array, 1)).astype(
+        array.dtype
+    )
+    changed = array.copy()
+    changed[part] = nudged[part]
+    if not saved.spans:
+        with np.load(saved.path, allow_pickle=False) as data:
+            everything = {n: data[n] for n in data.files}
+        np.savez(target, allow_pickle=False, **{**everything, name: changed})
+        return target
+    first, length = saved.spans[name]
+    data_bytes = bytearray(saved.path.read_bytes())
+    data_bytes[first : first + length] = changed.tobytes()
+    target.write_bytes(data_bytes)
+    return target
+
+
+def compressed_size(array: NDArray[Any]) -> int:
+    """Return the bytes of an array that compression can't do without, its bytes sorted by significance."""
+    numbers = np.ascontiguousarray(array)
+    planes = np.frombuffer(numbers.tobytes(), dtype=np.uint8).reshape(-1, max(1, numbers.dtype.itemsize)).T
+    return min(len(zlib.compress(planes.tobytes(), HARDEST)), numbers.nbytes)
+
 
 SAME = 1e-12  # relative difference of a displacement that was saved and loaded
 COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must state at least

@@ -14,8 +14,8 @@ from shellbench.bench import catalog
 from shellbench.bench.compare import near_zero
 from shellbench.bench.identity import make_settings, parse_setting
 from shellbench.bench.plan import FIRST_SEED
+from shellbench.bench.reference import Tolerance
 from shellbench.bench.registry import find_solver, load_solver
-from shellbench.bench.tolerances import Tolerance
 from shellbench.errors import InputError
 from shellbench.problem import Problem, Quantity
 

@@ -10,8 +10,8 @@ from shellbench.bench import catalog
 from shellbench.bench.compare import rows
 from shellbench.bench.gate import Scope, gate
 from shellbench.bench.lock import write_lock
+from shellbench.bench.reference import Tolerance, read_tolerances
 from shellbench.bench.store import Store
-from shellbench.bench.tolerances import Tolerance, read_tolerances
 from shellbench.bench.verdicts import as_text
 from shellbench.errors import InputError
 from tests.bench import strip

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from shellbench.bench.registry import SolverEntry
 from shellbench.cli import app
 from shellbench.errors import InputError
-from shellbench.testing import command
+from shellbench.testing import suite
 from shellbench.testing.examination import Verdict
 from shellbench.testing.suite import Line
 
@@ -18,14 +18,14 @@ from shellbench.testing.suite import Line
 @pytest.fixture
 def lines(monkeypatch):
     made = [Line("protocol", "", Verdict("passed", "well")), Line("units", "square_plate", Verdict("not shown", "why"))]
-    monkeypatch.setattr(command, "find_solver", lambda name: SolverEntry(name, "nowhere:X", "", ""))
-    monkeypatch.setattr(command, "examine", lambda *_: iter(made))
+    monkeypatch.setattr(suite, "find_solver", lambda name: SolverEntry(name, "nowhere:X", "", ""))
+    monkeypatch.setattr(suite, "examine", lambda *_: iter(made))
     return made
 
 
 def printed(**options):
     out = io.StringIO()
-    code = command.check_solver("mine", console=Console(file=out, width=500), **options)
+    code = suite.check_solver("mine", console=Console(file=out, width=500), **options)
     return code, out.getvalue()
 
 
@@ -54,25 +54,25 @@ def test_json_says_the_same(lines):
 
 
 def test_refinements_are_read_from_coarse_to_fine():
-    assert command.given_refinements("cells=[2, 2];[4, 4];[8, 8]") == (
+    assert suite.given_refinements("cells=[2, 2];[4, 4];[8, 8]") == (
         {"cells": [2, 2]},
         {"cells": [4, 4]},
         {"cells": [8, 8]},
     )
-    assert command.given_refinements(None) == ()
+    assert suite.given_refinements(None) == ()
     with pytest.raises(InputError, match="--refine"):
-        command.given_refinements("cells=1;2")
+        suite.given_refinements("cells=1;2")
 
 
 def test_settings_of_another_solver_are_refused():
-    assert command.given_settings("mine", ["mine.order=3"]) == {"order": 3}
+    assert suite.given_settings("mine", ["mine.order=3"]) == {"order": 3}
     with pytest.raises(InputError, match="mine"):
-        command.given_settings("mine", ["fem.order=3"])
+        suite.given_settings("mine", ["fem.order=3"])
 
 
 def test_an_unknown_solver_is_bad_usage():
     with pytest.raises(InputError, match="unknown solver"):
-        command.check_solver("no_such_solver")
+        suite.check_solver("no_such_solver")
 
 
 def test_the_command_line_passes_all_on(monkeypatch):
@@ -82,7 +82,7 @@ def test_the_command_line_passes_all_on(monkeypatch):
         given.update(name=name, cases=cases, settings=settings, **options)
         return 1
 
-    monkeypatch.setattr(command, "check_solver", check)
+    monkeypatch.setattr(suite, "check_solver", check)
     options = ["--case", "square_plate", "--set", "mine.order=3", "--refine", "order=1;2;3", "--timeout", "5", "--json"]
     result = CliRunner().invoke(app, ["check-solver", "mine", *options])
     assert result.exit_code == 1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from shellbench.testing.files import altered, compressed_size, pickled, read_arrays, what_matters
+from shellbench.testing.keeping import altered, compressed_size, pickled, read_arrays, what_matters
 
 
 @pytest.fixture(params=["npz", "safetensors"])

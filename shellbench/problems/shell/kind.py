@@ -11,10 +11,14 @@ from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, Ser
 from shellbench.problem import FIELDS, Kind
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
-from shellbench.problems.shell.frame_rates import frame_rate_study
 from shellbench.problems.shell.portrait import ShellPortrait
-from shellbench.problems.shell.precision import precision_study
-from shellbench.problems.shell.sampling import energies_of_states, kept_fields, resolution_study
+from shellbench.problems.shell.sampling import (
+    energies_of_states,
+    frame_rate_study,
+    kept_fields,
+    precision_study,
+    resolution_study,
+)
 from shellbench.problems.shell.series import series_of
 from shellbench.sample import Sample
 

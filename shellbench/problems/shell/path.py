@@ -1,10 +1,13 @@
-"""Paths: how a static case is loaded from rest, and which of its states are kept."""
+"""Paths: how a static case is loaded from rest, and which of its states are kept.
+
+Dynamics: that a case is one of motion, and until when.
+"""
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from shellbench.model import Model, Name, Positive
 
@@ -45,3 +48,23 @@ class Path(Model):
         if any(state > self.until for state in self.states):
             raise ValueError(f"the path ends at {self.until:g}, but a state beyond it is to be kept")
         return self
+
+
+SHORTEST, LONGEST = 1e-9, 1e9  # seconds: what is beyond is a slip of the pen
+
+
+class Dynamics(Model):
+    """A motion by Newton's law, from rest at t = 0.
+
+    The areal density times the acceleration is the load less the derivative of the strain energy, and nothing damps it.
+
+    Attributes
+    ----------
+    until
+        Final time, s.
+    states
+        Times that are kept beside those that quantities ask for, s.
+    """
+
+    until: Annotated[Positive, Field(ge=SHORTEST, le=LONGEST)]
+    states: tuple[Positive, ...] = ()

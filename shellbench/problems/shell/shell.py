@@ -26,8 +26,8 @@ from shellbench.problems.shell.conditions import (
     Value,
     VectorFormula,
 )
-from shellbench.problems.shell.dynamics import Dynamics
 from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, Place, Point, Whole, places_of
 from shellbench.problems.shell.quantities import (

@@ -15,7 +15,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Settings, Solutio
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.cst.solution import CstSolution

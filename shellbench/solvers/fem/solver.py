@@ -9,7 +9,7 @@ from pydantic import Field, PositiveInt
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver
 from shellbench.solvers.fem.choices import Method
 
 if TYPE_CHECKING:

@@ -18,11 +18,9 @@ from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.engine import failing_with_kratos
 from shellbench.solvers.kratos.iga_conditions import conditions_of, control_forces, end_of
-from shellbench.solvers.kratos.iga_declines import controlled
-from shellbench.solvers.kratos.iga_mechanics import integrals
 from shellbench.solvers.kratos.iga_model import IgaModel
-from shellbench.solvers.kratos.iga_solution import IgaSolution, Lines
-from shellbench.solvers.kratos.iga_solver import KratosIgaSettings
+from shellbench.solvers.kratos.iga_solution import IgaSolution, Lines, integrals
+from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, controlled
 from shellbench.solvers.kratos.nurbs import Midsurface, midsurface_of
 
 Array = NDArray[np.float64]

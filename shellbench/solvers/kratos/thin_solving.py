@@ -14,10 +14,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import Log, displacements, with_answer_first
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.engine import failing_with_kratos
-from shellbench.solvers.kratos.thin_deformation import Gauge
 from shellbench.solvers.kratos.thin_elements import ELEMENT
 from shellbench.solvers.kratos.thin_mesh import FEWEST_AROUND
-from shellbench.solvers.kratos.thin_solution import ThinSolution, mesh_on
+from shellbench.solvers.kratos.thin_solution import Gauge, ThinSolution, mesh_on
 from shellbench.solvers.kratos.thin_solver import KratosThinSettings
 from shellbench.solvers.kratos.thin_static import Problem, State, follow_path, solve_linear
 

@@ -19,7 +19,7 @@ from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.mujoco.solution import FlexSolution

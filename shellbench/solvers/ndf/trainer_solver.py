@@ -10,7 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
 
 if TYPE_CHECKING:

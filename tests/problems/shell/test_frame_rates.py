@@ -7,7 +7,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.frame_rates import MOST, RATES, frame_rate_study, joined
+from shellbench.problems.shell.sampling import MOST, RATES, frame_rate_study, joined
 from shellbench.problems.shell.series import reached
 from tests.bench import spring
 from tests.bench.falling import FallSolution

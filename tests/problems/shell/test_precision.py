@@ -12,7 +12,7 @@ from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.precision import FORMATS, MARKS, marks_of, precision_study
+from shellbench.problems.shell.sampling import FORMATS, MARKS, marks_of, precision_study
 from shellbench.problems.shell.series import frames
 from tests.bench import spring
 from tests.bench.falling import FallSolution

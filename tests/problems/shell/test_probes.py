@@ -13,7 +13,7 @@ from shellbench.bench import catalog
 from shellbench.bench.measuring import write_fields
 from shellbench.problems.shell import sampling
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.probes import PROBES, probe_fields, probes_of
+from shellbench.problems.shell.sampling import PROBES, probe_fields, probes_of
 from shellbench.problems.shell.series import frames
 from shellbench.problems.shell.surface import Domain
 from tests.bench import spring

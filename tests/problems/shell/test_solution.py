@@ -14,8 +14,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Capabilities, Progress, Settings, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import failing_with, settled
-from shellbench.problems.shell.solution import ShellSolution, read_solution, state_number, time_reached
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolution, ShellSolver, read_solution, state_number, time_reached
 
 CASE = named_case("square_plate")
 GRID = np.asarray(CASE.surface.domain.grid(3, 4))

@@ -5,7 +5,7 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
-from shellbench.solvers.kratos.iga_mechanics import integrals, strains
+from shellbench.solvers.kratos.iga_solution import integrals, strains
 from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
 from tests.alike import alike
 from tests.solvers.kratos.iga_cases import known, plate

@@ -7,7 +7,7 @@ from derivations.elastica import Cantilever, extensible
 from derivations.navier_plate import SquarePlate, navier
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.symmetry import part_of
-from shellbench.solvers.kratos import iga_declines, iga_solving
+from shellbench.solvers.kratos import iga_solver, iga_solving
 from shellbench.solvers.kratos.iga_solver import KratosIgaSettings, KratosIgaSolver
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, STEEL, known, plate, ring, strip
 
@@ -181,7 +181,7 @@ SLIDE = {"name": "slide", "on": ["xi1_max"], "components": ["x", "y"], "clamped"
     {"supports": [{"name": "wall", "on": ["xi1_min"]}, SLIDE]},
 ])  # fmt: skip
 def test_a_clamp_is_taken_where_one_component_states_it(taken):
-    assert iga_declines.reason(plate(points={}, **taken)) is None
+    assert iga_solver.reason(plate(points={}, **taken)) is None
 
 
 def nonlinear(**changes):
@@ -211,7 +211,7 @@ def nonlinear(**changes):
     ],
 )  # fmt: skip
 def test_what_it_can_not_take_it_declines_in_a_clause(case, word):
-    reason = iga_declines.reason(case())
+    reason = iga_solver.reason(case())
     assert reason is not None
     assert word in reason
     assert reason[0].islower()

@@ -6,8 +6,7 @@ pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.symmetry import part_of, whole_of
-from shellbench.solvers.kratos.thin_deformation import Gauge
-from shellbench.solvers.kratos.thin_solution import mesh_on
+from shellbench.solvers.kratos.thin_solution import Gauge, mesh_on
 from shellbench.solvers.kratos.thin_static import Problem
 from tests.solvers.kratos.thin_shells import cylinder, plate
 

@@ -9,8 +9,8 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid
 from shellbench.solvers.mujoco.loading import Loading
-from shellbench.solvers.mujoco.march import Pace, highest_frequency
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
+from shellbench.solvers.mujoco.solving import Pace, highest_frequency
 from tests.solvers.mujoco.cloths import cloth
 
 CORNER = {"name": "corner", "on": ["xi1_min,xi2_max"]}

@@ -15,7 +15,7 @@ from pydantic import Field
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import settled
-from shellbench.problems.shell.solver import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver
 
 from plate_series import plate as series
 from plate_series import reading
