@@ -170,7 +170,8 @@ def test_the_page_has_the_finding_and_the_cloth(report):
     for name in ("newton", "motion_napkin_plane", "energy_free_fall", "apart_napkin_plane", "buckling_sleeve_twist"):
         assert f"figures/{name}.svg" in linked
     assert (report.parent / "figures" / "frames_sleeve_twist.png").is_file()
-    downloads = {href for href in linked if not href.startswith(("#", "https", "data:"))}
+    linked |= {a["href"] for t, a in Page(report.read_text(encoding="utf-8")).tags if t == "a"}
+    downloads = {href.partition("#")[0] for href in linked if not href.startswith(("#", "https", "data:"))}
     assert {"newton.csv", "motions.csv", "times_free_fall.csv"} <= downloads
     assert all((report.parent / name).is_file() for name in downloads)
 
