@@ -9,7 +9,7 @@ from statistics import fmean, geometric_mean
 from typing import Literal
 
 from shellbench.bench.row import Row
-from shellbench.report.convergence import SURFACE_DIMENSION, Course, courses
+from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
 from shellbench.report.evidence import Evidence
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import headlines

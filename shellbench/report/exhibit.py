@@ -13,16 +13,17 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 from urllib.parse import quote
 
 import numpy as np
-from matplotlib.figure import Figure
-from PIL import Image
 
 from shellbench.bench.environment import cores
 from shellbench.errors import ShellbenchError
 from shellbench.report.palette import style
+
+if TYPE_CHECKING:  # a table of text draws nothing
+    from matplotlib.figure import Figure
 
 PRINT_DPI, SCREEN_DPI = 300, 160
 PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and hardly a difference to be seen
@@ -126,6 +127,8 @@ def _save_one(number: int) -> str:
 
 def few_colours(png: bytes) -> bytes:
     """Return a PNG of fewer colours: a palette of its own, or if that is too far from some, all of them rounded."""
+    from PIL import Image
+
     image = Image.open(BytesIO(png)).convert("RGB")
     reduced = image.quantize(PALETTE, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     if np.abs(np.asarray(reduced.convert("RGB"), dtype=int) - np.asarray(image, dtype=int)).max() > FARTHEST:

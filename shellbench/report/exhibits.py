@@ -8,7 +8,8 @@ from pathlib import Path
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.convergence import AXIS_LABELS, Abscissa, Course, courses, iteration_figure, refinement_figure
+from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure
+from shellbench.report.courses import Abscissa, Course, courses
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.newton import newton_exhibits
 from shellbench.report.palette import inks, style

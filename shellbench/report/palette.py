@@ -9,8 +9,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, cast
 
-import matplotlib as mpl
-
 from shellbench.bench import catalog
 from shellbench.bench.suite import Study
 
@@ -66,6 +64,8 @@ class Ink:
 @contextmanager
 def style() -> Iterator[None]:
     """Draw in the style of the report; matplotlib's settings are restored afterwards."""
+    import matplotlib as mpl  # here, for tables of text ask for colours' names only
+
     with mpl.rc_context(cast(Any, STYLE)):
         yield
 

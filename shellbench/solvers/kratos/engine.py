@@ -4,8 +4,6 @@ Kratos writes to the process's standard output from C++, past `sys.stdout`: a ba
 application at exit. A solver's output belongs to its user, so that the descriptor itself is turned away while
 Kratos is imported; what would be said afterwards, warnings and the exit among them, is held back by the logger's
 severity. What a solver has to say it says itself: in diagnostics, or as a `SolveFailure`.
-
-What the solvers on Kratos declare in common; Kratos itself is imported by what solves (`engine`).
 """
 
 from __future__ import annotations
@@ -19,39 +17,10 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from pydantic import Field, field_validator
-
-from shellbench.engine import engine_version, need
 from shellbench.errors import SolveFailure
-from shellbench.problem import Settings, Solution
+from shellbench.problem import Solution
 from shellbench.problems.shell.history import failing_with
-
-EXTRA = "kratos"
-DISTRIBUTION = "KratosMultiphysics"
-APPLICATIONS = ("StructuralMechanicsApplication", "IgaApplication", "LinearSolversApplication")
-
-need(EXTRA, (DISTRIBUTION, *(f"Kratos{name}" for name in APPLICATIONS)))  # without it there is no solver to declare
-
-
-def installed() -> str:
-    """Return name and version of the engine, such as "KratosMultiphysics 10.4.4"."""
-    found = engine_version(DISTRIBUTION)
-    assert found is not None  # it was needed above
-    return found
-
-
-class KratosSettings(Settings):
-    """What the settings of all solvers on Kratos have in common."""
-
-    engine: str = Field(default_factory=installed, description="the engine and its version; the installed one")
-
-    @field_validator("engine")
-    @classmethod
-    def _is_the_installed_one(cls, value: str) -> str:
-        if value != installed():
-            raise ValueError(f"the engine that is installed is '{installed()}', not '{value}'")
-        return value
-
+from shellbench.solvers.kratos.settings import APPLICATIONS, DISTRIBUTION
 
 BELOW_WARNINGS = -1  # of Kratos' severities, of which a warning is the gravest and has number 0
 STDOUT = 1  # its descriptor, whatever sys.stdout is

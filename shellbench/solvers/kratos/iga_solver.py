@@ -19,8 +19,8 @@ from shellbench.problems.shell.places import Edge, Point, Whole
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
 from shellbench.problems.shell.solution import ShellSolver
 from shellbench.problems.shell.symmetry import Part, part_of
-from shellbench.solvers.kratos.engine import KratosSettings
 from shellbench.solvers.kratos.iga_conditions import corner_of, tied_by
+from shellbench.solvers.kratos.settings import KratosSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.kratos.iga_solution import IgaSolution

@@ -29,7 +29,7 @@ from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 from shellbench.problems.shell.solution import ShellSolver
 from shellbench.problems.shell.symmetry import Part
-from shellbench.solvers.kratos.engine import KratosSettings
+from shellbench.solvers.kratos.settings import KratosSettings
 from shellbench.solvers.kratos.thin_conditions import SAMPLES, held_rotations
 
 if TYPE_CHECKING:
