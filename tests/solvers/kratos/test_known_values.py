@@ -21,10 +21,10 @@ CYLINDERS = ("pinched_cylinder_diaphragm", "pinched_cylinder_free")
 
 
 def stated(name, measured=(), **changes):
-    """A case of the suite with changes by hand; `measured` are those of its primary quantity."""
+    """A case of the suite with changes by hand, asked for displacements; `measured` are those of its primary one."""
     data = catalog.named_case(name).model_dump(mode="json", exclude_unset=True, exclude={"name"})
-    first, *others = data["quantities"]
-    asked = [first | dict(measured), *(q for q in others if q["kind"] == "largest_displacement")]
+    kept = [quantity for quantity in data["quantities"] if quantity["kind"].endswith("displacement")]
+    asked = [quantity | dict(measured) if quantity.get("primary") else quantity for quantity in kept]
     return build_case(data | {"quantities": asked} | changes, name, name)
 
 
