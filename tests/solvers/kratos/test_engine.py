@@ -11,8 +11,9 @@ from shellbench.errors import InputError
 
 pytest.importorskip("KratosMultiphysics", reason="needs the extra kratos")
 
-from shellbench.solvers.kratos.engine import KratosSettings, fresh_model, kratos
+from shellbench.solvers.kratos.engine import fresh_model, kratos
 from shellbench.solvers.kratos.iga_solver import KratosIgaSolver
+from shellbench.solvers.kratos.settings import KratosSettings
 from tests.patience import GUARD
 
 WITHOUT = """
