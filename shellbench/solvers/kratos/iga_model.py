@@ -47,7 +47,9 @@ class IgaModel:
     strategy: Any = field(default=None)
 
     @classmethod
-    def of(cls, midsurface: Midsurface, conditions: Conditions, material: Material, linear: bool) -> IgaModel:
+    def from_midsurface(
+        cls, midsurface: Midsurface, conditions: Conditions, material: Material, linear: bool
+    ) -> IgaModel:
         """Build the model."""
         fresh = fresh_model(kratos.DISPLACEMENT, kratos.REACTION, structural.POINT_LOAD)
         model = cls(midsurface, conditions, fresh, linear)

@@ -52,7 +52,7 @@ class Frame:
     second: tuple[Array, Array, Array]
 
     @classmethod
-    def of(cls, x: Derivatives) -> Frame:
+    def from_derivatives(cls, x: Derivatives) -> Frame:
         """Return the frame of positions given with their derivatives."""
         cross = np.cross(x[1, 0], x[0, 1])
         area = np.linalg.norm(cross, axis=-1)
@@ -83,9 +83,9 @@ def strains(x: Derivatives, u: Derivatives, linear: bool) -> Array:
 
     eps = (a - abar)/2 and kappa = bbar - b, components 11, 22, 12; linearised if asked for.
     """
-    rest = Frame.of(x)
+    rest = Frame.from_derivatives(x)
     if not linear:
-        moved = Frame.of({key: x[key] + u[key] for key in x})
+        moved = Frame.from_derivatives({key: x[key] + u[key] for key in x})
         return np.stack([(moved.metric - rest.metric) / 2, rest.curvature - moved.curvature], axis=-2)
     shear = (_dot(rest.a1, u[0, 1]) + _dot(rest.a2, u[1, 0])) / 2
     membrane = np.stack([_dot(rest.a1, u[1, 0]), _dot(rest.a2, u[0, 1]), shear], axis=-1)
@@ -99,7 +99,7 @@ def stresses(x: Derivatives, strain: Array, material: Material) -> Array:
 
     n^ab = D (nu a^ab a^cd + (1 - nu) a^ac a^bd) eps_cd, and m with B (Kairanda et al., eqs. (17)-(19)).
     """
-    a11, a22, a12 = np.moveaxis(Frame.of(x).metric, -1, 0)
+    a11, a22, a12 = np.moveaxis(Frame.from_derivatives(x).metric, -1, 0)
     inverse = (
         np.stack([np.stack([a22, -a12], -1), np.stack([-a12, a11], -1)], -2) / (a11 * a22 - a12**2)[..., None, None]
     )
@@ -145,10 +145,10 @@ def integrals(case: Case, patch: NurbsPatch, control_points: Array, displacement
         left = patch.bases[0].matrices(nodes[0][low:high])
         x, u = (patch.on_grid(field, nodes[0][low:high], nodes[1]) for field in (control_points, displacements))
         strain = strains(x, u, case.linear)
-        weight = np.outer(weights[0][low:high], weights[1]) * Frame.of(x).area
+        weight = np.outer(weights[0][low:high], weights[1]) * Frame.from_derivatives(x).area
         energies += np.einsum("gh,ghk->k", weight, densities(x, strain, case.material))
         stress = stresses(x, strain, case.material) * weight[..., None, None]
-        frame = Frame.of(x if case.linear else {key: x[key] + u[key] for key in x})
+        frame = Frame.from_derivatives(x if case.linear else {key: x[key] + u[key] for key in x})
         for (i, j), density in _work(frame, stress).items():
             forces += patch.gather(left[i], density, right[j])
     return Integrals(energies, forces)

@@ -33,7 +33,7 @@ MOST_SOLVES = 4  # corrections gain many digits each, or the matrix is singular 
 
 
 @dataclass(frozen=True)
-class State:
+class IgaState:
     """A state of equilibrium.
 
     Attributes
@@ -66,7 +66,7 @@ class State:
 
 def equilibrium(
     model: IgaModel, part: Part, mark: float, factor: float, displacements: Array, kept: bool, iterations: int
-) -> State:
+) -> IgaState:
     """Return a state with its energy, held against the balance of forces.
 
     Raises
@@ -86,10 +86,10 @@ def equilibrium(
         )
     work = _work(outer, displacements)
     energy = part.copies * (float(inner.energies.sum()) - work)
-    return State(mark, factor, displacements, energy, residual, iterations, kept)
+    return IgaState(mark, factor, displacements, energy, residual, iterations, kept)
 
 
-def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Iterator[State]:
+def states(model: IgaModel, part: Part, load_steps: int, rounding: float) -> Iterator[IgaState]:
     """Yield the states of a case's path in order; of a linear case those that it asks for.
 
     `rounding` is the relative change of the loads' work by rounding above which a linear answer is corrected.
@@ -171,7 +171,7 @@ def _marks(
                 raise SolveFailure(f"Newton's method does not converge beyond {reached:.4g} of the path")
 
 
-def _by_displacement(model: IgaModel, part: Part, load_steps: int) -> Iterator[State]:
+def _by_displacement(model: IgaModel, part: Part, load_steps: int) -> Iterator[IgaState]:
     """Displace the corner under the only load; the load follows from the balance of forces there."""
     found = controlled(part)
     assert found is not None  # else the case is declined
@@ -200,10 +200,10 @@ class _Course:
     log: Log
     midsurface: Midsurface
     unknowns: int = 0
-    kept: list[State] = field(default_factory=list)
+    kept: list[IgaState] = field(default_factory=list)
     figures: dict[str, Any] = field(default_factory=dict)
 
-    def solution(self, states: list[State]) -> IgaSolution:
+    def solution(self, states: list[IgaState]) -> IgaSolution:
         """Return a solution with some of the states."""
         return IgaSolution(
             self.part,
@@ -216,7 +216,7 @@ class _Course:
             diagnostics=dict(self.figures),
         )
 
-    def add(self, state: State) -> None:
+    def add(self, state: IgaState) -> None:
         """Note a state, and keep it if the case asks for it."""
         if state.kept:
             self.kept.append(state)
@@ -274,7 +274,7 @@ def _solve(course: _Course) -> IgaSolution:
     }
     if not case.linear:
         course.figures["stability_checked"] = False  # and a symmetric part hides what buckles out of symmetry
-    model = IgaModel.of(surface, conditions, case.material, case.linear)
+    model = IgaModel.from_midsurface(surface, conditions, case.material, case.linear)
     for state in states(model, part, course.settings.load_steps, course.settings.rounding):
         course.add(state)
     return with_answer_first(course.solution(course.kept), course.log.began)

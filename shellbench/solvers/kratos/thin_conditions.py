@@ -106,7 +106,7 @@ class Supports:
     held: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, case: Case, mesh: QuadMesh) -> Supports:
+    def on_mesh(cls, case: Case, mesh: QuadMesh) -> Supports:
         """Find the held nodes; InputError if a point that is held lies on no node."""
         places = ((n, support, case.places[name]) for n, support in enumerate(case.supports) for name in support.on)
         masks = held_nodes(case, mesh, places, len(case.supports))
@@ -189,7 +189,7 @@ class Loose:
     pins: Integers
 
     @classmethod
-    def of(cls, supports: Supports, positions: Array) -> Loose:
+    def from_supports(cls, supports: Supports, positions: Array) -> Loose:
         """Choose pins among the free displacements of nodes at positions (v, 3)."""
         names = supports.case.remove_rigid_motions
         chosen = [RIGID_MOTIONS.index(name) for name in names]

@@ -26,7 +26,7 @@ from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.thin_conditions import held_nodes
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements, SmallStrains
 from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
-from shellbench.solvers.kratos.thin_static import Problem
+from shellbench.solvers.kratos.thin_static import ThinProblem
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -106,7 +106,7 @@ class Deformation:
 class Gauge:
     """Kratos' elements of a part, ready to be asked for strains."""
 
-    problem: Problem
+    problem: ThinProblem
 
     @cached_property
     def _rest(self) -> Array:
@@ -163,7 +163,7 @@ class ThinSolution(ShellSolution):
 
     formats: ClassVar[tuple[str | int, ...]] = ("kratos-thin, format 1",)
 
-    problem: Problem
+    problem: ThinProblem
     marks: Array
     frames: Array
     parameters: int
@@ -302,4 +302,4 @@ class ThinSolution(ShellSolution):
         marks, frames = arrays["marks"], arrays["frames"]
         if frames.shape != (mesh.node_count, DOFS, len(marks)) or not np.all(np.diff(marks) > 0):
             raise ValueError("frames do not fit the mesh and the marks")
-        return cls(Problem(part, mesh), marks, frames, int(words["parameters"]))
+        return cls(ThinProblem(part, mesh), marks, frames, int(words["parameters"]))

@@ -18,7 +18,7 @@ from shellbench.solvers.kratos.thin_elements import ELEMENT
 from shellbench.solvers.kratos.thin_mesh import FEWEST_AROUND
 from shellbench.solvers.kratos.thin_solution import Gauge, ThinSolution, mesh_on
 from shellbench.solvers.kratos.thin_solver import KratosThinSettings
-from shellbench.solvers.kratos.thin_static import Problem, State, follow_path, solve_linear
+from shellbench.solvers.kratos.thin_static import ThinProblem, ThinState, follow_path, solve_linear
 
 CELLS, CELLS_AROUND = 128, 256  # of the whole shell, unless settings say otherwise: 64 x 64 of an eighth of a cylinder
 CELLS_ON_A_PATH = 32  # of the part: a path takes tens of solves
@@ -53,9 +53,9 @@ def usual_cells(part: Part) -> tuple[int, int]:
 class _Course:
     """What is known of a solve so far."""
 
-    problem: Problem
+    problem: ThinProblem
     log: Log
-    states: list[State] = field(default_factory=list)
+    states: list[ThinState] = field(default_factory=list)
 
     @cached_property
     def gauge(self) -> Gauge:
@@ -84,7 +84,7 @@ class _Course:
         """Return what was reached, or None before the first state."""
         return self.solution() if self.states else None
 
-    def add(self, state: State) -> None:
+    def add(self, state: ThinState) -> None:
         """Keep a state, with the displacements that are asked for."""
         self.states.append(state)
         part = self.problem.part
@@ -103,7 +103,7 @@ def solve(case: Case, settings: KratosThinSettings, progress: ProgressCallback) 
         return _solve(course, settings)
 
 
-def problem_of(part: Part, settings: KratosThinSettings) -> Problem:
+def problem_of(part: Part, settings: KratosThinSettings) -> ThinProblem:
     """Return the mesh that settings ask for, with all that acts on it; InputError if it can't be."""
     cells = settings.cells or usual_cells(part)
     if min(cells) < 1 or max(cells) > MOST_CELLS:
@@ -111,7 +111,7 @@ def problem_of(part: Part, settings: KratosThinSettings) -> Problem:
     mesh = mesh_on(part, cells)
     if any(turns and n < FEWEST_AROUND for turns, n in zip(mesh.closed, cells, strict=True)):
         raise InputError(f"field 'cells': found {list(cells)}, but a closed shell needs {FEWEST_AROUND} around it")
-    problem = Problem(part, mesh)
+    problem = ThinProblem(part, mesh)
     if not len(problem.free):
         raise InputError(f"field 'cells': found {list(cells)}, which leaves nothing free to move")
     return problem

@@ -31,7 +31,7 @@ LONGEST_TURN = 1.5  # rad, of a node in one iteration; beyond it Newton's method
 
 
 @dataclass(frozen=True)
-class Problem:
+class ThinProblem:
     """A part of a shell on a mesh, with all that acts on it."""
 
     part: Part
@@ -50,12 +50,12 @@ class Problem:
     @cached_property
     def supports(self) -> Supports:
         """What is held."""
-        return Supports.of(self.part.case, self.mesh)
+        return Supports.on_mesh(self.part.case, self.mesh)
 
     @cached_property
     def loose(self) -> Loose:
         """What nothing holds."""
-        return Loose.of(self.supports, self.positions)
+        return Loose.from_supports(self.supports, self.positions)
 
     @cached_property
     def loads(self) -> Loads:
@@ -69,7 +69,7 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class State:
+class ThinState:
     """One state of equilibrium.
 
     Attributes
@@ -113,7 +113,7 @@ def factorised(matrix: csc_matrix) -> SuperLU:
         raise SolveFailure("the stiffness matrix is singular") from None
 
 
-def solve_linear(problem: Problem, states: tuple[float, ...]) -> list[State]:
+def solve_linear(problem: ThinProblem, states: tuple[float, ...]) -> list[ThinState]:
     """Solve a linear case at each load factor.
 
     Raises
@@ -159,7 +159,7 @@ class _Moved:
 
 
 def follow_path(
-    problem: Problem, states: tuple[float, ...], steps: int, tolerance: float, tell: Callable[[State], None]
+    problem: ThinProblem, states: tuple[float, ...], steps: int, tolerance: float, tell: Callable[[ThinState], None]
 ) -> None:
     """Find the equilibrium at each load factor, from the one before it.
 
@@ -204,7 +204,7 @@ def follow_path(
         tell(_state(problem, mark, moved.values, forces, internal, iterations))
 
 
-def _newton(problem: Problem, start: _Moved, t: float, tolerance: float) -> tuple[_Moved, Array, Array, int]:
+def _newton(problem: ThinProblem, start: _Moved, t: float, tolerance: float) -> tuple[_Moved, Array, Array, int]:
     """Return the state at a load factor, the forces that act, those inside, and how many linear solves it took."""
     free, elements = problem.free, problem.elements
     size = float(np.ptp(problem.positions, axis=0).max())
@@ -231,7 +231,7 @@ def _newton(problem: Problem, start: _Moved, t: float, tolerance: float) -> tupl
     raise SolveFailure("Newton's method does not converge")
 
 
-def _state(problem: Problem, t: float, values: Array, forces: Array, internal: Array, iterations: int) -> State:
+def _state(problem: ThinProblem, t: float, values: Array, forces: Array, internal: Array, iterations: int) -> ThinState:
     gap = (internal - forces).ravel()
     size = float(np.ptp(problem.positions, axis=0).max())
     largest = np.abs(forces[:, :3]).sum() + np.abs(forces[:, 3:]).sum() / size
@@ -241,4 +241,4 @@ def _state(problem: Problem, t: float, values: Array, forces: Array, internal: A
     values = problem.loose.removed(values, problem.loads.areas)
     by_force = problem.free[problem.free % DOFS < 3]
     work, inner = (problem.part.copies * float(np.sum(acting * values)) for acting in (forces, internal))
-    return State(t, values, work, inner, iterations, float(np.abs(gap[by_force]).max(initial=0.0)) / scale)
+    return ThinState(t, values, work, inner, iterations, float(np.abs(gap[by_force]).max(initial=0.0)) / scale)

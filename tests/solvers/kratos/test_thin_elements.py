@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.symmetry import part_of, whole_of
 from shellbench.solvers.kratos.thin_solution import Gauge, mesh_on
-from shellbench.solvers.kratos.thin_static import Problem
+from shellbench.solvers.kratos.thin_static import ThinProblem
 from tests.solvers.kratos.thin_shells import cylinder, plate
 
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 
 
 def problem(case, cells=(3, 2)):
-    return Problem(whole_of(case), mesh_on(whole_of(case), cells))
+    return ThinProblem(whole_of(case), mesh_on(whole_of(case), cells))
 
 
 def stiffness(shell):
@@ -100,5 +100,5 @@ def test_forces_are_the_derivative_of_the_energy():
 
 def test_the_symmetric_part_is_in_the_whole_as_often_as_it_says():
     part = part_of(cylinder())
-    shell = Problem(part, mesh_on(part, (4, 4)))
+    shell = ThinProblem(part, mesh_on(part, (4, 4)))
     assert part.copies * shell.loads.areas.sum() == pytest.approx(2 * np.pi * 2 * 3, rel=1e-12)
