@@ -87,6 +87,10 @@ def solve(
     SolveFailure
         If the path ends early; the states up to there come with it.
     """
+    # 1. Check that nothing but supports has to balance the loads, at every mark.
+    # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
+    # 3. Give the history displacements without the rigid motions that nothing holds.
+    # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
     began = time.perf_counter()
     problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
     for t in case.states if case.path.quantity is None else (1.0,):
@@ -108,6 +112,7 @@ def solve(
         reason = "the tangent stiffness is singular"
     if not states:
         raise SolveFailure(f"{reason}: no state beyond rest converged")
+    # A mark is a value of what is controlled, be it the load factor or a displacement.
     marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
     history = tuple(
         Step(
@@ -137,6 +142,7 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
 
     The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
     """
+    # Nothing is solved for: coefficients are derivatives of the motion at the nodes.
     support, place = next(case.supported_places())
     points = mesh.domain.wrap(mesh.node_points)
     motions = [case.motion(support, place, points, t, order=2) for t in case.states]
@@ -167,6 +173,8 @@ def _path(
 ) -> Iterator[State]:
     case = problem.case
     match case.path.control:
+        # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control can the
+        # states of a coarser mesh be corrected one by one, as their t is given.
         case "load":
             if case.path.after_buckling == "follow":
                 yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
@@ -185,6 +193,8 @@ def _path(
 
 def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
+    # Nested iteration: the coarser mesh's state at the same t is a guess that Newton's method corrects in a few steps.
+    # It may have been on a branch that this mesh does not have. Then load steps lead there from the state before.
     before: State | None = None
     for t in trail.states:
         near = before or problem.rest()
@@ -210,6 +220,7 @@ def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
     """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
     kept = []
     for mark in case.states:
+        # Marks are landed on but for rounding. On a path that turns, the first passage counts.
         there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
