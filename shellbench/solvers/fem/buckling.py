@@ -164,7 +164,7 @@ class Buckling:
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
         try:
-            # Not "imposed": pivots made positive front by front give some descent direction. K + mu M gives the one of a
+            # Not "imposed": pivots made positive front by front give some descent direction. K + mu M gives that of a
             # short time of motion. The caller raises mu until no pivot is negative.
             return factorise(reduced, self.problem.dissection, "reported")
         except NotPositiveDefiniteError:

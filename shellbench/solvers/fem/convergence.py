@@ -51,7 +51,7 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
         and else the largest change among them.
     """
     # 1. One value says nothing. Two say their difference, as does a sequence that stands still.
-    # 2. Three that swing: the last is between the two before, and the swing bounds what is left.
+    # 2. Three that swing, the last between the others: what the slowest rate leaves of the last change.
     # 3. Three that converge at a credible rate: extrapolate, and take a margin on the error that this shows.
     # 4. Three that do neither: no limit is in sight, and the whole spread is the uncertainty.
     # Richardson's textbook takes the element's order for p. Here p is observed: under point loads, and on meshes that

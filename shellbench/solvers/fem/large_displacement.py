@@ -87,7 +87,7 @@ def solve(
     SolveFailure
         If the path ends early; the states up to there come with it.
     """
-    # 1. Check that nothing but supports has to balance the loads, at every mark.
+    # 1. Check that loads do no work on rigid motions that nothing holds.
     # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
     # 3. Give the history displacements without the rigid motions that nothing holds.
     # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
