@@ -86,6 +86,8 @@ class Basis:
     @classmethod
     def from_stiffness(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
         """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held."""
+        # Null-space method: with K = 1 in `combine`, a QR factorisation of the constraints splits it orthogonally. The
+        # first k columns of Q hold the supports' displacements, the others move none of them.
         combine = independent(stiffness)
         if not len(constraints):
             return cls(combine, combine.new_zeros((len(stiffness), 0)))
@@ -119,6 +121,7 @@ class PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
         matrix = self._stiffness
         blocks = matrix.view(3, self.features.count, 3, self.features.count)
+        # The sum over components has all that any of them needs, and stays positive semidefinite.
         alike = blocks[0, :, 0] + blocks[1, :, 1] + blocks[2, :, 2]
         return replace(self, features=Combined(self.features, independent(alike)))
 
@@ -271,6 +274,9 @@ class PathProblem:
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+        # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
+        # 2. Energy, and its gradient by the strains' first variation, pulled back to the output weights.
+        # 3. Loads, anchors of loose rigid motions, and moments, whose angles are followed from the state before.
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
         sampled = self.sampled_at(t)
         gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
@@ -299,6 +305,7 @@ class PathProblem:
 
         `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
         """
+        # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
         form = elastic_form(self.elasticity, deformed.strained.variation)
         form = form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
         count = 3 * self.features.count
