@@ -285,8 +285,8 @@ def _search(
         new = _attempt(problem, points, unflatten(theta + step, state.network)) if step is not None else None
         if new is not None and step is not None:
             if agree(new, state) and new.gap <= max(plan.gap, state.gap):
-                # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises. Damping eases only where
-                # the first attempt was accepted.
+                # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises. Damping
+                # eases only where the first attempt was accepted.
                 ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
                 ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
                 return new, False, damping / ease
