@@ -191,6 +191,9 @@ class Motion:
 
     def rates(self, function: Callable[[float], Tensor], t: float) -> tuple[Tensor, Tensor]:
         """Return the first and the second derivative in time of something prescribed."""
+        # Finite differences on a stencil that stays between rest and the end, one-sided there. Their weights solve
+        # Vandermonde's system: exact for polynomials up to the sixth degree. A prescribed motion may be any function of
+        # time, so that no formula is differentiated.
         spacing = SPACING * self._until
         first = min(max(t - spacing * (STENCIL // 2), 0.0), self._until - spacing * (STENCIL - 1))
         times = first + spacing * np.arange(STENCIL)
@@ -280,6 +283,11 @@ class Motion:
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
         """Return y'' (r,), and the power of loads and supports, W."""
+        # y'' = combine^T (f - dE/dw - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
+        # 1. Forces of strains and springs at w; dead loads; inertia of the lift.
+        # 2. Power of the loads on w'.
+        # 3. Power of point supports: mass times acceleration less all other forces, on the part of w' that they move.
+        # 4. Power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's rate.
         w = self.weights(y, t)
         resistance, conjugate, pull = self.resistance(w, t)
         force = self.forces(t)
@@ -303,6 +311,8 @@ class Motion:
 
     def highest_frequency(self) -> float:
         """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
+        # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
+        # product with a vector is a central difference of the forces: no matrix is made.
         rest = self.basis.combine.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
@@ -317,6 +327,7 @@ class Motion:
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
+        # D'Alembert: what is out of balance, on the fields that move one support by one unit each, is what they exert.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.mass @ second
         if self._lifts:
             lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values
