@@ -114,7 +114,7 @@ def train(
     # 1. Take weights and both moments from where the training stands: it goes on as if it had never stopped.
     # 2. Loss of one draw, gradient, step.
     # 3. Every `RECORD` iterations: look whether all is finite, keep the state, and write it down if that is due.
-    # Looking each time would make the device wait for the host, which costs more than the iterations lost.
+    # Looking each time would make the device wait for the host.
     begin, first = time.perf_counter() - now.seconds, now.iteration
     place = siren.tensors[0]
     tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
