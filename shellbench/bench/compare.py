@@ -308,9 +308,9 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
     listed = list(found)
     peers: dict[tuple[object, ...], list[Row]] = {}
     for row in listed:
-        # One solver agrees with itself: the yardstick needs answers of two.
         if row.default_settings and row.status == "ok" and row.value is not None:
             peers.setdefault(_asked(row), []).append(row)
+    # One solver agrees with itself: a yardstick needs answers of two.
     yardsticks = {
         asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
     }

@@ -181,7 +181,7 @@ def current_runs(contents: Contents) -> CurrentRuns:
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
-        # The second part catches a case whose stored text is not what its digest was made of.
+        # The second part catches a user's own case whose stored text is not what its digest was made of.
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
         # Of a solver that is not installed the digest is taken to be the same.
@@ -191,7 +191,7 @@ def current_runs(contents: Contents) -> CurrentRuns:
             stale[record.run_id] = (record, changed)
         else:
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
-            # Tolerances were measured on CPUs. Another device's answer counts only where no CPU has answered.
+            # Another device's answer counts only where no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)

@@ -106,7 +106,7 @@ class _Runs:
         # 2. Fill the free places with runs.
         # 3. Hear the servers until a run has ended, and fill its place.
         # A pool of workers would share processes between runs. Each run here has its own, forked from an idle server.
-        # What it needs is its own, its end harms no other, and the import is paid once.
+        # Its memory is its own, its end harms no other, and the import is paid once.
         waiting = deque(tasks)
         self._warm_up(tasks)
         while waiting or self.running:

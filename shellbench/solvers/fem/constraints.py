@@ -130,7 +130,7 @@ def _dof(component: int, kind: Derivative) -> int:
 
 def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
     """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
-    # A textbook node holds its value only. The Hermite trace needs the slope along the edge too, or the edge bulges
+    # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
     # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
     kinds: list[Derivative] = [(0, 0)]
     if isinstance(place, Edge):

@@ -363,7 +363,7 @@ class _Front:
 
     def eliminate(self, definiteness: Definiteness) -> tuple[Triangle | Spectrum, Array]:
         """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
-        # Cholesky first, whatever is asked: no more fronts can fail than the matrix has negative eigenvalues.
+        # Cholesky first, whatever is asked: it is cheaper, and fails only where a front has a negative eigenvalue.
         # A front that fails takes the eigenvectors, from the copy that Cholesky has not overwritten.
         kept = None if definiteness == "required" else np.triu(self.own)
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied

@@ -102,6 +102,7 @@ def solve(
     reason: str | None = None
     try:
         for state in _path(problem, controlled, steps, trail):
+            # Without its factorisation and deformations a state is small: whole paths stay in memory.
             states.append(state.relieved)
             seconds.append(time.perf_counter() - began)
             if tell:
@@ -237,6 +238,8 @@ def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:
         return [state.q for state in states]
+    # Pins hold single displacements, wherever these are. An answer has no rigid motion in the mean over the area
+    # instead.
     stacked = np.stack([state.q for state in states], axis=-1)
     fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
     fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)

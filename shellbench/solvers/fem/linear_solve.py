@@ -130,8 +130,7 @@ def _pardiso(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
         raise InputError("direct_solver = 'pardiso' needs pypardiso, which is not installed") from None
     upper = sp.triu(matrix.to_csr(), format="csr")
     pardiso = PyPardisoSolver(mtype=2)  # symmetric positive definite
-    # PARDISO perturbs small pivots without a word, and its defaults gave wrong answers: hence these, and the check
-    # above.
+    # PARDISO perturbs small pivots without a word: hence these, and the check of the residual above.
     pardiso.set_iparm(8, 3)  # steps of iterative refinement
     pardiso.set_iparm(10, 13)  # pivots below 1e-13 are perturbed
     try:

@@ -73,6 +73,7 @@ def usual_cells(case: Case, level: int, grading: float) -> Cells:
     counts = []
     for axis, side in enumerate(sides):
         aim = max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides)))
+        # `axis_lines` counts cells of the longest part only: the least request is sought that gives `aim` in all.
         counts.append(next(n for n in count(FEWEST) if len(axis_lines(case, axis, n, grading)) > aim))
     return counts[0], counts[1]
 
@@ -157,6 +158,7 @@ def solve(
         except MemoryError:
             raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
+        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well.
         resolutions.append(1 / h)
         for name, value in quantities.items():
             values[name].append(value)
@@ -273,6 +275,7 @@ def follow(
             why = "" if local <= allowed or now.t == 0.0 else f"the motion is too quick for a step of {h:.2g} s"
         except NotConvergedError:
             why = f"a step of {h:.2g} s did not converge"
+        # The shell is at `now` still: a step that is refused leaves no trace but its cost.
         if why and h > SHORTEST * usual:
             h /= 2
             continue
@@ -327,6 +330,7 @@ def _solution(
     scales = mesh.node_scales[:, None, :, None]
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
+    # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
     shares = ties.shares(np.stack([r[ties.nodes] for _, r in reactions], axis=-1))
     forces = shares.reshape(len(case.supports), len(ties.nodes), *shape[1:-1], len(reactions))
     return MotionSolution(

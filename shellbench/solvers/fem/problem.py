@@ -370,7 +370,7 @@ class Problem:
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
             strained = self.energy.at(q)
-            # Nor has it any energy there.
+            # So does the start's energy, for the same reason.
             scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
             first = first or decrement
             # Spurious stresses may raise the work for a few iterations, but not so far.

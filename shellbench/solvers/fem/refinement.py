@@ -123,8 +123,8 @@ def levels(
             equilibrium = solve(cells)
             solution = equilibrium.solution
             quantities = measure(solution)
-        # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
         except SolveFailure:
+            # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
             if before is not None or forgiven == 0:
                 raise
             forgiven -= 1

@@ -190,6 +190,7 @@ class PathProblem:
     def _forces(self, t: float) -> tuple[Tensor, float]:
         case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled_at(t)
         ansatz = self.ansatz_at(t)
+        # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
         force = placement.tensor(force_density(case, sampled.points, t))
         force = force * self._share[:, None]
         total = sampled.forces(force)
@@ -212,6 +213,8 @@ class PathProblem:
         case = self.ansatz.case
         free = free_motions(case)
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
+        # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
+        # balance do no work on the modes, so that at the answer these squares vanish.
         share = self._share / self._share.sum() * case.material.membrane_stiffness**0.5
         placed = self.features.placement.tensor(modes) * share[:, None, None]
         rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
@@ -268,6 +271,7 @@ class PathProblem:
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
+        # Weights have no metric of their own. That of the stiffness at rest makes the cosine one of displacements.
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
@@ -285,11 +289,13 @@ class PathProblem:
         conjugate = stresses(self.elasticity, strains)
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
+        # r = -dE/dw: what the loads ask, less stress . eps' at the points.
         residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
         for k, moment in enumerate(self.moments):
+            # An angle is known up to whole turns: the one next to the last state's is taken, past half a turn as well.
             slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
             before = slopes.new_zeros(len(slopes)) if near is None else near[k]
             angles.append(moment.angles(slopes, before))
@@ -319,6 +325,7 @@ class PathProblem:
 
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
+        # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
         gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
         return deformed.stresses + stresses(self.elasticity, (deformed.strained.variation @ gradients)[..., 0])
 

@@ -112,6 +112,7 @@ class Motion:
     def _flat(self) -> Tensor:
         """(6 N, M): the jets of the features; where components are alike, displacement and gradients that they make."""
         jets = self.sampled.jets
+        # Where M is a multiple of the identity all components share one small table. Both ways give the same field.
         if self._alike:
             through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
             value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
@@ -143,7 +144,10 @@ class Motion:
         """(3 M, 3 M) on the output weights, kg; nothing of components that are held on the whole surface."""
         matrix, values = self.sampled.matrix, self.sampled.jets[:, VALUE]
         metric = (matrix.mT @ matrix) * (self.case.material.areal_density * self.share)[:, None, None]
+        # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
         blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
+        # A component held on the whole surface moves as prescribed: its features get no inertia, and so no place in the
+        # basis.
         for c in self.case.held_everywhere:
             for d in range(COMPONENTS):
                 blocks[c][d] = blocks[d][c] = torch.zeros_like(blocks[c][d])
@@ -233,6 +237,7 @@ class Motion:
 
     def forces(self, t: float) -> Tensor:
         """Return the dead loads (3 M,) at a time; loads that have not changed are not integrated again."""
+        # Loads are compared, not assumed steady: most do not change, and a comparison costs less than an integral.
         density = force_density(self.case, self.sampled.points, t)
         points, concentrated = concentrated_forces(self.case, self.rule_spec, NOWHERE, t)
         key = np.concatenate([density, concentrated])
@@ -278,6 +283,7 @@ class Motion:
         u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
+        # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
         conjugate, pull = (stress[:, None] @ strained.variation)[:, 0], self._springs * u
         return self._on_weights(pull, conjugate), conjugate, pull
 
@@ -300,6 +306,7 @@ class Motion:
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
         if self._driven:
+            # The free fields are in balance: only held ones are left in it, and w' - combine y' is their motion.
             balance = self.mass @ self.weights(acceleration, t, 2) - residual
             power += float(balance @ (moved - self.basis.combine @ velocity))
         if rates is not None:
