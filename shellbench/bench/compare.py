@@ -145,7 +145,7 @@ def planned_rows(task: Task) -> list[Row]:
     if known is None:
         return []
     case, declared = known
-    # A run that was planned must not vanish from the table: where nothing of it is gated its headline stands for it.
+    # A run that was planned must not vanish from the table. Where nothing of it is gated its headline stands for it.
     judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
     return [
         without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(

@@ -51,7 +51,7 @@ def overrides_of(run: Task | Record) -> dict[str, Any]:
 
 def newest(contents: Contents) -> dict[str, Record]:
     """Return the newest record of each run that was made more than once, by `run_key`, oldest first."""
-    # A dictionary keeps the place of a key that is written again: taken out first, the run moves to the end.
+    # A dictionary keeps the place of a key that is written again. Taken out first, the run moves to the end.
     latest: dict[str, Record] = {}
     for record in contents.records:
         key = run_key(record)
@@ -167,7 +167,8 @@ def current_runs(contents: Contents) -> CurrentRuns:
     # 2. The case has the same digest today: that of the suite, or the newest one of a user's own.
     # 3. The solver's code has the same digest, if it is installed.
     # 4. Its engine has the same version, if that is installed.
-    # Of those that count one is taken for each case, solver, settings and seed, the newest on a CPU if there is one.
+    # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
+    # one.
     sources = _current_sources({(record.identity.solver, kind_name(record.case)) for record in contents.records})
     # A user's own case has no file here to compare with: its newest record says what it is.
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's

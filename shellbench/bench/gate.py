@@ -196,7 +196,7 @@ def _question(row: Row) -> tuple[object, ...]:
 
 def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
     """Return those of other rows whose runs are not among the rows found; no seed answers for every seed."""
-    # One set of rows takes the place of another run by run, not quantity by quantity: answers of two runs never mix.
+    # One set of rows takes the place of another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
     for row in found:
         known.setdefault(_question(row), set()).add(row.seed)
@@ -212,7 +212,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
-        # Only what can be gated: not a user's own case, nor one that is gone, nor settings other than the defaults.
+        # Only what can be gated: cases of the suites that are still there, with default settings.
         if record.own_case or record.case_name not in catalog.case_names() or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)

@@ -165,7 +165,7 @@ class _Runs:
     def _wait(self) -> Iterator[Event]:
         """Hear what the servers say, for a while, and stop what has run for too long."""
         self._stop_if_unwanted()
-        # Wait for the first of: a word from a server, the next deadline, the next look at whether runs are wanted.
+        # Wait for a word from a server, the next deadline, or the next look at whether runs are wanted.
         now = time.monotonic()
         wait = LONGEST_WAIT
         if self.how.timeout is not None:
@@ -203,7 +203,7 @@ class _Runs:
         # The end of a run may be heard twice: by its last word, and by its server's death.
         if run not in self.running:
             return
-        # A full disk is no solver's failure, and a record of it could not be written either: the whole plan stops.
+        # A full disk is no solver's failure, and a record of it could not be written either. The whole plan stops.
         if (run.folder / DISK_FULL).exists():
             raise StoreError(f"store {self.store.folder}: the disk is full, so what was being written is lost")
         self.running.remove(run)

@@ -154,7 +154,7 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
     for a, (i, j) in enumerate(CORNERS):
         for b, (k, m) in enumerate(CORNERS):
             # Textbooks collect triplets and sort them. On a tensor mesh corners a and b of any cell are the same
-            # neighbours: all cells' blocks of this pair go to one slot at once.
+            # neighbours. All cells' blocks of this pair go to one slot at once.
             slot = NEIGHBOURS.index((k - i, m - j))
             pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
             blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
@@ -169,7 +169,7 @@ def _cell_matrices(
     # 3. Times the basis functions: a tall matrix of all points of a cell.
     # 4. K = G^T G.
     # The textbook sums B^T C B point by point. The root form has one product a cell, and K is symmetric and positive
-    # semidefinite by construction: rounding can't make a soft mode negative.
+    # semidefinite by construction.
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))

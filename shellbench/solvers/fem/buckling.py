@@ -141,7 +141,7 @@ class Buckling:
 
     def softest_mode(self, ties: Ties, factor: Factor) -> Array:
         """Return the mode (nodes, 12) of the least stiffness in magnitude, of unit largest displacement."""
-        # Inverse iteration, M-weighted, for the eigenvalue nearest zero. A fixed number of steps will do: in a cluster
+        # Inverse iteration, M-weighted, for the eigenvalue nearest zero. A fixed number of steps will do. In a cluster
         # any mixture of its modes is soft, and only the direction of a push is wanted. The seed is fixed, so that
         # answers repeat.
         mode = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12))
@@ -178,8 +178,8 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
-        # Bisection on the inertia, from stable states only. The textbook solves K + dt dK for its eigenvalue instead:
-        # that is linear in t, and thin shells are not. It would also cost eigenvectors where a count of pivots is
+        # Bisection on the inertia, from stable states only. The textbook solves K + dt dK for its eigenvalue instead.
+        # That is linear in t, and thin shells are not. It would also cost eigenvectors where a count of pivots is
         # enough.
         low, high, unstable = below, above.t, above.t
         while high - low.t > BRACKET * high:
@@ -263,8 +263,7 @@ class Buckling:
             gained = value - problem.potential(found)
             if gained > 0:
                 state, value = found, value - gained
-            # Where waves may travel, K is nearly singular at the minimum too, and a step without mu would run along
-            # them.
+            # Where waves may travel, K is nearly singular at the minimum too. A step without mu would run along them.
             mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
         raise NotConvergedError
 

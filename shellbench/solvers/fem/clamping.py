@@ -76,7 +76,7 @@ class ClampedEdge:
         # Textbook Nitsche replaces a strong condition. Here the ties hold theta strongly at the nodes. The terms see
         # only the gap between nodes.
         cells = mesh.edge_cells(edge)
-        # The edge is the side 0 or 1 of the unit cell in its fixed coordinate, and runs along the other one.
+        # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
         unit[:, 1 - edge.axis] = (x + 1) / 2
@@ -160,8 +160,8 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
 
 def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
     """Return the unit vectors (n, 3) tangential to the surface, normal to an edge and away from the surface."""
-    # a_t x a3 is normal to the edge in the surface. Its sign is settled by the base vector across the edge, which
-    # points inward on the side "min", outward on the side "max".
+    # a_t x a3 is normal to the edge in the surface. Its sign is settled by the base vector across the edge. That points
+    # inward on the side "min", outward on the side "max".
     tangent = surface.base[:, 1 - edge.axis]
     conormal = np.cross(tangent, surface.normal)
     conormal /= np.linalg.norm(conormal, axis=-1, keepdims=True)
@@ -173,7 +173,7 @@ def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
 def _on_cells(mesh: TensorMesh, cells: Integers, unit: Array, rows: Array) -> Array:
     """Turn rows (points, 3, 5) on the derivatives of u into rows (cells, g, 48) on the degrees of freedom."""
     # A derivative on the cell is that of the unit cell over h1^i h2^j. The last factor turns the cell's degrees of
-    # freedom into the nodes' scaled ones, which neighbouring cells of other sizes share.
+    # freedom into the nodes' scaled ones. Those are the same for neighbouring cells of other sizes.
     table = np.stack([tabulate(unit, d) for d in DERIVATIVES], axis=1)  # (g, 5, 4, 4)
     sizes = mesh.sizes[cells]
     steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)

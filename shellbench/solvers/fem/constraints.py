@@ -253,8 +253,8 @@ class Ties:
         InputError
             If supports contradict each other where they meet.
         """
-        # 1. Stack all rows R q = r that supports state at a node, padded by zeros to one size for all nodes.
-        # 2. R = U S V^T for all nodes at once. Directions with S > 0 are bound: q0 = V S^-1 U^T r.
+        # 1. Stack all rows R q = r that supports state at a node, padded by zeros to one size.
+        # 2. R = U S V^T for all nodes at once. Directions with S above rounding are bound: q0 = V S^-1 U^T r.
         # 3. The others are free. B = V turns a node's degrees of freedom into bound and free ones.
         # 4. Whatever R q0 misses of r is a contradiction between supports.
         # Textbooks eliminate a slave by a master, and must choose which and in what order. The decomposition chooses by

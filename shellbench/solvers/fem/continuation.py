@@ -63,9 +63,10 @@ def load_steps(
     PathEndsError
         If a step can't be cut further, or a state is no minimum.
     """
-    # Load control: equal parts of at most `step` up to the next mark, longer after an easy step, half after a failure.
-    # A state that is found but not stable counts as a failure: a shorter step may stay on the stable branch. Growth is
-    # judged by the step made, not by the one wanted: a short one before a mark leaves `step` as it is.
+    # Load control: equal parts of at most `step` up to the next mark. They are longer after an easy step, and half
+    # after a failure. A state that is found but not stable counts as a failure. A shorter step may stay on the stable
+    # branch. Growth is judged by the step made, not by the one wanted. A short one before a mark leaves `step` as it
+    # is.
     state, step = start or problem.rest(), first
     for mark in (m for m in marks if m > (start.t if start else 0.0)):
         while state.t < mark:
@@ -155,7 +156,7 @@ def _to_displacement(problem: Problem, state: State, row: Array, value: float, t
 def _first_rate(row: Array, drift: Array) -> float:
     """Return the controlled displacement's rate at rest."""
     rate = float(np.sum(row * drift))
-    # The product is at most that of the lengths, by Cauchy and Schwarz: below it by so much it is rounding.
+    # The product is at most that of the lengths, by Cauchy and Schwarz. So far below that it is rounding.
     if not abs(rate) > UNMOVED * float(np.linalg.norm(row) * np.linalg.norm(drift)):
         raise PathEndsError("the loads do not move the displacement that the path is followed to")
     return rate
@@ -206,8 +207,7 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
         target = float(np.sum(row_of_arc * state.q)) + arc
         try:
             found = problem.on_path(state, Constraint(row_of_arc, 0.0, target), (change * drift, change))
-            # The arc is the step's component along the tangent, so that this ratio is the cosine of the angle between
-            # them.
+            # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):
                 raise NotConvergedError
             ahead = problem.drift(found)
@@ -242,6 +242,7 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
             yield found
         state, value, highest = found, reached, max(highest, reached)
         drift, sign, heading = ahead, sign_found, heads
-        # Unlike a load step an arc is also cut after a slow step that converged, by half as much as after a failure.
+        # Unlike a load step an arc is also cut after a slow step that converged. The cut is milder than after a
+        # failure.
         arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")

@@ -54,8 +54,8 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
     # 2. Three that swing, the last between the others: what the slowest rate leaves of the last change.
     # 3. Three that converge at a credible rate: extrapolate, and take a margin on the error that this shows.
     # 4. Three that do neither: no limit is in sight, and the whole spread is the uncertainty.
-    # Richardson's textbook takes the element's order for p. Here p is observed: under point loads, and on meshes that
-    # do not resolve the solution yet, the order is another one.
+    # Richardson's textbook takes the element's order for p. Here p is observed. Under point loads, and on meshes that
+    # do not resolve the solution yet, it is another one.
     last = values[-1]
     if len(values) < 2:
         return Estimate(last, math.inf, None)
@@ -90,6 +90,6 @@ def observed_rate(values: Sequence[float], resolutions: Sequence[float]) -> floa
 
     if misfit(SLOWEST) * misfit(FASTEST) < 0:
         return float(brentq(misfit, SLOWEST, FASTEST))
-    # No sign change means a rate beyond one of the ends: fast changes are told from slow ones by their ratio.
+    # No sign change means a rate beyond one of the ends. Fast changes are told from slow ones by their ratio.
     ratio = before / after
     return FASTEST if ratio > (resolutions[2] / resolutions[1]) ** FASTEST else None

@@ -394,9 +394,9 @@ class _Front:
 
 def _spectrum(upper: Array, imposed: bool) -> Spectrum:
     """Return the eigenvectors of the symmetric matrix whose upper triangle is given."""
-    # The textbook takes Bunch and Kaufman's 1 x 1 and 2 x 2 pivots. Eigenvectors cost more and say more:
-    # the negative ones are counted for the inertia, and |A| replaces A where a descent direction is wanted.
-    # An eigenvalue at rounding has no sign to trust, and the Schur complement would be divided by it.
+    # The textbook takes Bunch and Kaufman's 1 x 1 and 2 x 2 pivots. Eigenvectors cost more and say more. The negative
+    # ones are counted for the inertia, and |A| replaces A where a descent direction is wanted. An eigenvalue at
+    # rounding has no sign to trust, and the Schur complement would be divided by it.
     values, vectors = eigh(upper, lower=False)
     if np.abs(values).min() <= SINGULAR * np.abs(values).max():
         raise NotPositiveDefiniteError

@@ -74,7 +74,7 @@ class FiniteClamp:
         """Integrate along an edge; None where its normal keeps its direction."""
         # As `ClampedEdge.of`, but with the derivatives of u kept apart from the strains: these are not linear here.
         # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
-        # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge and are set up once.
+        # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
         cells = mesh.edge_cells(edge)
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
@@ -123,7 +123,7 @@ class _Clamped:
     def tilt(self) -> Array:
         """(n, 15) first variation of theta, which is linear in u."""
         # The exact condition is x,a n^a . n = 0 with the deformed normal n, and not linear. Where the edge's position
-        # is prescribed, n is the carried normal N', and N' is known: theta becomes linear in u.
+        # is prescribed, n is the carried normal N', which is known. So theta becomes linear in u.
         normal = self.clamp.reference.normal @ self.turn.T
         rows = np.zeros((len(normal), len(DERIVATIVES), COMPONENTS))
         rows[:, :2] = self.clamp.raised[:, :, None] * normal[:, None, :]
@@ -166,7 +166,7 @@ class _Clamped:
         """Add the second variation, in place."""
         clamp = self.clamp
         # d2J = theta d2m + dm dtheta + dtheta dm + k dtheta dtheta, since d2theta = 0. m is linear in the bending
-        # strain: theta d2m is the geometric part of a stress theta B H n n.
+        # strain. So theta d2m is the geometric part of a stress theta B H n n.
         resultants = np.concatenate([np.zeros_like(clamp.moments), self.gap[:, None] * clamp.moments], axis=1)
         form = self.deformation.second_variation(resultants)
         crossed = self.moment_rate[:, :, None] * self.tilt[:, None, :]

@@ -174,8 +174,8 @@ def _path(
 ) -> Iterator[State]:
     case = problem.case
     match case.path.control:
-        # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control can the
-        # states of a coarser mesh be corrected one by one, as their t is given.
+        # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
+        # so that states of a coarser mesh can be corrected one by one.
         case "load":
             if case.path.after_buckling == "follow":
                 yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
@@ -194,8 +194,8 @@ def _path(
 
 def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
-    # Nested iteration: the coarser mesh's state at the same t is a guess that Newton's method corrects in a few steps.
-    # It may have been on a branch that this mesh does not have. Then load steps lead there from the state before.
+    # Nested iteration: the coarser mesh's state at the same t is the guess that Newton's method corrects. It may have
+    # been on a branch that this mesh does not have. Then load steps lead there from the state before.
     before: State | None = None
     for t in trail.states:
         near = before or problem.rest()

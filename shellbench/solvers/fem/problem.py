@@ -297,7 +297,7 @@ class Problem:
     def carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
-        # the start, with the right-hand side r(q, t) - K moved, spreads the motion over the shell.
+        # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
         right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
         try:

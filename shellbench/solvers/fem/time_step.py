@@ -168,7 +168,7 @@ class MovingShell:
         # 3. Minimise the incremental potential over x.
         # 4. Recover q, a, v at the end from x, and the supports' reactions from the residual.
         # Chung and Hulbert state the method for linear springs. Of its two extensions this takes W' at the mean
-        # displacement x, not the mean of W' at the two ends: x alone is then the step's unknown.
+        # displacement, not the mean of W' at the two ends. So x alone is the step's unknown.
         end, middle = start.t + h, start.t + (1 - s.alpha_f) * h
         ties = problem.ties(end)
         loads = problem.loads(middle)

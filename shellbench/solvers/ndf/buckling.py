@@ -101,7 +101,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
-        # A full Newton step inside the ball says nothing of the radius, which grows only if it has bound the step.
+        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound the step.
         if gain < DOUBTED * foretold or not gain > 0:
             radius = NARROWER * length
         elif gain > TRUSTED * foretold and length > 0.99 * radius:

@@ -82,7 +82,7 @@ def certify(
 ) -> list[Certified]:
     """Return the energies on a rule of the fields with these output layers (3, M), all of the same features."""
     # All energies are polynomials in s for lift + s (u - lift), as strains are linear here:
-    # 1. Strains of the lift (offset) and of u - lift (row) at the points; the rows hold roots of stiffness and weight.
+    # 1. Strains of the lift (offset) and of u - lift (row) at the points. The rows hold roots of stiffness and weight.
     # 2. Products by powers of s: offset^2 / 2, offset . row, row^2 / 2. Work likewise, in two powers.
     # 3. Forces at points and edges add to the work only.
     # One sweep over the points gives the energy of any multiple, and so the best one, without another integration.

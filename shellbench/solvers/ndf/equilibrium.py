@@ -295,7 +295,7 @@ class PathProblem:
         work += float(forces @ weights)
         angles = []
         for k, moment in enumerate(self.moments):
-            # An angle is known up to whole turns: the one next to the last state's is taken, past half a turn as well.
+            # An angle is known up to whole turns. The one next to the last state's is taken, past half a turn as well.
             slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
             before = slopes.new_zeros(len(slopes)) if near is None else near[k]
             angles.append(moment.angles(slopes, before))

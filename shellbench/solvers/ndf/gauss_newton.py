@@ -45,7 +45,7 @@ class Quadratic:
     def step(self, damping: float) -> Tensor | None:
         """Return -(H + damping diag H)^-1 g, or None where that is not positive definite."""
         # Marquardt scales by the diagonal of H. The projection leaves next to nothing on the diagonal of some weights,
-        # which would then run away: the floor is a share of the diagonal before it.
+        # which would then run away. The floor is a share of the diagonal before it.
         scale = (self.matrix.diagonal() + FLOOR * self.floor).clamp_min(torch.finfo(self.slope.dtype).tiny).sqrt()
         scaled = self.matrix / scale[:, None] / scale
         scaled.diagonal().add_(damping)

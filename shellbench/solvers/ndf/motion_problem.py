@@ -146,7 +146,7 @@ class Motion:
         metric = (matrix.mT @ matrix) * (self.case.material.areal_density * self.share)[:, None, None]
         # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
         blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
-        # A component held on the whole surface moves as prescribed: its features get no inertia, and so no place in the
+        # A component held on the whole surface moves as prescribed. Its features get no inertia, and so no place in the
         # basis.
         for c in self.case.held_everywhere:
             for d in range(COMPONENTS):
@@ -306,7 +306,7 @@ class Motion:
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
         if self._driven:
-            # The free fields are in balance: only held ones are left in it, and w' - combine y' is their motion.
+            # The free fields are in balance, so that only held ones are left in it; w' - combine y' is their motion.
             balance = self.mass @ self.weights(acceleration, t, 2) - residual
             power += float(balance @ (moved - self.basis.combine @ velocity))
         if rates is not None:
@@ -334,7 +334,7 @@ class Motion:
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
-        # D'Alembert: what is out of balance, on the fields that move one support by one unit each, is what they exert.
+        # D'Alembert: the supports exert what is out of balance, on the fields that move one of them by one unit.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.mass @ second
         if self._lifts:
             lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values

@@ -174,8 +174,8 @@ def _newton(
     # 2. dw = K^-1 r; on a path bordered by the constraint, dw = K^-1 r + dt K^-1 f'.
     # 3. Predict the next stresses before w moves.
     # 4. Stop when the work r . dw is at rounding.
-    # The textbook takes w's own stresses, far too large in a thin shell after a bending step, and searches along dw.
-    # Here the residual may grow at first. A step that does not converge is cut by the caller.
+    # The textbook takes w's own stresses, and searches along dw. In a thin shell those stresses are far too large after
+    # a bending step. Here the residual may grow at first. A step that does not converge is cut by the caller.
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     if bool(step.any()):
         geometric = problem.predicted(deformed, step)
@@ -195,7 +195,7 @@ def _newton(
                 raise NotConvergedError
             change = (constraint.value - float(constraint.row @ (weights + step))) / slope
             step, t = step + change * moving, t + change
-        # The constraint is linear, so that it holds after each step: the work of r alone says how far the state is.
+        # The constraint is linear, so that it holds after each step. The work of r alone says how far the state is.
         decrement = abs(float(deformed.residual @ step))
         geometric = problem.predicted(deformed, step, t)
         weights = weights + step

@@ -132,7 +132,7 @@ def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
             change, bend = np.diff(slope, axis=0), bend.reshape(len(ends) - 1, spec.order, 3)
             unseen += float(np.linalg.norm(change - bend.sum(1), axis=-1).sum())
             turned = np.linalg.norm(change, axis=-1).sum() + np.linalg.norm(bend, axis=-1).sum()
-            # A field that hardly turns would make a share of nothing: then its slopes are what a mismatch is compared
+            # A field that hardly turns would make a share of nothing. Then its slopes are what a mismatch is compared
             # with.
             total += float(max(turned, np.linalg.norm(slope, axis=-1).max()))
     return unseen / total if total > 0 else 0.0

@@ -216,7 +216,7 @@ def _best_start(
 ) -> tuple[Trained, tuple[float, float]] | None:
     found = None
     stretched = np.asarray(problem.features.inputs.stretched)
-    # Random hidden layers with a solved output layer: a start costs one linear solve, so that all scales can be tried.
+    # Random hidden layers with a solved output layer: a start costs one linear solve. So all scales can be tried.
     for pair in scales:
         by_input = problem.features.placement.tensor(np.where(stretched, pair[1], pair[0]))
         values = points.train.inputs[VALUE]
@@ -305,8 +305,7 @@ def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) ->
 def agree(new: Trained, old: Trained) -> bool:
     """Tell whether both point sets see a gain, and about the same one."""
     seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
-    # Each condition alone can be met by luck: a gain on the check points only, or a much larger one on the training
-    # points.
+    # Each condition alone can be met by luck or exploitation.
     return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
 
 
