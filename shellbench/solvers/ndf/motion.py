@@ -156,7 +156,6 @@ def solve(
                 )
             points *= MORE_POINTS
             # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
-            # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
             if number < len(rungs) - 1:
                 break
         values = {q.name: measure(solution, q) for q in case.quantities}
@@ -193,7 +192,6 @@ def distance(first: MotionSolution, second: MotionSolution) -> float:
     """Return the largest root mean square, over the shell, of the difference of two motions, over the longest side."""
     case = second.case
     points = case.surface.domain.grid(PROBE, PROBE).reshape(-1, 2)
-    # Compared at the times that are asked for, over the whole shell: a single point may agree by chance.
     # Compared at the times that are asked for, over the whole shell: a single point may agree by chance.
     apart = [first.displacement(points, at) - second.displacement(points, at) for at in case.states]
     return max(float(np.sqrt(np.mean(np.sum(d * d, axis=-1)))) for d in apart) / max(side_lengths(case))
@@ -281,7 +279,6 @@ class _Run:
 
     def _kept(self, track: Track) -> MotionSolution:
         motion, placement = self.motion, self.motion.features.placement
-        # Weights, rates and accelerations at each step: they are what quintic Hermite interpolation in time needs.
         # Weights, rates and accelerations at each step: they are what quintic Hermite interpolation in time needs.
         outputs = [
             [motion.weights(placement.tensor(state[order]), t, order) for order in range(3)]
