@@ -62,7 +62,8 @@ def energy_gradient(sample: Sample, tips: Tips, network: Network, output: Tensor
     """Return the gradient (P,) of the energy in the hidden weights at a fixed output layer (3, M)."""
     # g = sum over points of (stress . dstrain/dtheta - force . du/dtheta), by one reverse sweep for each part of the
     # sample. The rows hold the roots of stiffness and weight, so that strains are their own stresses. The output layer
-    # is fixed: its own change adds nothing, as the energy is stationary in it.
+    # is fixed: its own change adds nothing, as the energy is stationary in it. Under point supports it is so only along
+    # what they leave free: the work of their forces is left out of g.
     used = output[:, : network.width]
     total = output.new_zeros(network.parameters)
     for part in sample.parts():
