@@ -54,6 +54,8 @@ def rows_and_notes(
 ) -> tuple[list[Row], tuple[str, ...]]:
     """Return the rows of `rows`, and a sentence for whatever was left out."""
     wanted = asked_cases(cases, suites)
+    # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
+    # for.
     current, planned = current_runs(store.read()), read_planned(store)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
     if suites:
@@ -103,6 +105,10 @@ def beyond(found: Sequence[Row]) -> str:
 
 def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     """Return the rows of runs that count, and of runs that were planned and did not end."""
+    # 1. Rows of records, a quantity each, with what judges them.
+    # 2. Rows of plans that did not end.
+    # 3. Where nothing judges, rows are held against each other.
+    # 4. In the order of suite and case, so that a report reads the same whatever was run first.
     found = [row_of(run, quantity) for run in current.runs for quantity in run.case.quantities]
     order = {(run.case.name, q.name): i for run in current.runs for i, q in enumerate(run.case.quantities)}
     for task in planned:
@@ -139,6 +145,7 @@ def planned_rows(task: Task) -> list[Row]:
     if known is None:
         return []
     case, declared = known
+    # A run that was planned must not vanish from the table. Where nothing of it is gated its headline stands for it.
     judged = [] if overrides_of(task) or task.own_case else gated_quantities(case, task.identity.solver)
     return [
         without_record(case, quantity, task.identity.solver, task.identity.seed, (), DID_NOT_END).model_copy(
@@ -246,6 +253,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         storage_bytes=record.storage_bytes,
         run_id=record.run_id,
     )
+    # A user's own case may bear the name of one of the suite. Neither known values nor tolerances are passed on to it.
     known = KnownValues() if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = catalog.tolerance(row.case, row.quantity, row.solver)
@@ -270,6 +278,7 @@ def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Qua
         }
         if row.value is not None:
             found["absolute_error"] = row.value - judge.value
+            # An error relative to a value that is zero within its own uncertainty would be a ratio of two roundings.
             if not near_zero(judge, quantity):
                 found["relative_error"] = (row.value - judge.value) / abs(judge.value)
     if literature := known.of(quantity.name, "literature"):
@@ -301,6 +310,7 @@ def held_against_each_other(found: Iterable[Row]) -> list[Row]:
     for row in listed:
         if row.default_settings and row.status == "ok" and row.value is not None:
             peers.setdefault(_asked(row), []).append(row)
+    # One solver agrees with itself: a yardstick needs answers of two.
     yardsticks = {
         asked: _yardstick(answers) for asked, answers in peers.items() if len({row.solver for row in answers}) > 1
     }
@@ -320,6 +330,7 @@ def _held_against(row: Row, value: float, name: str) -> Row:
 
 def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
     values = [row.value for row in peers if row.value is not None]
+    # Answers of one deterministic solver do not scatter. Of several none is the better one, and the median is robust.
     certain = [row for row in peers if row.seed is None and row.value is not None]
     if len(certain) == 1 and certain[0].value is not None:
         return certain[0].value, certain[0].solver

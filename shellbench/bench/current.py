@@ -51,6 +51,7 @@ def overrides_of(run: Task | Record) -> dict[str, Any]:
 
 def newest(contents: Contents) -> dict[str, Record]:
     """Return the newest record of each run that was made more than once, by `run_key`, oldest first."""
+    # A dictionary keeps the place of a key that is written again. Taken out first, the run moves to the end.
     latest: dict[str, Record] = {}
     for record in contents.records:
         key = run_key(record)
@@ -161,7 +162,15 @@ class CurrentRuns:
 
 def current_runs(contents: Contents) -> CurrentRuns:
     """Sort out which records count."""
+    # A record counts if it would be made again today. Checked in turn, the first that fails is the reason:
+    # 1. Its case can be read.
+    # 2. The case has the same digest today: that of the suite, or the newest one of a user's own.
+    # 3. The solver's code has the same digest, if it is installed.
+    # 4. Its engine has the same version, if that is installed.
+    # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
+    # one.
     sources = _current_sources({(record.identity.solver, kind_name(record.case)) for record in contents.records})
+    # A user's own case has no file here to compare with: its newest record says what it is.
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
     runs: dict[tuple[object, ...], CurrentRun] = {}
@@ -173,14 +182,17 @@ def current_runs(contents: Contents) -> CurrentRuns:
             stale[record.run_id] = (record, "its case can't be read any more")
             continue
         wanted = own_physics[record.case_name] if record.own_case else case.digest()
+        # The second part catches a user's own case whose stored text is not what its digest was made of.
         if identity.case != wanted or case.digest() != identity.case:
             stale[record.run_id] = (record, "the case has changed since")
+        # Of a solver that is not installed the digest is taken to be the same.
         elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
         elif (changed := _changed_engine(identity.settings)) is not None:
             stale[record.run_id] = (record, changed)
         else:
             key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
+            # Another device's answer counts only where no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)
                 runs[key] = CurrentRun(record, case, overrides_of(record), declared_by(record, case), installed)

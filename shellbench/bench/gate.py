@@ -90,6 +90,7 @@ class Verdict:
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
+        # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
         judged = (*self.accuracy, *(self.regression if regression else ()), *(self.cost if cost else ()))
         return not self.lock.broken and not any(finding.colour == "red" for finding in judged)
 
@@ -104,6 +105,14 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     InputError
         If the store is empty or not there, a name of the scope is unknown, or nothing of it is gated.
     """
+    # 1. Names of the scope, and a store that is not empty.
+    # 2. What was run or planned, and what plug-ins claim of it.
+    # 3. What has to be judged. With suites it is all that they declare, with a record or without one. Without, it is
+    #    all that was run, stale records included.
+    # 4. Runs that were planned and did not end stand for themselves, before anything else about the same run.
+    # 5. Narrow to the scope, and refuse one of which any part judges nothing.
+    # 6. Accuracy, regression and cost of the same rows, and the lock.
+    # Silence is no success: what was asked for and has no record is red.
     cases = asked_cases(scope.cases, scope.suites)
     for solver in scope.solvers:
         find_solver(solver)
@@ -116,8 +125,10 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     if scope.suites:
         others = [row for expected in _expected(scope, current) for row in expected.rows()]
     else:
+        # Records of a solver that is not installed may be of other code: they are shown, and never judged.
         known = {run.record.run_id for run in current.runs if run.installed}
         others = [row for row in found if row.gated and row.run_id in known]
+        # A record that does not count any more is no reason to forget that its run was gated.
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
@@ -150,6 +161,7 @@ def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
             except InputError as error:  # a plug-in's bad file is no harm to others
                 unread.append(f"what solver '{row.solver}' claims can't be read: {error}")
         claim = claims[row.solver].get(row.case, {}).get(row.quantity)
+        # A claim is about default settings on the suite's own cases, as a tolerance is.
         if claim is None or row.own_case or not row.default_settings or row.run_id is None:
             continue
         held = row.held_to(claim)
@@ -184,6 +196,7 @@ def _question(row: Row) -> tuple[object, ...]:
 
 def _beside(found: Iterable[Row], others: Iterable[Row]) -> list[Row]:
     """Return those of other rows whose runs are not among the rows found; no seed answers for every seed."""
+    # One set of rows takes the place of another run by run, not quantity by quantity. Answers of two runs never mix.
     known: dict[tuple[object, ...], set[int | None]] = {}
     for row in found:
         known.setdefault(_question(row), set()).add(row.seed)
@@ -199,6 +212,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
     rows: dict[tuple[object, ...], list[Row]] = {}
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
+        # Only what can be gated: cases of the suites that are still there, with default settings.
         if record.own_case or record.case_name not in catalog.case_names() or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)
@@ -226,6 +240,7 @@ def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]
     InputError
         In one sentence that names the part.
     """
+    # Each name is checked for itself: a misspelt or ungated one would hide behind rows of the others.
     begin = "nothing was judged"
     if not rows and scope.narrowed:
         raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}")
@@ -277,6 +292,7 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
         If a gated row is red in accuracy: a baseline remembers good answers only.
     """
     check_filled(store)
+    # All or nothing: a baseline of the green part of a red store would pass for one of the whole.
     runs = list(_expected(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
     red = [finding for row in rows if (finding := row.finding()).colour == "red"]
@@ -317,10 +333,12 @@ def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[
     """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
     for solver in scope.solvers:
         find_solver(solver)
+    # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
     seen: set[tuple[str, str, int | None]] = set()
     for suite in scope.suites or _suites_that_compare():
         for case in catalog.cases_of(suite):
             for run in catalog.find_suite(suite).runs_for(case.name):
+                # Tolerances hold for the default settings only.
                 if run.settings or (scope.solvers and run.solver not in scope.solvers):
                     continue
                 for seed in scope.seeds or run.seeds:

@@ -102,6 +102,11 @@ class _Runs:
         return self.how.idle
 
     def make(self, tasks: Sequence[Task]) -> Iterator[Event]:
+        # 1. Start one server for each solver, and wait until all have imported it.
+        # 2. Fill the free places with runs.
+        # 3. Hear the servers until a run has ended, and fill its place.
+        # A pool of workers would share processes between runs. Each run here has its own, forked from an idle server.
+        # Its memory is its own, its end harms no other, and the import is paid once.
         waiting = deque(tasks)
         self._warm_up(tasks)
         while waiting or self.running:
@@ -137,6 +142,8 @@ class _Runs:
             raise AbandonedError
 
     def _start(self, task: Task) -> Iterator[Event]:
+        # A server makes one run at a time. More runs of one solver need more servers, which are started when first
+        # needed.
         server = next((s for s in self.idle if s.solver == task.identity.solver), None)
         if server is None:
             self.how.expect(task)
@@ -151,12 +158,14 @@ class _Runs:
         except OSError as error:
             raise StoreError(f"store {self.store.folder}: can't be written ({error.strerror})") from None
         yield Started(task)
+        # The server has died since: the run ends as one whose process was killed, and is not lost.
         if not server.give(folder):
             yield from self._end(run, None)
 
     def _wait(self) -> Iterator[Event]:
         """Hear what the servers say, for a while, and stop what has run for too long."""
         self._stop_if_unwanted()
+        # Wait for a word from a server, the next deadline, or the next look at whether runs are wanted.
         now = time.monotonic()
         wait = LONGEST_WAIT
         if self.how.timeout is not None:
@@ -173,12 +182,14 @@ class _Runs:
         for run in heard:
             for event in run.server.hear():
                 yield from self._react(run, event)
+        # A server that was killed may say nothing. Without this its run would go on for ever.
         for run in [run for run in self.running if run.server.process.poll() is not None]:
             yield from self._end(run, None)
 
     def _react(self, run: _Running, event: dict[str, Any]) -> Iterator[Event]:
         match event["event"]:
             case "started":
+                # The deadline counts from when the run's own process began, not from when the server was asked.
                 run.began = time.monotonic()
             case "progress":
                 yield Progressed(run.task, Progress(event["step"], event["total"], event["message"]))
@@ -189,8 +200,10 @@ class _Runs:
 
     def _end(self, run: _Running, status: int | None) -> Iterator[Event]:
         """Tell what a run left; `status` is that of its process, None if its server has died."""
+        # The end of a run may be heard twice: by its last word, and by its server's death.
         if run not in self.running:
             return
+        # A full disk is no solver's failure, and a record of it could not be written either. The whole plan stops.
         if (run.folder / DISK_FULL).exists():
             raise StoreError(f"store {self.store.folder}: the disk is full, so what was being written is lost")
         self.running.remove(run)
@@ -203,6 +216,7 @@ class _Runs:
     def _left(self, run: _Running, status: int | None) -> Ended:
         with contextlib.suppress(OSError):
             return Ended(run.task, run.folder, refused=(run.folder / REFUSED).read_text(encoding="utf-8"))
+        # A whole record counts even if its process died after. Else the manner of death makes the record.
         record = _left_record(run.folder)
         if record is None:
             seconds = time.monotonic() - run.began

@@ -182,6 +182,12 @@ class Store:
         StoreError
             If the disk is full or the like; then nothing of the run is left.
         """
+        # A transaction by renames, which are atomic on one file system:
+        # 1. Flush and rename the files of the run beside the records. Without a record nobody looks at them.
+        # 2. Take checksums, and the next number under a lock.
+        # 3. Write the record in the hidden folder, flush it, rename it, and flush the folder: only now the run exists.
+        # 4. After any error take back what was moved, the record first.
+        # A kill between two steps leaves files without a record, which the next `at_work` removes.
         moved: list[Path] = []
         try:
             with said_plainly(self.folder):
@@ -194,6 +200,7 @@ class Store:
                     "checksums": {name: _digest(self.folder / name) for name in (fields_file, solution_file) if name},
                 }
                 with self._numbering() as number:
+                    # A record that could be written and not be read back would be damage of our own making.
                     whole = readable(record.model_copy(update={**kept, "sequence": number}))
                     written = partial / RECORD
                     written.write_bytes(document(whole))
@@ -213,6 +220,8 @@ class Store:
     @contextlib.contextmanager
     def _numbering(self) -> Iterator[int]:
         """Give the next sequence number, and let nobody else take one until its record is in the store."""
+        # The lock is held until the record is in place: else two would read the same last number. It is a file of its
+        # own, since the other lock is shared by all who write.
         handle = os.open(self.folder / NUMBERING, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             if fcntl is not None:
@@ -229,6 +238,7 @@ class Store:
             return None
         target = self.folder / f"{run_id}.{source.name}"
         _flush(source)
+        # Noted before the rename, so that an error during it leaves nothing behind.
         moved.append(target)
         source.replace(target)
         return target.name
@@ -255,6 +265,8 @@ class Store:
         try:
             if fcntl is not None:
                 with contextlib.suppress(OSError):
+                    # Only who has the store to itself cleans: a hidden folder may be somebody's run. Otherwise this
+                    # fails at once.
                     fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                     self._clean()
                 with contextlib.suppress(OSError):
@@ -289,6 +301,7 @@ def _digest(path: Path) -> str:
 
 def _flush(path: Path) -> None:
     """Bring a file or a folder to the disk, so that a power cut can't reorder the renames."""
+    # A rename may reach the disk before the data it names: both are flushed, in that order.
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -120,6 +120,11 @@ def minimise(
     SolveFailure
         If no minimum is found.
     """
+    # 1. Gradient of the potential on the free vertices.
+    # 2. Newton's step by the exact second derivative, or by a definite one where that leads uphill.
+    # 3. Armijo's halving along it, until the energy falls or only rounding is left.
+    # 4. Stop when the step is shorter than asked for.
+    # The textbook stops at a small gradient, whose unit and size differ from case to case. A length is what is wanted.
     pattern, springs = problem.pattern, problem.loading.springs
     diagonal = (inertia[:, None] + springs).ravel()[pattern.free]
 
@@ -142,6 +147,7 @@ def minimise(
             if correction <= smallest:  # too short for energies to tell up from down
                 return Minimum(trial, iteration, correction)
             found, size = energy(trial)
+            # A share of the energies is allowed on top: near the minimum their difference is rounding.
             if found - value <= ARMIJO * part * slope + ROUNDING * max(scale, size):
                 break
             part /= 2
@@ -152,6 +158,9 @@ def minimise(
 
 
 def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array) -> Array:
+    # LU, not Cholesky: it takes an indefinite matrix, and whether the step is downhill and convex along itself is
+    # checked. The textbook shifts the whole matrix until Cholesky succeeds. Here the definite one, made element by
+    # element, serves wherever the exact one does not.
     for definite in (False, True):
         matrix = problem.pattern.matrix(problem.elastic.tangent_values(u, definite), diagonal)
         try:

@@ -153,6 +153,8 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
     """Add matrices (cells, 3, 4, 4, 3, 4, 4) of different cells with corners `nodes` (cells, 4), in place."""
     for a, (i, j) in enumerate(CORNERS):
         for b, (k, m) in enumerate(CORNERS):
+            # Textbooks collect triplets and sort them. On a tensor mesh corners a and b of any cell are the same
+            # neighbours. All cells' blocks of this pair go to one slot at once.
             slot = NEIGHBOURS.index((k - i, m - j))
             pair = matrices[:, :, a, :, :, b, :].reshape(-1, NODE_DOFS, NODE_DOFS)
             blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
@@ -162,6 +164,12 @@ def _cell_matrices(
     mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature, table: Array
 ) -> Array:
     """Return (cells, 3, 4, 4, 3, 4, 4): component, corner and kind of the row, then of the column."""
+    # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
+    # 2. G times the root of a point's share of the area, on the derivatives of the unit cell.
+    # 3. Times the basis functions: a tall matrix of all points of a cell.
+    # 4. K = G^T G.
+    # The textbook sums B^T C B point by point. The root form has one product a cell, and K is symmetric and positive
+    # semidefinite by construction.
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
@@ -171,6 +179,7 @@ def _cell_matrices(
     operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]
     operator = operator.reshape(count, per_cell, 6 * COMPONENTS, len(DERIVATIVES))
     roots = np.empty((count, per_cell, 6, COMPONENTS, table.shape[-1]))
+    # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
         roots[:, q] = (operator[:, q] @ table[q]).reshape(count, 6, COMPONENTS, -1)
     roots *= basis_scales(mesh, cells).reshape(count, 1, 1, 1, -1)

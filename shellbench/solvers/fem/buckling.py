@@ -64,6 +64,13 @@ def following_steps(problem: Problem, marks: Sequence[float], first: float, shor
     PathEndsError
         If no stable state is found.
     """
+    # 1. Load steps with Newton's method, as long as their states are minima.
+    # 2. At the first state that is none, bisect for the critical one, and yield it.
+    # 3. From there go downhill to a stable state a little beyond, wherever that lies.
+    # 4. Load steps again, with travelling waves held. A step that fails or ends on a saddle is cut.
+    # 5. Where none can be cut further, leave the shell to itself once more.
+    # Textbooks switch branches at the critical point by its eigenvector. That needs an isolated, simple mode. Thin
+    # shells buckle in clusters of modes, and the branch found may be unstable: downhill finds a minimum.
     buckling = Buckling(problem)
     state, step, buckled = problem.rest(), first, False
     for mark in marks:
@@ -76,6 +83,7 @@ def following_steps(problem: Problem, marks: Sequence[float], first: float, shor
                 stable = found.stable
             except NotConvergedError:
                 found, stable = state, False
+            # A step that did not converge says nothing of buckling: only an unstable equilibrium starts the search.
             if not stable and not buckled and found is not state:
                 state = buckling.critical(state, found)
                 yield replace(state, critical=True)
@@ -133,6 +141,9 @@ class Buckling:
 
     def softest_mode(self, ties: Ties, factor: Factor) -> Array:
         """Return the mode (nodes, 12) of the least stiffness in magnitude, of unit largest displacement."""
+        # Inverse iteration, M-weighted, for the eigenvalue nearest zero. A fixed number of steps will do. In a cluster
+        # any mixture of its modes is soft, and only the direction of a push is wanted. The seed is fixed, so that
+        # answers repeat.
         mode = np.random.default_rng(0).normal(size=(self.problem.mesh.node_count, 12))
         for _ in range(INVERSE_STEPS):
             mode = _on_free(ties, factor, _times(self.area, mode))
@@ -153,6 +164,8 @@ class Buckling:
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
         try:
+            # Not "imposed": pivots made positive front by front give some descent direction. K + mu M gives that of a
+            # short time of motion. The caller raises mu until no pivot is negative.
             return factorise(reduced, self.problem.dissection, "reported")
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
@@ -165,6 +178,9 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
+        # Bisection on the inertia, from stable states only. The textbook solves K + dt dK for its eigenvalue instead.
+        # That is linear in t, and thin shells are not. It would also cost eigenvectors where a count of pivots is
+        # enough.
         low, high, unstable = below, above.t, above.t
         while high - low.t > BRACKET * high:
             half = (low.t + high) / 2
@@ -189,6 +205,10 @@ class Buckling:
         NotConvergedError
             If none is found.
         """
+        # 1. Move the supports, and let the shell answer by its tangent.
+        # 2. Push the state along its softest mode, off the saddle or critical point it may stand on.
+        # 3. Go downhill until the gain is small, then try Newton's method, which alone converges quadratically.
+        # 4. Take a minimum. If Newton's method finds a saddle or nothing, go further down; in the end, push again.
         state = self._carried(start, t)
         for _ in range(SADDLES):
             state = self._pushed(state)
@@ -212,6 +232,7 @@ class Buckling:
 
     def _pushed(self, state: State) -> State:
         """Return a state pushed along its softest mode, to the side where the energy is less."""
+        # At a symmetric state both sides gain alike in second order. The energy itself decides, third order included.
         mode = self.softest_mode(self.problem.ties(state.t), self.stiffness(state, 0.0))
         push = PUSH * self.problem.case.material.thickness * mode
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
@@ -220,6 +241,13 @@ class Buckling:
     def _downhill(self, state: State, relaxed: float) -> State:
         """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
         problem, ties = self.problem, self.problem.ties(state.t)
+        # Pseudo-transient continuation, a step in four:
+        # 1. K + mu M, with mu raised until it is positive definite: the step then is downhill.
+        # 2. dq = (K + mu M)^-1 r, whose quadratic model gains r . dq / 2 at least.
+        # 3. Move if the energy falls at all.
+        # 4. Lower mu if it fell by a fair share of the prediction, and raise it otherwise.
+        # Kelley and Keyes set mu by the residual's norm, which may well rise where the energy falls.
+        # Steps are judged by the energy instead, as in a trust region, whose radius 1 / mu stands for.
         mu, value = self.softest, problem.potential(state)
         for _ in range(MOST_STEPS):
             factor = self.stiffness(state, mu)
@@ -235,6 +263,7 @@ class Buckling:
             gained = value - problem.potential(found)
             if gained > 0:
                 state, value = found, value - gained
+            # Where waves may travel, K is nearly singular at the minimum too. A step without mu would run along them.
             mu = max(mu * EASIER, NEUTRAL * self.softest) if gained >= GAINED * predicted else mu * HARDER
         raise NotConvergedError
 

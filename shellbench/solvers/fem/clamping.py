@@ -69,7 +69,14 @@ class ClampedEdge:
         cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
     ) -> ClampedEdge | None:
         """Integrate along an edge; None where its normal keeps its direction."""
+        # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 2. theta = n^a u,a . a3 and m = B H^{abcd} kappa_cd n_a n_b, as rows on the derivatives of u.
+        # 3. theta0, the same rotation of the prescribed motion.
+        # 4. Both as rows on the cells' degrees of freedom, with the length of edge and the spring k.
+        # Textbook Nitsche replaces a strong condition. Here the ties hold theta strongly at the nodes. The terms see
+        # only the gap between nodes.
         cells = mesh.edge_cells(edge)
+        # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
         unit[:, 1 - edge.axis] = (x + 1) / 2
@@ -85,6 +92,7 @@ class ClampedEdge:
         material = case.material
         turning = np.zeros((len(flat), COMPONENTS, len(DERIVATIVES)))
         turning[:, :, :2] = surface.normal[:, :, None] * raised[:, None, :]
+        # kappa = bbar - b gives m theta a plus, where textbooks with kappa = +u,ab have a minus.
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
         bending = strain_operator(surface)[:, 3:]
         stresses = np.einsum("ps,pst->pt", pairs, elasticity(surface, material.poissons_ratio))
@@ -96,6 +104,7 @@ class ClampedEdge:
 
         per_cell = (len(cells), GAUSS_POINTS)
         lengths = np.linalg.norm(surface.base[:, 1 - edge.axis], axis=-1).reshape(per_cell)
+        # k ~ B / h by the inverse inequality: h is the cell's extent across the edge, not along it.
         height = (surface.area.reshape(per_cell) / lengths).mean(axis=1) * sizes[:, edge.axis]
         return cls(
             cells=cells,
@@ -109,6 +118,7 @@ class ClampedEdge:
 
     def add_to(self, matrix: BlockMatrix) -> None:
         """Add the terms to a stiffness matrix, in place."""
+        # The bilinear form m(u) theta(v) + theta(u) m(v) + k theta(u) theta(v): symmetric, as Cholesky needs.
         weighted = self.tilt * self.weights[..., None]
         crossed = np.swapaxes(self.moment, 1, 2) @ weighted
         held = np.swapaxes(self.tilt, 1, 2) @ (weighted * self.spring[..., None])
@@ -119,12 +129,14 @@ class ClampedEdge:
 
     def right_hand_side(self, node_count: int) -> Array:
         """Return the nodal forces (nodes, 12, states) of the prescribed rotation."""
+        # The same terms with theta0 for theta(u), on the right-hand side.
         rows = self.moment + self.tilt * self.spring[..., None]
         return self._scattered(rows, self.target, node_count)
 
     def gap_forces(self, q: Array) -> Array:
         """Return the nodal forces (nodes, 12, states) of the moments in what is left of theta - theta0."""
         local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, len(KINDS), -1)
+        # The clamp exerts m and k times the gap. The term m(v) gap is no force of it, and must not count as a reaction.
         gap = self.tilt @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), self.tilt.shape[-1], -1) - self.target
         return self._scattered(self.moment, gap, len(q))
 
@@ -148,6 +160,8 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
 
 def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
     """Return the unit vectors (n, 3) tangential to the surface, normal to an edge and away from the surface."""
+    # a_t x a3 is normal to the edge in the surface. Its sign is settled by the base vector across the edge. That points
+    # inward on the side "min", outward on the side "max".
     tangent = surface.base[:, 1 - edge.axis]
     conormal = np.cross(tangent, surface.normal)
     conormal /= np.linalg.norm(conormal, axis=-1, keepdims=True)
@@ -158,6 +172,8 @@ def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
 
 def _on_cells(mesh: TensorMesh, cells: Integers, unit: Array, rows: Array) -> Array:
     """Turn rows (points, 3, 5) on the derivatives of u into rows (cells, g, 48) on the degrees of freedom."""
+    # A derivative on the cell is that of the unit cell over h1^i h2^j. The last factor turns the cell's degrees of
+    # freedom into the nodes' scaled ones. Those are the same for neighbouring cells of other sizes.
     table = np.stack([tabulate(unit, d) for d in DERIVATIVES], axis=1)  # (g, 5, 4, 4)
     sizes = mesh.sizes[cells]
     steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)

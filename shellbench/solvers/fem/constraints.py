@@ -89,6 +89,8 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
                 slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
                 rows = np.concatenate([rows, slope[0]], axis=1)
                 values = np.concatenate([values, slope[1]], axis=1)
+            # Unit rows in scaled degrees of freedom: only so does the rank of conditions from different supports mean
+            # anything.
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
             rows = rows / scales[:, None]
             lengths = np.linalg.norm(rows, axis=-1, keepdims=True)
@@ -96,6 +98,7 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
             if edge is not None and support.clamped:
                 across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
+                # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
                 acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
             yield Conditions(number, nodes, rows, values, acting)
 
@@ -127,6 +130,8 @@ def _dof(component: int, kind: Derivative) -> int:
 
 def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
     """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
+    # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
+    # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
     kinds: list[Derivative] = [(0, 0)]
     if isinstance(place, Edge):
         kinds.append((1, 0) if place.axis == 1 else (0, 1))
@@ -171,11 +176,14 @@ def _slope(
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
+    # c(u) and its derivative along the edge, by the product rule, in the degrees of freedom u,k u,t u,kt (and u,tt).
+    # c'(u) = (a_tt u,k - a_kt u,t) . N' + (a_tt' u,k + a_tt u,kt - a_kt' u,t - a_kt u,tt) . N.
     twice = (2 * running[0], 2 * running[1])
     x_k, x_t, x_tt, x_kt = x[fixed], x[running], x[twice], x[1, 1]
     along = x_tt if edge.axis == 0 else x_kt  # derivative of a2 or of a1 along the edge
     normal = np.cross(x[1, 0], x[0, 1])
     turning = np.cross(x_kt if edge.axis == 0 else x_tt, x[0, 1]) + np.cross(x[1, 0], along)
+    # At finite strain the support carries N along by its rotation.
     normal, turning = normal @ turn.T, turning @ turn.T
     tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
     tt_t = 2 * np.sum(x_t * x_tt, axis=-1, keepdims=True)
@@ -189,6 +197,8 @@ def _slope(
             twice: -kt * normal,
         },
     }
+    # On oblique lines c'(u) needs u,tt, which is no degree of freedom. It is known where the support prescribes the
+    # edge's displacement along N, and only there.
     oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
     held = [COMPONENTS.index(c) for c in support.held]
     loose = [c for c in range(len(COMPONENTS)) if c not in held]
@@ -243,6 +253,13 @@ class Ties:
         InputError
             If supports contradict each other where they meet.
         """
+        # 1. Stack all rows R q = r that supports state at a node, padded by zeros to one size.
+        # 2. R = U S V^T for all nodes at once. Directions with S above rounding are bound: q0 = V S^-1 U^T r.
+        # 3. The others are free. B = V turns a node's degrees of freedom into bound and free ones.
+        # 4. Whatever R q0 misses of r is a contradiction between supports.
+        # Textbooks eliminate a slave by a master, and must choose which and in what order. The decomposition chooses by
+        # itself, B is orthogonal, and K keeps its condition. Penalties and multipliers would cost it or its
+        # definiteness.
         stated = list(conditions(case, mesh, states))
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(c.nodes for c in stated)]))
         counts = np.zeros(len(nodes), dtype=np.int64)
@@ -290,6 +307,7 @@ class Ties:
         Array
             (supports, k, 12, n).
         """
+        # Where supports meet only their sum is determined. Equal shares are a convention.
         number = np.maximum(self.holders.sum(axis=1), 1)
         return np.asarray(np.swapaxes(self.holders / number[:, None], 0, 1)[..., None] * forces)
 
@@ -307,8 +325,12 @@ class Ties:
 
     def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
         """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""
+        # 1. B^T K B, block by block: the pattern stays, since conditions tie degrees of freedom of one node only.
+        # 2. Zero the rows and columns that are not free, and put ones on their diagonal.
+        # Textbooks strike them out. Kept, all nodes have 12 unknowns, and the dissection's blocks stay alike.
         blocks = matrix.blocks.copy()
         blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
+        # The additional entry is that of the neighbour -1 beyond the mesh's end: it is tied to nothing.
         place = np.full(len(blocks) + 1, -1)
         place[self.nodes] = np.arange(len(self.nodes))
         row, slot = np.nonzero(place[matrix.columns] >= 0)

@@ -63,10 +63,16 @@ def load_steps(
     PathEndsError
         If a step can't be cut further, or a state is no minimum.
     """
+    # Load control: equal parts of at most `step` up to the next mark. They are longer after an easy step, and half
+    # after a failure. A state that is found but not stable counts as a failure. A shorter step may stay on the stable
+    # branch. Growth is judged by the step made, not by the one wanted. A short one before a mark leaves `step` as it
+    # is.
     state, step = start or problem.rest(), first
     for mark in (m for m in marks if m > (start.t if start else 0.0)):
         while state.t < mark:
             remaining = mark - state.t
+            # Equal parts instead of full steps and a rest, which would be short. The factor forgives rounding in the
+            # count.
             parts = np.ceil(remaining / step * (1 - 1e-9))
             target = mark if parts <= 1 else state.t + remaining / parts
             try:
@@ -107,6 +113,10 @@ def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end
     PathEndsError
         If the loads do not move it, a step can't be cut further, or the path has passed a branch.
     """
+    # Displacement control: row . q is given and t unknown, so that limit points of the load are passed.
+    # 1. Predict along the tangent dq/dt to the next value, and correct by Newton's method.
+    # 2. Where the load turns between two states, repeat the step shorter.
+    # 3. Compare the direction of the load with the inertia of the tangent, which tells a branch from a limit point.
     state, value, rising = problem.rest(), 0.0, True
     first = _first_rate(row, problem.drift(state))
     step = longest = end / PATH_STEPS
@@ -123,6 +133,8 @@ def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end
                 if step < SMALLEST_STEP * end:
                     raise PathEndsError(f"no equilibrium was found at a displacement of {target:.6g}") from None
                 continue
+            # A turning point and a branch that one step passes together hide each other. Over a short step that is less
+            # likely.
             if rises != rising and target - value > CLOSE * longest:
                 step = CLOSER * (target - value)
                 continue
@@ -144,6 +156,7 @@ def _to_displacement(problem: Problem, state: State, row: Array, value: float, t
 def _first_rate(row: Array, drift: Array) -> float:
     """Return the controlled displacement's rate at rest."""
     rate = float(np.sum(row * drift))
+    # The product is at most that of the lengths, by Cauchy and Schwarz. So far below that it is rounding.
     if not abs(rate) > UNMOVED * float(np.linalg.norm(row) * np.linalg.norm(drift)):
         raise PathEndsError("the loads do not move the displacement that the path is followed to")
     return rate
@@ -151,6 +164,8 @@ def _first_rate(row: Array, drift: Array) -> float:
 
 def _check_branch(found: State, rises: bool) -> None:
     """Check that only limit points were passed: each changes the tangent's inertia by one, and the load's direction."""
+    # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An even
+    # number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
     if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
         raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
 
@@ -166,6 +181,13 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
         If the loads do not move the displacement, a step can't be cut further, or the path has passed a branch or does
         not get there.
     """
+    # Arc length after Riks, each step in four:
+    # 1. Predict by an arc along the tangent of the path, in the direction of travel.
+    # 2. Correct in the plane normal to it: row_of_arc . q = its value at the state + arc.
+    # 3. Refuse what is not straight ahead or turns over a long step, and check for branches.
+    # 4. Land on the marks that were passed, by displacement control, and go on from the state of the step.
+    # Riks counts t in the arc, whose weight is then arbitrary. Here only displacements count, as Crisfield proposed.
+    # Crisfield's cylinder leaves two roots to choose from. A plane leaves one.
     weights = np.zeros(row.shape)
     weights[:, :: len(KINDS)] = 1.0 / len(row)  # the mean square of the nodes' displacements
 
@@ -185,6 +207,7 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
         target = float(np.sum(row_of_arc * state.q)) + arc
         try:
             found = problem.on_path(state, Constraint(row_of_arc, 0.0, target), (change * drift, change))
+            # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):
                 raise NotConvergedError
             ahead = problem.drift(found)
@@ -193,13 +216,18 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
+        # The direction of travel is kept by the step just made. The textbook takes the sign of det K. That one turns at
+        # a branch too, where the path goes straight on.
         sign_found = float(np.sign(np.sum(weights * (found.q - state.q) * ahead)))
         heads = float(np.sign(np.sum(row * ahead))) * sign_found
+        # Load or displacement turns: a limit point or a snap-back is passed by a short step.
         if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
             arc *= CLOSER
             continue
         _check_branch(found, sign_found * first > 0)
         reached = float(np.sum(row * found.q))
+        # A mark counts at the displacement's first passage only. After a snap-back the same value belongs to another
+        # state.
         near, at = state, value
         while waiting and reached >= waiting[0] > highest:
             try:
@@ -214,5 +242,7 @@ def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: 
             yield found
         state, value, highest = found, reached, max(highest, reached)
         drift, sign, heading = ahead, sign_found, heads
+        # Unlike a load step an arc is also cut after a slow step that converged. The cut is milder than after a
+        # failure.
         arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")

@@ -50,6 +50,12 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
         extrapolated: the uncertainty is what the last change leaves at the slowest rate if it is a small step back,
         and else the largest change among them.
     """
+    # 1. One value says nothing. Two say their difference, as does a sequence that stands still.
+    # 2. Three that swing, the last between the others: what the slowest rate leaves of the last change.
+    # 3. Three that converge at a credible rate: extrapolate, and take a margin on the error that this shows.
+    # 4. Three that do neither: no limit is in sight, and the whole spread is the uncertainty.
+    # Richardson's textbook takes the element's order for p. Here p is observed. Under point loads, and on meshes that
+    # do not resolve the solution yet, it is another one.
     last = values[-1]
     if len(values) < 2:
         return Estimate(last, math.inf, None)
@@ -64,6 +70,8 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
     if rate is None:
         return Estimate(last, max(abs(change), abs(last - values[-3])), None)
     extrapolated = last + change / (growth**rate - 1)
+    # A rate above the element's own is an accident of coarse meshes. The extrapolation uses it, the uncertainty does
+    # not.
     uncertainty = SAFETY * abs(change) / (growth ** min(rate, ASYMPTOTIC) - 1)
     return Estimate(extrapolated, uncertainty, rate if rate < FASTEST else None)
 
@@ -74,11 +82,14 @@ def observed_rate(values: Sequence[float], resolutions: Sequence[float]) -> floa
     if after == 0.0 or before / after <= 0.0:
         return None
 
+    # v = v_k - C n_k^-p for three k, C eliminated by cross-multiplying. Meshes need not grow by a constant factor, for
+    # which alone p = log(before / after) / log(growth). Resolutions relative to the finest keep n^-p of order one.
     def misfit(p: float) -> float:
         coarse, middle, fine = (n / resolutions[2] for n in resolutions)
         return float((middle**-p - coarse**-p) * after - (fine**-p - middle**-p) * before) / abs(before)
 
     if misfit(SLOWEST) * misfit(FASTEST) < 0:
         return float(brentq(misfit, SLOWEST, FASTEST))
+    # No sign change means a rate beyond one of the ends. Fast changes are told from slow ones by their ratio.
     ratio = before / after
     return FASTEST if ratio > (resolutions[2] / resolutions[1]) ** FASTEST else None

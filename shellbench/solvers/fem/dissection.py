@@ -75,6 +75,10 @@ class Dissection:
     @classmethod
     def of(cls, shape: tuple[int, int], periodic: tuple[bool, bool]) -> Dissection:
         """Dissect a mesh with this many nodes along each coordinate."""
+        # 1. Halve the rectangle; the regions come in postorder, so that children stand before their parent.
+        # 2. Number the nodes in that order: `rank` inverts `order`.
+        # 3. Give each region its ring, and the open parts on the stack as its children.
+        # This is symbolic only: it reads the mesh's shape, no number of the matrix.
         regions = list(_halve((0, shape[0]), (0, shape[1]), periodic))
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
         order = np.concatenate([region.own(numbers) for region in regions])
@@ -85,6 +89,8 @@ class Dissection:
         start = 0
         for region in regions:
             stop = start + len(region.own(numbers))
+            # A node couples to the eight around it, so one line of nodes, corners included, separates.
+            # The part's own nodes and all below it have ranks less than `stop`, and drop out.
             ring = np.unique(rank[region.surroundings(numbers, periodic)])
             children = tuple(open_parts[len(open_parts) - region.children :])
             del open_parts[len(open_parts) - region.children :]
@@ -116,6 +122,7 @@ class _Region:
         """Return the rectangle with one more line of nodes on each side, where there is one."""
         index = []
         for axis, (start, stop) in enumerate((self.first, self.second)):
+            # On a closed coordinate the neighbour of the first line is the last one.
             wide = np.arange(start - 1, stop + 1)
             count = numbers.shape[axis]
             index.append(wide % count if periodic[axis] else wide[(wide >= 0) & (wide < count)])
@@ -125,13 +132,17 @@ class _Region:
 def _halve(first: Range, second: Range, seams: tuple[bool, bool]) -> Iterator[_Region]:
     """Yield the parts of a rectangle, inside before separating lines; seams of closed coordinates are cut first."""
     lengths = (first[1] - first[0], second[1] - second[0])
+    # George halves a rectangle. A closed coordinate has no ends, so its seam is cut first and eliminated last.
+    # On a torus both seams make one separator.
     if any(seams):
         lines = tuple((axis, 0) for axis in (0, 1) if seams[axis])
         inner = [(start + seam, stop) for (start, stop), seam in zip((first, second), seams, strict=True)]
         yield from _halve(inner[0], inner[1], (False, False))
         yield _Region(first, second, lines, children=1)
+    # George goes on to single nodes. A few nodes of 12 unknowns each are already a block that suits LAPACK.
     elif lengths[0] * lengths[1] <= LEAF_NODES or max(lengths) < 3:
         yield _Region(first, second, (), children=0)
+    # The line runs across the longer side: it is the shortest separator, and the largest fronts stay small.
     elif lengths[0] >= lengths[1]:
         middle = sum(first) // 2
         yield from _halve((first[0], middle), second, seams)
@@ -241,6 +252,9 @@ class Factor:
     def solve(self, right: Array) -> Array:
         """Solve K x = right for (nodes, block, n) right-hand sides."""
         columns = right.shape[-1]
+        # R^T S R x = b, front by front. A part has the pivot block A = P^T S P and the coupling C = P^-T B.
+        # 1. Upwards: y = S P^-T b on its own nodes, then b -= C^T y on its ring.
+        # 2. Downwards: x = P^-1 (y - S C x_ring), its ring being known by then.
         x = np.ascontiguousarray(right[self.dissection.order]).reshape(-1, self.block, columns)
         parts = list(zip(self.dissection.parts, self.pivots, self.coupling, strict=True))
         for part, pivot, coupling in parts:
@@ -275,11 +289,18 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
     MemoryError
         If the fronts do not fit.
     """
+    # Multifrontal elimination, part by part in the order of the dissection:
+    # 1. Assemble the front: the matrix's rows of the part's own nodes, and the children's Schur complements.
+    # 2. Eliminate its own unknowns, A = P^T S P and C = P^-T B.
+    # 3. Pass D - C^T S C on the ring to the parent.
+    # The textbook assembles element matrices. Here the global matrix exists, and its rows enter once, with their node.
+    # There is no pivoting between fronts, and none is delayed: the fronts keep the shape that the dissection gave them.
     block = matrix.blocks.shape[-1]
     rank = np.empty(len(dissection.order) + 1, dtype=np.int64)
     rank[dissection.order] = np.arange(len(dissection.order))
     rank[-1] = -1  # so that the neighbour -1 beyond the mesh's end has the place -1
     columns = rank[matrix.columns[dissection.order]]
+    # A Schur complement lives until its parent takes it: only those of open parts are in memory.
     schur: dict[int, Array] = {}
     pivots, coupling = [], []
     for number, part in enumerate(dissection.parts):
@@ -310,6 +331,7 @@ class _Front:
 
     def add_rows(self, blocks: Array, columns: Integers) -> None:
         """Add the matrix's rows of the part's own nodes, as far as they couple to nodes not yet eliminated."""
+        # Nodes eliminated before coupled to these in rows of their own, by symmetry. The children bring that.
         row, slot = np.nonzero(columns >= self.part.own[0])
         place = self.places(columns[row, slot])
         inside = place < self.size
@@ -320,6 +342,9 @@ class _Front:
 
     def add_schur(self, schur: Array, ring: Integers) -> None:
         """Add a child's Schur complement, run by run of consecutive places."""
+        # The textbook's extend-add scatters entry by entry through index arrays.
+        # A child's ring is a few runs of places that are consecutive in the parent too: whole rectangles are added.
+        # Places increase along the ring: the upper triangle of the child falls on the upper one of the parent.
         place = self.places(ring)
         breaks = np.flatnonzero((np.diff(place) != 1) | (place[1:] == self.size)) + 1
         bounds = np.concatenate([[0], breaks, [len(place)]])
@@ -338,10 +363,13 @@ class _Front:
 
     def eliminate(self, definiteness: Definiteness) -> tuple[Triangle | Spectrum, Array]:
         """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
+        # Cholesky first, whatever is asked: it is cheaper, and fails only where a front has a negative eigenvalue.
+        # A front that fails takes the eigenvectors, from the copy that Cholesky has not overwritten.
         kept = None if definiteness == "required" else np.triu(self.own)
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied
         _, info = dpotrf(self.own.T, lower=1, clean=0, overwrite_a=1)
         pivot: Triangle | Spectrum = Triangle(self.own)
+        # LAPACK may run to the end on numbers that are not finite.
         if info != 0 or not np.all(np.isfinite(np.diagonal(self.own))):
             if kept is None or not np.all(np.isfinite(kept)):
                 raise NotPositiveDefiniteError
@@ -351,10 +379,12 @@ class _Front:
         if self.coupling.size == 0:
             return pivot, rest
         if isinstance(pivot, Triangle):
+            # C = P^-T B and D - C^T C, in place and by BLAS 3.
             dtrsm(1.0, self.own.T, self.coupling.T, side=1, lower=1, trans_a=1, overwrite_b=1)
             dsyrk(-1.0, self.coupling.T, beta=1.0, c=rest.T, lower=1, overwrite_c=1)
             return pivot, rest
         self.coupling = pivot.forward(self.coupling)
+        # D - C^T S C as two symmetric updates, one for each sign of S.
         for sign in (1.0, -1.0):
             rows = np.ascontiguousarray(self.coupling[pivot.signs == sign])
             if len(rows):
@@ -364,6 +394,9 @@ class _Front:
 
 def _spectrum(upper: Array, imposed: bool) -> Spectrum:
     """Return the eigenvectors of the symmetric matrix whose upper triangle is given."""
+    # The textbook takes Bunch and Kaufman's 1 x 1 and 2 x 2 pivots. Eigenvectors cost more and say more. The negative
+    # ones are counted for the inertia, and |A| replaces A where a descent direction is wanted. An eigenvalue at
+    # rounding has no sign to trust, and the Schur complement would be divided by it.
     values, vectors = eigh(upper, lower=False)
     if np.abs(values).min() <= SINGULAR * np.abs(values).max():
         raise NotPositiveDefiniteError

@@ -72,6 +72,10 @@ class FiniteClamp:
     @classmethod
     def of(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
         """Integrate along an edge; None where its normal keeps its direction."""
+        # As `ClampedEdge.of`, but with the derivatives of u kept apart from the strains: these are not linear here.
+        # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
+        # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
+        # 3. Length of edge, and the spring k by the cell's extent across the edge.
         cells = mesh.edge_cells(edge)
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
@@ -118,6 +122,8 @@ class _Clamped:
     @cached_property
     def tilt(self) -> Array:
         """(n, 15) first variation of theta, which is linear in u."""
+        # The exact condition is x,a n^a . n = 0 with the deformed normal n, and not linear. Where the edge's position
+        # is prescribed, n is the carried normal N', which is known. So theta becomes linear in u.
         normal = self.clamp.reference.normal @ self.turn.T
         rows = np.zeros((len(normal), len(DERIVATIVES), COMPONENTS))
         rows[:, :2] = self.clamp.raised[:, :, None] * normal[:, None, :]
@@ -126,6 +132,7 @@ class _Clamped:
     @cached_property
     def gap(self) -> Array:
         """(n,) theta."""
+        # theta = n^a x,a . N' takes the deformed base vectors x,a, not u,a: it has no target to subtract.
         base = np.concatenate([self.deformation.current.base, np.zeros((len(self.tilt), 3, COMPONENTS))], axis=1)
         return np.asarray(np.sum(self.tilt * base.reshape(-1, GRADIENT), axis=-1))
 
@@ -147,6 +154,7 @@ class _Clamped:
 
     def gradient(self, node_count: int) -> Array:
         """Return the first variation of the potential (nodes, 12)."""
+        # dJ = (m + k theta) dtheta + theta dm: the force of the clamp, and the term that makes the form symmetric.
         held = (self.moment + self.clamp.spring * self.gap)[:, None] * self.tilt
         return self._scattered(held + self.gap[:, None] * self.moment_rate, node_count)
 
@@ -157,6 +165,8 @@ class _Clamped:
     def add_tangent(self, matrix: BlockMatrix) -> None:
         """Add the second variation, in place."""
         clamp = self.clamp
+        # d2J = theta d2m + dm dtheta + dtheta dm + k dtheta dtheta, since d2theta = 0. m is linear in the bending
+        # strain. So theta d2m is the geometric part of a stress theta B H n n.
         resultants = np.concatenate([np.zeros_like(clamp.moments), self.gap[:, None] * clamp.moments], axis=1)
         form = self.deformation.second_variation(resultants)
         crossed = self.moment_rate[:, :, None] * self.tilt[:, None, :]
@@ -170,6 +180,7 @@ class _Clamped:
     def _scattered(self, work: Array, node_count: int) -> Array:
         clamp = self.clamp
         weighted = (work * clamp.weights[:, None]).reshape(*clamp.rows.shape[:2], 1, GRADIENT)
+        # Corner by corner no node occurs twice, so that indexed addition loses nothing.
         local = (weighted @ clamp.rows).sum(axis=(1, 2)).reshape(-1, COMPONENTS, len(CORNERS), len(KINDS))
         result = np.zeros((node_count, NODE_DOFS))
         for corner in range(len(CORNERS)):

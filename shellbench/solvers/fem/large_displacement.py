@@ -87,6 +87,10 @@ def solve(
     SolveFailure
         If the path ends early; the states up to there come with it.
     """
+    # 1. Check that loads do no work on rigid motions that nothing holds.
+    # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
+    # 3. Give the history displacements without the rigid motions that nothing holds.
+    # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
     began = time.perf_counter()
     problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
     for t in case.states if case.path.quantity is None else (1.0,):
@@ -98,6 +102,7 @@ def solve(
     reason: str | None = None
     try:
         for state in _path(problem, controlled, steps, trail):
+            # Without its factorisation and deformations a state is small: whole paths stay in memory.
             states.append(state.relieved)
             seconds.append(time.perf_counter() - began)
             if tell:
@@ -108,6 +113,7 @@ def solve(
         reason = "the tangent stiffness is singular"
     if not states:
         raise SolveFailure(f"{reason}: no state beyond rest converged")
+    # A mark is a value of what is controlled, be it the load factor or a displacement.
     marks = [state.t if controlled is None else float(np.sum(controlled * state.q)) for state in states]
     history = tuple(
         Step(
@@ -137,6 +143,7 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
 
     The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
     """
+    # Nothing is solved for: coefficients are derivatives of the motion at the nodes.
     support, place = next(case.supported_places())
     points = mesh.domain.wrap(mesh.node_points)
     motions = [case.motion(support, place, points, t, order=2) for t in case.states]
@@ -167,6 +174,8 @@ def _path(
 ) -> Iterator[State]:
     case = problem.case
     match case.path.control:
+        # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
+        # so that states of a coarser mesh can be corrected one by one.
         case "load":
             if case.path.after_buckling == "follow":
                 yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
@@ -185,6 +194,8 @@ def _path(
 
 def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
+    # Nested iteration: the coarser mesh's state at the same t is the guess that Newton's method corrects. It may have
+    # been on a branch that this mesh does not have. Then load steps lead there from the state before.
     before: State | None = None
     for t in trail.states:
         near = before or problem.rest()
@@ -210,6 +221,7 @@ def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
     """Return the numbers of the states at the case's marks, or as far as the path goes, and its last one."""
     kept = []
     for mark in case.states:
+        # Marks are landed on but for rounding. On a path that turns, the first passage counts.
         there = [k for k, value in enumerate(marks) if abs(value - mark) <= 1e-9 * abs(mark)]
         kept += there[:1]
     if not complete and len(marks) - 1 not in kept:
@@ -226,6 +238,8 @@ def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:
         return [state.q for state in states]
+    # Pins hold single displacements, wherever these are. An answer has no rigid motion in the mean over the area
+    # instead.
     stacked = np.stack([state.q for state in states], axis=-1)
     fields = stacked.reshape(-1, COMPONENTS, len(KINDS), len(states)) / scales
     fields = fields - mean_rigid_motion(problem.case, problem.mesh, problem.quadrature, fields, loose)

@@ -79,6 +79,9 @@ def solve(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -
     if not np.all(np.isfinite(matrix.blocks)):
         raise SolveFailure("the stiffness matrix is not finite: the surface or the material is out of range")
     try:
+        # Factorise once, then refine by the residual. The textbook forms that in higher precision, and iterates until
+        # it is small. In the same precision refinement still mends what a factorisation without pivoting has lost. Its
+        # last correction shows the error of the answer, which a small residual of an ill-conditioned K does not.
         backward = _FACTORISATIONS[method](matrix, mesh)
         unknowns = backward(right)
         correction = 0.0
@@ -91,6 +94,7 @@ def solve(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -
     except NotPositiveDefiniteError:
         raise SolveFailure(SINGULAR) from None
     residual = _ratio(right - matrix @ unknowns, right)
+    # Written so that a residual which is not a number fails.
     if not (residual <= LARGEST_RESIDUAL and correction <= LARGEST_CORRECTION):
         raise SolveFailure(
             f"{SINGULAR} (relative residual {residual:.1e}, last correction {correction:.1e} of the answer)"
@@ -126,6 +130,7 @@ def _pardiso(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
         raise InputError("direct_solver = 'pardiso' needs pypardiso, which is not installed") from None
     upper = sp.triu(matrix.to_csr(), format="csr")
     pardiso = PyPardisoSolver(mtype=2)  # symmetric positive definite
+    # PARDISO perturbs small pivots without a word: hence these, and the check of the residual above.
     pardiso.set_iparm(8, 3)  # steps of iterative refinement
     pardiso.set_iparm(10, 13)  # pivots below 1e-13 are perturbed
     try:

@@ -73,6 +73,7 @@ def usual_cells(case: Case, level: int, grading: float) -> Cells:
     counts = []
     for axis, side in enumerate(sides):
         aim = max(FEWEST, round(BASE * 2 ** (level / 2) * side / max(sides)))
+        # `axis_lines` counts cells of the longest part only: the least request is sought that gives `aim` in all.
         counts.append(next(n for n in count(FEWEST) if len(axis_lines(case, axis, n, grading)) > aim))
     return counts[0], counts[1]
 
@@ -84,6 +85,7 @@ def usual_step(case: Case) -> float:
     """
     assert case.dynamics is not None
     speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
+    # An implicit step need not obey Courant's number to be stable. It does so to follow the wave.
     crossing = _size(case) / BASE / speed
     until = case.dynamics.until
     steps = math.ceil(until / (COURANT * crossing))
@@ -131,6 +133,11 @@ def solve(
     """
     assert case.dynamics is not None
     began = time.perf_counter()
+    # Levels refine space and time at once, so that one sequence of values converges at one order, h^2:
+    # 1. Mesh and step of the level; stop before one that takes too long.
+    # 2. Follow the motion, and measure its quantities.
+    # 3. Extrapolate in 1 / h, and compare the largest uncertainty with the tolerance.
+    # 4. Stop where two levels differ so much that a third would tell no more.
     only = cells is not None or step is not None
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     levels: list[Step] = []
@@ -142,6 +149,7 @@ def solve(
         mesh = graded_mesh(case, mesh_cells, grading)
         if level and math.prod(mesh.cells) * case.dynamics.until / h > MOST_WORK:
             break
+        # A level that fails leaves the answer of the one before, which is whole.
         kept = f"; what is kept is the whole motion on {_cells(solution.mesh)}" if solution else ""
         try:
             found = follow(case, mesh, h, scheme, quadrature_order, progress)
@@ -150,6 +158,7 @@ def solve(
         except MemoryError:
             raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
+        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well.
         resolutions.append(1 / h)
         for name, value in quantities.items():
             values[name].append(value)
@@ -180,6 +189,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
         case EnergyQuantity() | MotionEnergy():
             frame = solution.frame(case.dynamics.until)
             speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
+            # An energy may pass through zero. It is compared with one that the shell could have, not with itself.
             least = case.material.areal_density * frame.area * speed**2  # of strains of order one
             return max(value, sum(frame.energies()), 1e-2 * least)
         case ReactionQuantity() | TorqueQuantity():
@@ -237,8 +247,16 @@ def follow(
     """
     assert case.dynamics is not None
     began, until = time.perf_counter(), case.dynamics.until
+    # One mesh in time, a step in four:
+    # 1. Step. If Newton's method fails, or the local error is too large, halve the step and repeat it.
+    # 2. Double the next one where the error leaves room, up to the usual length.
+    # 3. Keep the balance of energy: kinetic, elastic and sprung, less what loads and supports have supplied.
+    # 4. Keep every n-th instant, and the ends of steps of another length.
+    # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
+    # factorised tangent serves one length (`time_step`).
     shell = MovingShell(Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order)), scheme)
     allowed = SMOOTH * _size(case)
+    # A whole number of equal steps, so that the last one is not a short one.
     usual = until / math.ceil(until / usual * (1 - SLACK))
     h, now = usual, shell.at_rest(usual)
     kept, drift = [now], 0.0
@@ -251,16 +269,20 @@ def follow(
         h = min(h, until - now.t)
         try:
             found = shell.step(now, h)
+            # Error estimate of Zienkiewicz & Xie (1991): the displacement less that of an acceleration linear over the
+            # step. It costs nothing. The first step is exempt: there the acceleration may jump.
             local = h**2 * abs(scheme.beta - 1 / 6) * float(np.abs(found.a - now.a)[:, :: len(KINDS)].max())
             why = "" if local <= allowed or now.t == 0.0 else f"the motion is too quick for a step of {h:.2g} s"
         except NotConvergedError:
             why = f"a step of {h:.2g} s did not converge"
+        # The shell is at `now` still: a step that is refused leaves no trace but its cost.
         if why and h > SHORTEST * usual:
             h /= 2
             continue
         if why:
             reason = f"{why} at t = {now.t:.6g} s, and it can't be cut further"
             break
+        # Reactions balance within the step, not at its end.
         middle = now.t + (1 - scheme.alpha_f) * h
         whole = h == usual
         now = found
@@ -308,6 +330,7 @@ def _solution(
     scales = mesh.node_scales[:, None, :, None]
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
+    # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
     shares = ties.shares(np.stack([r[ties.nodes] for _, r in reactions], axis=-1))
     forces = shares.reshape(len(case.supports), len(ties.nodes), *shape[1:-1], len(reactions))
     return MotionSolution(

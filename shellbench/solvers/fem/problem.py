@@ -124,6 +124,8 @@ class Hold:
         """Hold a direction, if there is one, beside the supports."""
         if row is None:
             return cls(np.zeros(0))
+        # w is held by a multiplier m: K dq + m w = r and w . dq = 0. That takes one more solve, A = K^-1 w. By the
+        # inertia of the bordered matrix, w . A < 0 says that K has one negative eigenvalue less across w.
         answer = _on_free(ties, factor, row)
         return cls(row, answer, bool(np.sum(row * answer) < 0))
 
@@ -131,6 +133,7 @@ class Hold:
         """Return a step without what would move along w."""
         if self.answer is None:
             return step
+        # m = (w . K^-1 r) / (w . A), by which K itself and its factor stay as they are.
         return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
@@ -174,6 +177,7 @@ class Problem:
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
         """The ties of the supports, and of what pins rigid motions, at a load factor."""
+        # Supports that stand still tie alike at every t. Those that move are resolved anew, and the last few kept.
         if any(support.motion is not None for support in self.case.supports):
             return lru_cache(maxsize=4)(self._ties)
         fixed = self._ties(1.0)
@@ -183,6 +187,8 @@ class Problem:
         ties = Ties.of(self.case, self.mesh, (t,))
         if self.case.dynamics is not None:
             return ties  # what nothing holds moves
+        # Rigid motions that neither supports nor loads mind would leave K singular. Determinate pins hold them, without
+        # a reaction, as the loads balance.
         loose = free_motions(self.case)
         if not loose.size:
             return ties
@@ -198,6 +204,7 @@ class Problem:
         if self.case.dynamics is not None and self.case.steady:
             always = at(0.0)
             return lambda t: always
+        # Without a marked path loads may depend on t by any formula. On a path they are t times the ones at 1.
         if self.case.path.quantity is None:
             return lru_cache(maxsize=4)(at)
         unit = at(1.0)
@@ -209,6 +216,7 @@ class Problem:
         angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
         strained = self.energy.at(q)
         try:
+            # A mechanism is singular at rest, which ends a path only if its first step needs this tangent.
             factor = self._factorised(q, 0.0, strained, strained.stresses)
         except NotPositiveDefiniteError:
             factor = None
@@ -234,6 +242,8 @@ class Problem:
 
     def reactions(self, state: State) -> Array:
         """Return the nodal forces (nodes, 12) that the supports exert."""
+        # What the shell asks less what the loads give. Of a clamp's terms between the nodes the part with dm is no
+        # reaction.
         total = state.strained.forces - self.applied(state.q, state.t)
         for clamp in self.clamps:
             total = total + clamp.at(state.q, state.t).gap_forces(len(total))
@@ -278,6 +288,7 @@ class Problem:
             If Newton's method does not get there.
         """
         ties = self.ties(t)
+        # The change of q that puts the start onto the supports as they are at t, and touches nothing else.
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
             moved = self.carried(start, t, ties, moved)
@@ -285,6 +296,8 @@ class Problem:
 
     def carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
+        # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
+        # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
         right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
         try:
@@ -317,6 +330,16 @@ class Problem:
         self, start: State, t: float, ties: Ties, step: Array, constraint: Constraint | None, tolerance: float
     ) -> State:
         """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
+        # Newton's method with predicted stresses:
+        # 1. Residual r = f - W' at q, and its size relative to the largest nodal force.
+        # 2. Factorise K: strains from q, but the stresses of its geometric part from the step before (see the top).
+        # 3. dq = K^-1 r, without travelling waves where they are held, or bordered by the constraint of a path.
+        # 4. Predict the next stresses, C (eps + eps' dq), before q moves.
+        # 5. Stop when the work r . dq is at rounding and r was already small before the step.
+        # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
+        # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
+        # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
+        # caller instead.
         q, strained, stresses = start.q, start.strained, start.strained.stresses
         factor: Factor | None = None
         if np.any(step):
@@ -329,6 +352,7 @@ class Problem:
         for iteration in range(1, MOST_ITERATIONS + 1):
             forces = self.forces(q, t)
             right = forces - strained.forces
+            # The start's forces count too: a shell that is unloaded has no others at its end.
             largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
             residuals.append(_size(ties, right) / max(largest, np.finfo(float).tiny))
             try:
@@ -346,10 +370,13 @@ class Problem:
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
             strained = self.energy.at(q)
+            # So does the start's energy, for the same reason.
             scale = max(strained.energy + abs(float(np.sum(forces * q))), start.strained.energy)
             first = first or decrement
+            # Spurious stresses may raise the work for a few iterations, but not so far.
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
+            # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
             if decrement <= tolerance * scale and residuals[-1] <= BALANCED:
                 angles, forgiven = self._angles(q, start), int(hold.negative)
                 return State(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
@@ -358,6 +385,9 @@ class Problem:
     def _bordered(
         self, ties: Ties, factor: Factor, right: Array, q: Array, t: float, constraint: Constraint
     ) -> tuple[Array, float]:
+        # Bordering: the matrix [K, -f'; c, d] is neither symmetric nor of the mesh's pattern. Two solves with the
+        # factor of K replace it: dq = K^-1 r + dt K^-1 f', with dt from the constraint. At a limit point itself K is
+        # singular, but iterations do not hit it to rounding.
         rate = self._force_rate(q)
         both = ties.to_free(np.stack([right, rate], axis=-1))
         solved = ties.to_nodal(factor.solve(both) * ties.free[..., None])
@@ -381,6 +411,7 @@ class Problem:
         reduced = ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotPositiveDefiniteError
+        # Newton's method needs no definite K. Unstable states lie on a path too, and the inertia tells them.
         return factorise(reduced, self.dissection, "reported")
 
     def _angles(self, q: Array, near: State) -> tuple[Array, ...]:

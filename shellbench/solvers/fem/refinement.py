@@ -49,6 +49,7 @@ PROBES = 41  # points a side at which the fields of two meshes are compared
 
 def level_cells(level: int, share: int) -> Cells:
     """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product."""
+    # The product of both counts doubles from level to level, whatever the share.
     first, second = (max(FEWEST, round(BASE * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
     return first, second
 
@@ -68,11 +69,15 @@ def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
     Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
     answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials.
     """
+    # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
+    # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
     n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
     even = solve((n, n)).potential_energy
     first, second = (abs(solve(cells).potential_energy - even) for cells in ((finer, n), (n, finer)))
     if max(first, second) <= IDLE * abs(even):
         return 0
+    # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
+    # would get no cells: its ratio is bounded, and so is the share.
     least = 2.0 ** (-ENERGY_RATE * MOST_UNEVEN) * max(first, second)
     return round(math.log2(max(first, least) / max(second, least)) / ENERGY_RATE)
 
@@ -119,14 +124,17 @@ def levels(
             solution = equilibrium.solution
             quantities = measure(solution)
         except SolveFailure:
+            # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
             if before is not None or forgiven == 0:
                 raise
             forgiven -= 1
             continue
+        # Cells a side of the square mesh with as many cells.
         resolutions.append(float(np.sqrt(np.prod(solution.mesh.cells))))
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
+        # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
         error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
         difference = field_difference(solution, before) if before else None
         yield Level(equilibrium, quantities, estimates, error, difference)

@@ -134,6 +134,8 @@ class MovingShell:
         problem = self.problem
         q = np.zeros((problem.mesh.node_count, 12))
         ties = problem.ties(0.0)
+        # M a = f at rest, without stresses or springs. Supports that move reach their place at h by a constant
+        # acceleration, u0 = a h^2 / 2.
         moved = 2 / h**2 * problem.ties(h).particular[..., 0]
         right = problem.loads(0.0) - _times(self.mass, moved)
         factor = factorise(ties.reduce(self.mass), problem.dissection)
@@ -161,10 +163,17 @@ class MovingShell:
             If Newton's method does not converge: the step is too long.
         """
         problem, s = self.problem, self.scheme
+        # 1. Collect what is known of q_{n+1}: `coast` is all of it but a_{n+1}, `free` has no mean acceleration.
+        # 2. Guess by a constant acceleration, moved onto the supports.
+        # 3. Minimise the incremental potential over x.
+        # 4. Recover q, a, v at the end from x, and the supports' reactions from the residual.
+        # Chung and Hulbert state the method for linear springs. Of its two extensions this takes W' at the mean
+        # displacement, not the mean of W' at the two ends. So x alone is the step's unknown.
         end, middle = start.t + h, start.t + (1 - s.alpha_f) * h
         ties = problem.ties(end)
         loads = problem.loads(middle)
         coast = start.q + h * start.v + h**2 * (0.5 - s.beta) * start.a
+        # (1 - alpha_m) a_{n+1} + alpha_m a_n = 0 gives the acceleration without any force.
         free = coast - h**2 * s.beta * s.alpha_m / (1 - s.alpha_m) * start.a
         target = (1 - s.alpha_f) * free + s.alpha_f * start.q  # x*
         weight = (1 - s.alpha_m) / ((1 - s.alpha_f) * s.beta * h**2)
@@ -178,6 +187,7 @@ class MovingShell:
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = -residual[ties.nodes]
+        # Loads by the trapezium rule. Reactions balance at t_n + (1 - alpha_f) h, which is not the middle of the step.
         # the work of the supports is theirs at the middle of the step, between the instants where reactions are known
         late = (s.alpha_f - 0.5) * h / ((1 - s.alpha_f) * h + s.alpha_f * start.length)
         exerted = reaction + late * (reaction - start.reaction)
@@ -199,7 +209,15 @@ class _Minimum:
 
     def find(self, x: Array, h: float) -> tuple[Array, Array, int]:
         """Return the minimum from a guess that satisfies the supports, the residual there, and the iterations."""
+        # Newton's method on the incremental potential, with an old tangent as long as it will do:
+        # 1. step = K^-1 r; the decrement r . step is twice what the quadratic model gains.
+        # 2. Backtrack by Armijo's rule, because an old tangent and one made definite may overshoot.
+        # 3. Stop when a full step has a decrement at the floor.
+        # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
+        # The textbook factorises at each iteration. The inertia c M does not change and grows as 1 / h^2. For a short
+        # step it dominates, and the tangent of the step before is nearly right.
         kept, energy = self.shell._kept, self.shell.problem.energy
+        # c depends on the length of the step.
         if kept.length != h:
             kept.factor, kept.length = None, h
         strained = energy.at(x)
@@ -214,6 +232,8 @@ class _Minimum:
                 before = np.inf
             step = _on_free(self.ties, kept.factor, residual)
             decrement = float(np.sum(residual * step))
+            # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
+            # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
             share, floor = 1.0, CONVERGED * size
             while True:
                 moved = x + share * step
@@ -227,6 +247,7 @@ class _Minimum:
             x, value = moved, found
             if decrement <= floor and share == 1.0:
                 return x, self._residual(x, strained), iteration
+            # A new tangent has no decrement before it, so that it is never judged by its first step.
             if decrement > SLOW * before or share < 1.0:
                 kept.factor = None
             before = decrement

@@ -63,6 +63,13 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
     NotConvergedError
         If none was found.
     """
+    # 1. Move the point supports, and decompose the tangent: all modes, once for each iterate.
+    # 2. Drop what the gradient has along neutral modes, if that is the field's own doing.
+    # 3. Stop at a minimum with nothing left to gain.
+    # 4. Minimise the quadratic model in the ball, and try the step.
+    # 5. Set the radius by how well the model foretold the gain; move if the energy fell.
+    # Textbooks factorise K + mu M anew for each mu. These matrices are small enough for eigenvectors. In them a trial
+    # of mu is a sum, and saddles and the hard case show by themselves.
     basis = problem.basis
     weights = start.weights + basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     deformed = problem.deform(weights, t, start.deformed.angles)
@@ -75,10 +82,13 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
             if not bool(torch.isfinite(tangent).all()):
                 raise NotConvergedError
             values, vectors = torch.linalg.eigh(tangent)
+            # The gradient of the energy in the modes, -r. In this basis the stiffness at rest is the identity, and so
+            # is the ball.
             model = values, vectors, -vectors.T @ (basis.combine.T @ deformed.residual)
         values, vectors, gradient = model
         scale = deformed.membrane + deformed.bending + abs(deformed.work)
         if float(values[0]) > -NEUTRAL:
+            # Twice what a Newton step could gain, mode by mode.
             left = gradient**2 / values.abs().clamp_min(NEUTRAL)
             neutral = values.abs() <= NEUTRAL
             if float(left[neutral].sum()) <= IMMATERIAL * scale:  # the field's own doing: nothing to run after
@@ -91,6 +101,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
         tried = problem.deform(weights + change, t, deformed.angles)
         gain = deformed.potential - tried.potential
         length = float(step.norm())
+        # A full Newton step inside the ball says nothing of the radius. That grows only if it has bound the step.
         if gain < DOUBTED * foretold or not gain > 0:
             radius = NARROWER * length
         elif gain > TRUSTED * foretold and length > 0.99 * radius:
@@ -107,6 +118,11 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
 
     `values` (n,) are the ascending eigenvalues of K, `gradient` (n,) is g.
     """
+    # Moré & Sorensen: s = -(K + mu)^-1 g with K + mu semidefinite, and |s| = radius unless mu = 0.
+    # 1. The Newton step, if K is definite and it fits.
+    # 2. The hard case: g has nearly no part along the lowest mode, and no mu makes s long enough.
+    # 3. Else mu by bisection, between the least allowed and one that surely makes s short enough.
+    # Moré & Sorensen take Newton's method for 1 / |s|. Bisection needs no safeguards, and costs a sum each time.
     lowest = float(values[0])
     if lowest > 0:
         step = -gradient / values
@@ -131,6 +147,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
             high = middle
         if high - low <= 1e-12 * high:
             break
+    # From the upper end, so that the step is never longer than the radius.
     return -gradient / (values + high)
 
 
@@ -165,6 +182,11 @@ def follow_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
 
 def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield the states up to the last mark, or to the first critical one."""
+    # Load steps to the first state that is no minimum:
+    # 1. Foretell where the lowest eigenvalue vanishes, by a secant through the last two states.
+    # 2. Step, but not far beyond that: from too far Newton's method may find a buckled state.
+    # 3. Where a short step fails, or any is unstable, look for the critical state in between.
+    # 4. A state found there that is far from buckling was a failure of Newton's method only: go on from it.
     state, end = PathState.rest(problem), marks[-1]
     step, foretold = FIRST_STEP * end, end
     for mark in marks:
@@ -191,6 +213,8 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
 
 def _beyond_buckling(problem: PathProblem, state: PathState, marks: Sequence[float]) -> Iterator[PathState]:
     """Yield stable states from a critical one to the last mark."""
+    # Beyond the critical state a step need not be straight: the shell may jump to another pattern. Newton's method goes
+    # first, since it is quick. Where it fails or finds a saddle, the trust region goes downhill.
     end, step = marks[-1], LEFT * state.t
     for mark in marks:
         while state.t < mark:
@@ -220,6 +244,8 @@ def _critical(problem: PathProblem, stable: PathState, unstable: PathState | Non
     A field that is not quite symmetric may lead around the bifurcation: a state whose smallest eigenvalue has risen
     again is one of the buckled shell.
     """
+    # Illinois: regula falsi for the root of the lowest eigenvalue. The value at an end that stays twice is halved. The
+    # textbook has a value at both ends. Here the upper end may have no state at all, and is bisected then.
     low, high = _lowest(stable), _lowest(unstable) if unstable is not None else None
     side = 0
     for _ in range(SECANTS):
@@ -263,6 +289,7 @@ def _stepped(problem: PathProblem, state: PathState, t: float, straight: bool = 
         return None
     if not straight or state.tangent is None:
         return found
+    # Where the tangent at the state points for the new load, against where Newton's method went.
     ahead = state.tangent.solve(problem.deform(state.weights, t, state.deformed.angles).residual)
     moved = found.weights - state.weights
     along = problem.likeness(ahead, moved)

@@ -81,6 +81,11 @@ def certify(
     ansatz: Ansatz, features: Features, outputs: list[Tensor], rule: Rule, forces: Concentrated
 ) -> list[Certified]:
     """Return the energies on a rule of the fields with these output layers (3, M), all of the same features."""
+    # All energies are polynomials in s for lift + s (u - lift), as strains are linear here:
+    # 1. Strains of the lift (offset) and of u - lift (row) at the points. The rows hold roots of stiffness and weight.
+    # 2. Products by powers of s: offset^2 / 2, offset . row, row^2 / 2. Work likewise, in two powers.
+    # 3. Forces at points and edges add to the work only.
+    # One sweep over the points gives the energy of any multiple, and so the best one, without another integration.
     stacked = torch.cat(outputs)
     strain = np.zeros((len(outputs), 2, 3))  # output layer, membrane and bending, power of s
     work = np.zeros((len(outputs), 2))
@@ -115,6 +120,7 @@ def energy_gap(potential: float, fine: Certified, moved: bool) -> float:
     supports give.
     """
     if not moved:
+        # With loads only E = -C / 2 at the minimum: -2 E is the compliance on the training rule.
         return abs(-2 * potential / fine.compliance - 1) if fine.compliance > 0 else 0.0
     membrane, bending, work = fine.parts()
     magnitude = membrane + bending + fine.spring_energy() + abs(work)
@@ -131,6 +137,7 @@ def rigid_part(field: Field, rule: Rule) -> Tensor:
     area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
     modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
     displacement = field.less_rigid(torch.zeros_like(field.rigid)).displacement(rule.points).cpu().numpy()
+    # Least squares over the area, for the modes that no support holds.
     gram = np.einsum("p,pik,pil->kl", area, modes, modes)
     moments = np.einsum("p,pik,pi->k", area, modes, displacement)
     return placement.tensor(free @ np.linalg.solve(gram, moments))

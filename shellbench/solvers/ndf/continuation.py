@@ -45,6 +45,8 @@ def load_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathSta
     PathEndsError
         If a step can't be cut further.
     """
+    # Load control: equal parts up to the next mark, longer after an easy step, half after a failure. An unstable state
+    # counts as a failure: a shorter step may stay on the stable branch.
     state, end = PathState.rest(problem), marks[-1]
     step = FIRST_STEP * end
     for mark in marks:
@@ -74,6 +76,10 @@ def displacement_steps(problem: PathProblem, row: Tensor, marks: Sequence[float]
     PathEndsError
         If the loads do not move it, a step can't be cut further, or the path has passed a branch.
     """
+    # Displacement control: row . w is given and t unknown, so that limit points of the load are passed.
+    # 1. Predict along the tangent dw/dt, and correct by Newton's method bordered by row . w = target.
+    # 2. Where the load turns between two states, repeat the step shorter.
+    # 3. Compare the sign of the tangent's determinant with the direction of the load: a branch changes only the former.
     state, value = PathState.rest(problem), 0.0
     first = _first_rate(row, drift(problem, state))
     step = longest = end / PATH_STEPS
@@ -109,6 +115,13 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
         If the loads do not move the displacement, a step can't be cut further, or the path has passed a branch or does
         not get there.
     """
+    # Arc length after Riks, in the plane normal to the tangent:
+    # 1. Predict by an arc along the tangent, in the direction of travel; correct in the plane.
+    # 2. Cut a step that does not converge, or that leads aside, by the cosine with the tangent.
+    # 3. Shorten one over a turning point, and check that no branch was passed.
+    # 4. Land on the marks at the displacement's first passage.
+    # Textbooks measure an arc by the unknowns. Weights of random features have no magnitude of their own, so the
+    # displacement at points is measured instead. The load is left out of the arc, as Crisfield proposed.
     measured = _samples(problem)
     state, value, highest = PathState.rest(problem), 0.0, 0.0
     waiting = sorted({*marks, end})
@@ -133,6 +146,8 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
+        # The direction of travel follows the step just made. The sign of det K, the textbook's, turns at a branch as
+        # well.
         sign_found = math.copysign(1.0, float(moved @ (measured @ ahead)))
         heads = math.copysign(1.0, float(row @ ahead)) * sign_found
         if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
@@ -155,6 +170,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
         state, value, highest = found, reached, max(highest, reached)
         tangent, sign, heading = ahead, sign_found, heads
         seen = measured @ tangent
+        # Unlike a load step an arc is also cut after a slow step that converged.
         arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
 
@@ -175,6 +191,7 @@ def _check_branch(found: PathState, rises: bool) -> None:
 
 def landing(value: float, mark: float, step: float) -> float:
     """Return the end of the next of equal steps to a mark, none longer than `step`."""
+    # Equal parts leave no short step before a mark. The factor forgives rounding in the count.
     parts = math.ceil((mark - value) / step * (1 - 1e-9))
     return mark if parts <= 1 else value + (mark - value) / parts
 

@@ -86,6 +86,8 @@ class Basis:
     @classmethod
     def from_stiffness(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
         """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held."""
+        # Null-space method: with K = 1 in `combine`, a QR factorisation of the constraints splits it orthogonally. The
+        # first k columns of Q hold the supports' displacements, the others move none of them.
         combine = independent(stiffness)
         if not len(constraints):
             return cls(combine, combine.new_zeros((len(stiffness), 0)))
@@ -119,6 +121,7 @@ class PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
         matrix = self._stiffness
         blocks = matrix.view(3, self.features.count, 3, self.features.count)
+        # The sum over components has all that any of them needs, and stays positive semidefinite.
         alike = blocks[0, :, 0] + blocks[1, :, 1] + blocks[2, :, 2]
         return replace(self, features=Combined(self.features, independent(alike)))
 
@@ -187,6 +190,7 @@ class PathProblem:
     def _forces(self, t: float) -> tuple[Tensor, float]:
         case, placement, sampled = self.ansatz.case, self.features.placement, self.sampled_at(t)
         ansatz = self.ansatz_at(t)
+        # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
         force = placement.tensor(force_density(case, sampled.points, t))
         force = force * self._share[:, None]
         total = sampled.forces(force)
@@ -209,6 +213,8 @@ class PathProblem:
         case = self.ansatz.case
         free = free_motions(case)
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
+        # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
+        # balance do no work on the modes, so that at the answer these squares vanish.
         share = self._share / self._share.sum() * case.material.membrane_stiffness**0.5
         placed = self.features.placement.tensor(modes) * share[:, None, None]
         rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
@@ -265,12 +271,16 @@ class PathProblem:
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""
+        # Weights have no metric of their own. That of the stiffness at rest makes the cosine one of displacements.
         stiff = self._stiffness @ first
         product = float(stiff @ first) * float(second @ (self._stiffness @ second))
         return float(stiff @ second) / math.sqrt(product) if product > 0 else 1.0
 
     def deform(self, weights: Tensor, t: float, near: tuple[Tensor, ...] | None = None) -> Deformed:
         """Deform the shell by output weights (3 M,); angles are followed from `near`."""
+        # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
+        # 2. Energy, and its gradient by the strains' first variation, pulled back to the output weights.
+        # 3. Loads, anchors of loose rigid motions, and moments, whose angles are followed from the state before.
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
         sampled = self.sampled_at(t)
         gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
@@ -279,11 +289,13 @@ class PathProblem:
         conjugate = stresses(self.elasticity, strains)
         energies = (strains * conjugate).view(-1, 2, 3).sum(dim=(0, 2)) / 2
         forces, work = self.forces(t)
+        # r = -dE/dw: what the loads ask, less stress . eps' at the points.
         residual = forces - sampled.pulled_back((conjugate[:, None] @ strained.variation)[:, 0])
         residual = residual - self.anchor.T @ (self.anchor @ weights)
         work += float(forces @ weights)
         angles = []
         for k, moment in enumerate(self.moments):
+            # An angle is known up to whole turns. The one next to the last state's is taken, past half a turn as well.
             slopes = moment.sampled.gradients(output, moment.sampled.lift_gradients(ansatz))
             before = slopes.new_zeros(len(slopes)) if near is None else near[k]
             angles.append(moment.angles(slopes, before))
@@ -299,6 +311,7 @@ class PathProblem:
 
         `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
         """
+        # K = eps'^T C eps' + stress . eps'', the first from the displacement, the second with the stresses given.
         form = elastic_form(self.elasticity, deformed.strained.variation)
         form = form + deformed.strained.second_variation(deformed.stresses if geometric is None else geometric)
         count = 3 * self.features.count
@@ -312,6 +325,7 @@ class PathProblem:
 
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
+        # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
         gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
         return deformed.stresses + stresses(self.elasticity, (deformed.strained.variation @ gradients)[..., 0])
 

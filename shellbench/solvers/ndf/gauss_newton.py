@@ -44,6 +44,8 @@ class Quadratic:
 
     def step(self, damping: float) -> Tensor | None:
         """Return -(H + damping diag H)^-1 g, or None where that is not positive definite."""
+        # Marquardt scales by the diagonal of H. The projection leaves next to nothing on the diagonal of some weights,
+        # which would then run away. The floor is a share of the diagonal before it.
         scale = (self.matrix.diagonal() + FLOOR * self.floor).clamp_min(torch.finfo(self.slope.dtype).tiny).sqrt()
         scaled = self.matrix / scale[:, None] / scale
         scaled.diagonal().add_(damping)
@@ -58,6 +60,10 @@ class Quadratic:
 
 def energy_gradient(sample: Sample, tips: Tips, network: Network, output: Tensor) -> Tensor:
     """Return the gradient (P,) of the energy in the hidden weights at a fixed output layer (3, M)."""
+    # g = sum over points of (stress . dstrain/dtheta - force . du/dtheta), by one reverse sweep for each part of the
+    # sample. The rows hold the roots of stiffness and weight, so that strains are their own stresses. The output layer
+    # is fixed: its own change adds nothing, as the energy is stationary in it. Under point supports it is so only along
+    # what they leave free: the work of their forces is left out of g.
     used = output[:, : network.width]
     total = output.new_zeros(network.parameters)
     for part in sample.parts():
@@ -84,6 +90,12 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
     SolveFailure
         If the features' strains are not finite.
     """
+    # 1. [A J], strains by output and by hidden weights, on the coarse rule; their Gram matrix point by point.
+    # 2. H = J^T J - (A^T J)^T (A^T A)^-1 (A^T J), the Schur complement of the output layer.
+    # 3. g on the fine sample: it decides where training goes, H only how fast.
+    # Golub and Pereyra differentiate the projection too. Kaufman drops that term, which is of the size of the residual.
+    # Strains are no small residual, but g is exact all the same, and H is only a model. The projection itself is never
+    # formed: it would have a row for each strain of each point.
     unknowns = output.numel()
     joint = output.new_zeros((unknowns + network.parameters,) * 2)
     anchors = output.new_zeros((len(coarse.table.anchors), unknowns))
@@ -97,6 +109,7 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
     own, cross, matrix = joint[:unknowns, :unknowns], joint[:unknowns, unknowns:], joint[unknowns:, unknowns:]
     own = own + anchors.T @ anchors
     try:
+        # half^T half is subtracted: positive semidefinite whatever the rounding of the inverse.
         half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None

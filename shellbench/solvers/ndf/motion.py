@@ -120,6 +120,12 @@ def solve(
     SolveFailure
         If integration gets stuck, or a field exploits its quadrature; the motion up to there comes with it.
     """
+    # Features up to a degree, ever finer, until the motion stands still between two of them:
+    # 1. Equations of motion of the features, on a rule of so many points a degree.
+    # 2. Integrate from rest, and compute the energies again on a finer rule.
+    # 3. Where these disagree the field exploits its points: more points, for the next rung or for the last one again.
+    # 4. Compare with the rung before. A finer one that fails leaves that as what is kept.
+    # An integrator's error estimate is of time only. Here space decides, hence the comparison.
     began = time.perf_counter()
     history: list[Step] = []
     before: MotionSolution | None = None
@@ -149,6 +155,7 @@ def solve(
                     before or solution,
                 )
             points *= MORE_POINTS
+            # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
             if number < len(rungs) - 1:
                 break
         values = {q.name: measure(solution, q) for q in case.quantities}
@@ -185,6 +192,7 @@ def distance(first: MotionSolution, second: MotionSolution) -> float:
     """Return the largest root mean square, over the shell, of the difference of two motions, over the longest side."""
     case = second.case
     points = case.surface.domain.grid(PROBE, PROBE).reshape(-1, 2)
+    # Compared at the times that are asked for, over the whole shell: a single point may agree by chance.
     apart = [first.displacement(points, at) - second.displacement(points, at) for at in case.states]
     return max(float(np.sqrt(np.mean(np.sum(d * d, axis=-1)))) for d in apart) / max(side_lengths(case))
 
@@ -197,6 +205,7 @@ def integrate(motion: Motion, marks: Sequence[float], stepping: Stepping, track:
     StuckError
         If a step can't be cut any further, or too many were taken.
     """
+    # z = (y, y', work). The work of loads and supports is integrated too, for the balance of energy.
     count, placement = motion.basis.size, motion.features.placement
     evaluations = 0
 
@@ -215,10 +224,12 @@ def integrate(motion: Motion, marks: Sequence[float], stepping: Stepping, track:
         track.evaluations.append(evaluations)
 
     t, z, step = 0.0, np.zeros(2 * count + 1), FIRST * marks[-1]
+    # An explicit method is not stable beyond this. Its error control would find out by steps that it rejects.
     longest = STABLE / motion.highest_frequency()
     record(t, z, law(t, z))
     for mark in marks:
         first = min(step, longest, mark - t)
+        # Marks are ends of integration, not values of an interpolant: a load that jumps there is not smoothed over.
         method = DOP853(law, t, z, mark, rtol=stepping.rtol, atol=stepping.atol, first_step=first, max_step=longest)
         while method.status == "running":
             if len(track.times) > stepping.most_steps:
@@ -228,6 +239,7 @@ def integrate(motion: Motion, marks: Sequence[float], stepping: Stepping, track:
             if method.status == "failed":
                 raise StuckError("the time step can't be cut any further")
             record(float(method.t), method.y, method.f)
+            # Else the last step was cut at the mark, and says nothing of the next one's length.
             if method.status == "running":
                 step = float(method.h_abs)
             yield float(method.t)
@@ -267,12 +279,14 @@ class _Run:
 
     def _kept(self, track: Track) -> MotionSolution:
         motion, placement = self.motion, self.motion.features.placement
+        # Weights, rates and accelerations at each step: they are what quintic Hermite interpolation in time needs.
         outputs = [
             [motion.weights(placement.tensor(state[order]), t, order) for order in range(3)]
             for t, (state, _) in zip(track.times, track.states, strict=True)
         ]
         weights, rates, seconds = (torch.stack([o[k].view(3, -1) for o in outputs]) for k in range(3))
         energies = [motion.energies(o[0], o[1], t) for t, o in zip(track.times, outputs, strict=True)]
+        # Energy less work since rest: zero for exact integration in time, whatever the features.
         lost = [e.total - work for e, (_, work) in zip(energies, track.states, strict=True)]
         solution = MotionSolution(
             case=self.case,

@@ -112,6 +112,7 @@ class Motion:
     def _flat(self) -> Tensor:
         """(6 N, M): the jets of the features; where components are alike, displacement and gradients that they make."""
         jets = self.sampled.jets
+        # Where M is a multiple of the identity all components share one small table. Both ways give the same field.
         if self._alike:
             through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
             value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
@@ -143,7 +144,10 @@ class Motion:
         """(3 M, 3 M) on the output weights, kg; nothing of components that are held on the whole surface."""
         matrix, values = self.sampled.matrix, self.sampled.jets[:, VALUE]
         metric = (matrix.mT @ matrix) * (self.case.material.areal_density * self.share)[:, None, None]
+        # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
         blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
+        # A component held on the whole surface moves as prescribed. Its features get no inertia, and so no place in the
+        # basis.
         for c in self.case.held_everywhere:
             for d in range(COMPONENTS):
                 blocks[c][d] = blocks[d][c] = torch.zeros_like(blocks[c][d])
@@ -191,6 +195,9 @@ class Motion:
 
     def rates(self, function: Callable[[float], Tensor], t: float) -> tuple[Tensor, Tensor]:
         """Return the first and the second derivative in time of something prescribed."""
+        # Finite differences on a stencil that stays between rest and the end, one-sided there. Their weights solve
+        # Vandermonde's system: exact for polynomials up to the sixth degree. A prescribed motion may be any function of
+        # time, so that no formula is differentiated.
         spacing = SPACING * self._until
         first = min(max(t - spacing * (STENCIL // 2), 0.0), self._until - spacing * (STENCIL - 1))
         times = first + spacing * np.arange(STENCIL)
@@ -230,6 +237,7 @@ class Motion:
 
     def forces(self, t: float) -> Tensor:
         """Return the dead loads (3 M,) at a time; loads that have not changed are not integrated again."""
+        # Loads are compared, not assumed steady: most do not change, and a comparison costs less than an integral.
         density = force_density(self.case, self.sampled.points, t)
         points, concentrated = concentrated_forces(self.case, self.rule_spec, NOWHERE, t)
         key = np.concatenate([density, concentrated])
@@ -275,11 +283,17 @@ class Motion:
         u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
+        # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
         conjugate, pull = (stress[:, None] @ strained.variation)[:, 0], self._springs * u
         return self._on_weights(pull, conjugate), conjugate, pull
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
         """Return y'' (r,), and the power of loads and supports, W."""
+        # y'' = combine^T (f - dE/dw - rho (M phi, lift'')): no mass matrix, as the basis is orthonormal in mass.
+        # 1. Forces of strains and springs at w; dead loads; inertia of the lift.
+        # 2. Power of the loads on w'.
+        # 3. Power of point supports: mass times acceleration less all other forces, on the part of w' that they move.
+        # 4. Power of moving edges and of loads on their motion: inertia, springs and stresses on the lift's rate.
         w = self.weights(y, t)
         resistance, conjugate, pull = self.resistance(w, t)
         force = self.forces(t)
@@ -292,6 +306,7 @@ class Motion:
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
         if self._driven:
+            # The free fields are in balance, so that only held ones are left in it; w' - combine y' is their motion.
             balance = self.mass @ self.weights(acceleration, t, 2) - residual
             power += float(balance @ (moved - self.basis.combine @ velocity))
         if rates is not None:
@@ -303,6 +318,8 @@ class Motion:
 
     def highest_frequency(self) -> float:
         """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
+        # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
+        # product with a vector is a central difference of the forces: no matrix is made.
         rest = self.basis.combine.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
@@ -317,6 +334,7 @@ class Motion:
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
+        # D'Alembert: the supports exert what is out of balance, on the fields that move one of them by one unit.
         residual = self.resistance(w, t)[0] - self.forces(t) + self.mass @ second
         if self._lifts:
             lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values

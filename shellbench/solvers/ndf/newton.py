@@ -72,6 +72,7 @@ def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float
         If Newton's method does not get there.
     """
     basis = problem.basis
+    # Point supports are moved first. Steps in the basis leave them where they are.
     change = basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     return _newton(problem, start, t, change, None, neutral)
 
@@ -116,12 +117,16 @@ class Tangent:
         neutral: float = 0.0,
     ) -> None:
         self.combine = problem.basis.combine
+        # Z^T K Z in independent fields that leave the point supports alone: small, dense, and the identity at rest.
         matrix = problem.tangent(deformed, t, weights, geometric)
         self.reduced = self.combine.T @ matrix @ self.combine
         if not bool(torch.isfinite(self.reduced).all()):
             raise NotConvergedError
         self.neutral = neutral
         self.positive = True  # its determinant
+        # 1. With neutral modes: all modes are needed, to leave some out.
+        # 2. Else Cholesky, for a stable state.
+        # 3. Where that fails LDL^T, and the sign of the determinant: it tells limit points from branches.
         if neutral:
             self.values, self.vectors = torch.linalg.eigh(self.reduced)
             self.definite = float(self.values[0]) > -neutral
@@ -143,6 +148,8 @@ class Tangent:
         """Return the output weights (3 M,) of a right-hand side (3 M,)."""
         reduced = (self.combine.T @ right)[:, None]
         if self.neutral:
+            # A pseudo-inverse: along a neutral mode the field stays, where Newton's step would be long and of either
+            # sign.
             stiff = self.values.abs() > self.neutral
             compliance = torch.where(stiff, 1 / self.values, torch.zeros_like(self.values))
             solved = self.vectors @ (compliance[:, None] * (self.vectors.T @ reduced))
@@ -162,6 +169,13 @@ def _newton(
     constraint: Constraint | None,
     neutral: float = 0.0,
 ) -> PathState:
+    # Newton's method with predicted stresses (Magisano, Leonetti & Garcea 2017), an iteration in four:
+    # 1. Factorise K: strains of w, and in its geometric part the stresses predicted by the step before.
+    # 2. dw = K^-1 r; on a path bordered by the constraint, dw = K^-1 r + dt K^-1 f'.
+    # 3. Predict the next stresses before w moves.
+    # 4. Stop when the work r . dw is at rounding.
+    # The textbook takes w's own stresses, and searches along dw. In a thin shell those stresses are far too large after
+    # a bending step. Here the residual may grow at first. A step that does not converge is cut by the caller.
     weights, deformed, geometric = start.weights, start.deformed, start.deformed.stresses
     if bool(step.any()):
         geometric = problem.predicted(deformed, step)
@@ -181,12 +195,15 @@ def _newton(
                 raise NotConvergedError
             change = (constraint.value - float(constraint.row @ (weights + step))) / slope
             step, t = step + change * moving, t + change
+        # The constraint is linear, so that it holds after each step. The work of r alone says how far the state is.
         decrement = abs(float(deformed.residual @ step))
         geometric = problem.predicted(deformed, step, t)
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
+        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
         scale = max(deformed.membrane + deformed.bending + abs(deformed.work), problem.unstrained)
         first = first or decrement
+        # Written so that what is not a number fails.
         if not scale < float("inf") or decrement > HOPELESS * first:
             break
         if decrement <= CONVERGED * scale:

@@ -110,6 +110,11 @@ def train(
     LossNotFinite
         If it is not, which is looked at every `RECORD` iterations.
     """
+    # The published recipe: Adam on samples drawn anew each time, a fixed number of iterations, no stopping rule.
+    # 1. Take weights and both moments from where the training stands: it goes on as if it had never stopped.
+    # 2. Loss of one draw, gradient, step.
+    # 3. Every `RECORD` iterations: look whether all is finite, keep the state, and write it down if that is due.
+    # Looking each time would make the device wait for the host.
     begin, first = time.perf_counter() - now.seconds, now.iteration
     place = siren.tensors[0]
     tensors = [weight.to(place).clone().requires_grad_() for weight in now.weights]
@@ -124,6 +129,7 @@ def train(
         losses.append(loss.detach())  # stays on the device: asking for its value would make it wait
         if iteration % RECORD == 0 or iteration == plan.iterations:
             if not all(bool(torch.isfinite(t).all()) for t in [torch.stack(losses), *tensors]):
+                # `now` is still the last state that was finite.
                 raise LossNotFinite(iteration, now)
             recent, losses = torch.stack(losses).double().cpu(), []
             with torch.no_grad():
@@ -165,6 +171,8 @@ def why_collapsed(certified: float, course: Sequence[tuple[int, float]], rest: f
         already be the answer, so that nothing can be gained on it.
     """
     gain = rest - certified
+    # The loss can't say whether a training has collapsed: it is noisy, and taken on the points that it exploits. The
+    # certified energy can, against rest, and against what the course shows that the network once could do.
     best, first, last = _best_gain(course, rest)
     now = f"its certified energy, {certified:.3g} J, is {f'{gain:.2g} J below' if gain > 0 else 'not below'} rest"
     if best > 0 and gain < KEPT * best:
@@ -179,6 +187,8 @@ def _best_gain(course: Sequence[tuple[int, float]], rest: float) -> tuple[float,
     best = (0.0, 0, 0)
     for k in range(len(course) - STRETCH + 1):
         iterations, energies = zip(*course[k : k + STRETCH], strict=True)
+        # One draw is a few hundred points, and the luckiest of many a large false gain. The mean of a stretch raised by
+        # its own error is an energy that the training surely had.
         raised = float(np.mean(energies) + CERTAIN * np.std(energies, ddof=1) / STRETCH**0.5)
         best = max(best, (rest - raised, iterations[0], iterations[-1]))
     return best

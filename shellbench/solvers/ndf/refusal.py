@@ -69,6 +69,8 @@ def rounding_energy(stiffness: float, area: float) -> float:
 
 def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
     """Return why a field is no answer, in one sentence, or None if nothing speaks against it."""
+    # In the order of causes: the sentence names what to mend first. Each comparison is written so that a figure which
+    # is not a number refuses.
     if not signs.taken_up >= CANCELLED:
         even = " (with a cosine alone, every field is even about the seam)" if spec.periodic_input == "cosine" else ""
         return f"no field of this kind takes up the loads: their work cancels on every feature{even}"
@@ -109,6 +111,12 @@ def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
     Along coordinate lines, panel by panel of the rule `spec`: the sum of |slope(b) - slope(a) - integral of u,dd| over
     the sum of |slope(b) - slope(a)| + integral of |u,dd|, or over the slopes where these are larger.
     """
+    # By the fundamental theorem slope(b) - slope(a) is the integral of u,dd over a panel, unless the slope jumps
+    # within.
+    # 1. Lines along both coordinates, off all symmetry, with the panels of the rule that was solved on.
+    # 2. Slopes at the ends of panels, second derivatives at its Gauss points.
+    # 3. The mismatch of both, summed over panels and lines, as a share of all turning.
+    # A finer rule, the usual check, sees no kink either, as none of its points lies on one.
     domain = field.ansatz.case.surface.domain
     unseen, total = 0.0, 0.0
     for axis, first, second in ((0, D1, D11), (1, D2, D22)):
@@ -124,5 +132,7 @@ def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
             change, bend = np.diff(slope, axis=0), bend.reshape(len(ends) - 1, spec.order, 3)
             unseen += float(np.linalg.norm(change - bend.sum(1), axis=-1).sum())
             turned = np.linalg.norm(change, axis=-1).sum() + np.linalg.norm(bend, axis=-1).sum()
+            # A field that hardly turns would make a share of nothing. Then its slopes are what a mismatch is compared
+            # with.
             total += float(max(turned, np.linalg.norm(slope, axis=-1).max()))
     return unseen / total if total > 0 else 0.0

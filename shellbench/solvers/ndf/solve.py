@@ -67,6 +67,8 @@ class RegularisedInverse:
         IndefiniteError
             If it is not finite, or has an eigenvalue that is negative beyond rounding.
         """
+        # Scaled to a unit diagonal, features of any magnitude are regularised alike. A feature of no stiffness gets no
+        # weight.
         diagonal = matrix.diagonal().clamp_min(0.0).sqrt()
         scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
         scaled = matrix * scale[:, None] * scale
@@ -76,6 +78,7 @@ class RegularisedInverse:
         factor, info = torch.linalg.cholesky_ex(scaled)
         if int(info) == 0:
             return cls(level, scale, factor, triangular=True)
+        # The level is in `scaled` already: an eigenvalue below it was negative in A, and is called zero.
         values, vectors = torch.linalg.eigh(scaled)
         if not float(values[0]) >= -INDEFINITE * float(values[-1]):
             raise IndefiniteError
@@ -94,6 +97,7 @@ class RegularisedInverse:
         step = self._solve(right * self.scale[:, None])
         total = step
         for _ in range(REFINEMENTS):
+            # The series of the top. The textbook forms b - A x instead, whose rounding M^-1 would magnify.
             step = self.level * self._solve(step)
             total = total + step
         return total * self.scale[:, None]
@@ -138,6 +142,13 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     SolveFailure
         If the matrix is not finite, or not positive semidefinite.
     """
+    # The energy is quadratic in the output layer: its minimum is one linear system, not an optimisation.
+    # 1. A = K + what anchors rigid motions + k C^T C, the last as in an augmented Lagrangian.
+    # 2. Unconstrained weights A^-1 f by the regularised inverse.
+    # 3. Multipliers from the Schur complement C A^-1 C^T, twice, and weights that hold C w = targets.
+    # 4. The work of the residual: what regularisation has cost.
+    # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, as only C stops rigid motions.
+    # With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
     matrix = equations.stiffness + equations.anchor.T @ equations.anchor + stiffness * constraints.T @ constraints
     load = equations.load + stiffness * constraints.T @ targets
     if not bool(torch.isfinite(matrix).all()):
@@ -166,6 +177,7 @@ def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
 def solve_nested(ansatz: Ansatz, features: Features, equations: NormalEquations, width: int) -> OutputLayer:
     """Solve for the weights of the first `width` network features and all fixed ones; the others are zero."""
     total, hidden = features.count, features.network.width
+    # The first columns of random features are random features too: one matrix serves all widths.
     each = np.concatenate([np.arange(width), np.arange(hidden, total)])
     kept = torch.as_tensor(np.concatenate([each + c * total for c in range(3)]), device=equations.load.device)
     constraints, targets = point_constraints(ansatz, features)

@@ -187,6 +187,10 @@ def first_state(problem: TrainingProblem, plan: Plan) -> tuple[Trained, Quadratu
     SolveFailure
         If no start agrees with itself on two quadratures.
     """
+    # Widths from narrow to wide, until one gains too little over the one before.
+    # 1. Points for the width; more of them as long as no start agrees with itself on both sets.
+    # 2. Of all scales the start of most certified gain.
+    # 3. Wider networks try that scale and larger ones; where forces act at points, that scale only.
     best: tuple[Trained, Quadratures] | None = None
     scales: Sequence[tuple[float, float]] = plan.scales
     for width in plan.widths:
@@ -212,6 +216,7 @@ def _best_start(
 ) -> tuple[Trained, tuple[float, float]] | None:
     found = None
     stretched = np.asarray(problem.features.inputs.stretched)
+    # Random hidden layers with a solved output layer: a start costs one linear solve. So all scales can be tried.
     for pair in scales:
         by_input = problem.features.placement.tensor(np.where(stretched, pair[1], pair[0]))
         values = points.train.inputs[VALUE]
@@ -243,8 +248,16 @@ def train(
 
     `report` is called with each certified state; whatever fails later, that one stands.
     """
+    # Variable projection with Levenberg & Marquardt's damping, an iteration in four:
+    # 1. A sparse rule, one of three in turn, for the Gauss-Newton matrix.
+    # 2. Gradient on the training points, matrix on the sparse ones, output layer eliminated.
+    # 3. Damp until a step is certified: energy down on training and check points alike, the output layer solved anew.
+    # 4. No such step, and only the training points saw a gain: they are exploited, take more. Else stop.
+    # Textbooks accept what lowers the objective on its own points. A field lowers that without end, by displacements
+    # that cost energy only between the points. Independent points see through that.
     damping = plan.damping
     for iteration in range(1, plan.iterations + 1):
+        # Six strain rows a point, and twice as many rows as columns: the Gram matrix then has full rank.
         rows = COARSE_ROWS * (state.output.numel() + state.network.parameters)
         coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
         local = quadratic_model(points.train, points.tips, coarse, state.network, state.output)
@@ -267,10 +280,13 @@ def _search(
     """Return the first certified state as damping rises, whether the point sets disagreed, and the next damping."""
     theta, exploited = flatten(state.network), False
     for attempt in range(plan.attempts):
+        # A rejected step costs an evaluation, not a model: the same matrix is damped more.
         step = local.step(damping)
         new = _attempt(problem, points, unflatten(theta + step, state.network)) if step is not None else None
         if new is not None and step is not None:
             if agree(new, state) and new.gap <= max(plan.gap, state.gap):
+                # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises. Damping
+                # eases only where the first attempt was accepted.
                 ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
                 ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
                 return new, False, damping / ease
@@ -289,6 +305,7 @@ def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) ->
 def agree(new: Trained, old: Trained) -> bool:
     """Tell whether both point sets see a gain, and about the same one."""
     seen, certified = new.train.gain - old.train.gain, new.check.gain - old.check.gain
+    # Each condition alone can be met by luck or exploitation.
     return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
 
 
