@@ -95,7 +95,7 @@ def following_steps(problem: Problem, marks: Sequence[float], first: float, shor
                 step = (target - state.t) * CUT
                 if step >= shortest:
                     continue
-                step = BEYOND * state.t  # far enough for the instability to show
+                step = max(BEYOND * state.t, shortest)  # far enough for the instability to show
                 found = _left_to_itself(buckling, state, min(mark, state.t + step))
             elif found.iterations <= EASY:
                 step = max(step, (target - state.t) * GROWTH)

@@ -202,11 +202,11 @@ def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
                 step = (target - state.t) * CUT
                 continue
             else:
-                state, foretold = _critical(problem, state, found, target), end
+                before, state, foretold = state, _critical(problem, state, found, target), end
                 if _lowest(state) <= ABOUT_TO_BUCKLE:
                     yield replace(state, critical=True)
                     return
-                if target - state.t < SMALLEST_STEP * end:
+                if state is before or target - state.t < SMALLEST_STEP * end:
                     raise PathEndsError(f"no equilibrium was found at load factor {target:.6g}")
             yield state
 

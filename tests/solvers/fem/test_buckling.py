@@ -334,3 +334,15 @@ def test_a_mark_close_beyond_the_critical_state_is_landed_on(share):
     assert sum(s.critical for s in states) == 1
     assert all(s.stable for s in states)
     assert problem.potential(states[-1]) < 0.9 * straight_energy(2 * critical.t)
+
+
+def test_where_no_step_from_rest_converges_the_shell_is_left_to_itself_a_little_further_on(monkeypatch):
+    def lost(self, start, t):
+        raise NotConvergedError
+
+    monkeypatch.setattr(Problem, "equilibrium", lost)
+    monkeypatch.setattr(Buckling, "relaxed", lambda self, start, t: replace(start, t=t))
+    shortening, _ = critical_column(True)
+    problem = problem_of(column(True, 2 * shortening), (4, 1))
+    first = next(following_steps(problem, problem.case.states, shortening / 4, 1e-6))
+    assert 0 < first.t <= 1e-6

@@ -1,5 +1,7 @@
 """Clamped rims that turn by finite angles, critical loads, and stable states beyond them."""
 
+from itertools import islice
+
 import numpy as np
 import pytest
 import torch
@@ -286,6 +288,13 @@ def test_a_shell_that_does_not_relax_keeps_what_was_found(problem, monkeypatch):
     partial = failure.value.partial
     assert [step.phase for step in partial.history].count("critical") == 1
     assert measure(partial, case.quantities[0]) == pytest.approx(100 * EULER, rel=5e-3)
+
+
+def test_a_path_that_does_not_get_on_ends(problem, monkeypatch):
+    """Where no step converges, however short, and nothing is about to buckle, the search must not go on for ever."""
+    monkeypatch.setattr(buckling, "_stepped", lambda *_, **__: None)
+    with pytest.raises(PathEndsError, match="no equilibrium was found at load factor"):
+        list(islice(follow_steps(problem, strut().states), 20))
 
 
 QUANTITIES = [
