@@ -131,13 +131,13 @@ def loads(change: Callable[[float], float], factor: float = 1.0) -> Callable[[py
     """Change when loads act, or how strong they are."""
 
     def inject(patch: pytest.MonkeyPatch) -> None:
-        original = problem.Problem.loads.func
+        original = problem.FiniteProblem.loads.func
 
         def changed(self):
             at = original(self)
             return lambda t: factor * at(change(t))
 
-        patch.setattr(problem.Problem, "loads", property(changed))
+        patch.setattr(problem.FiniteProblem, "loads", property(changed))
 
     return inject
 

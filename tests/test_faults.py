@@ -135,13 +135,13 @@ def reduced_integration(patch: pytest.MonkeyPatch) -> None:
 
 
 def halved_nodal_forces(patch: pytest.MonkeyPatch) -> None:
-    original = fem_loads.Loading.of.__func__
+    original = fem_loads.Loading.on_mesh.__func__
 
     def halved(cls, *args):
         loading = original(cls, *args)
         return replace(loading, nodal=loading.nodal / 2)
 
-    patch.setattr(fem_loads.Loading, "of", classmethod(halved))
+    patch.setattr(fem_loads.Loading, "on_mesh", classmethod(halved))
 
 
 def wrong_metric(patch: pytest.MonkeyPatch) -> None:

@@ -24,14 +24,14 @@ ROLLED, TURNED = "rolled_plate", "rigid_rotation"
 
 def linear_normal(patch):
     """The fem normal turns as in linear theory."""
-    original = deformation.Deformation.of.__func__
+    original = deformation.Deformation.from_gradients.__func__
 
     def linear(cls, reference, gradients):
         found = original(cls, reference, gradients)
         rise = (found.turning @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
         return replace(found, rise=rise)
 
-    patch.setattr(deformation.Deformation, "of", classmethod(linear))
+    patch.setattr(deformation.Deformation, "from_gradients", classmethod(linear))
 
 
 def fem_strain(change):
@@ -86,10 +86,10 @@ def halved_moments(module):
 
 def quadratic_loads(patch):
     """Let the dead loads of fem grow with the square of the load factor."""
-    original = problem.Loading.of.__func__
+    original = problem.Loading.on_mesh.__func__
     patch.setattr(
         problem.Loading,
-        "of",
+        "on_mesh",
         classmethod(lambda cls, case, mesh, rule, t: original(cls, case, mesh, rule, (t[0] ** 2,))),
     )
 

@@ -31,7 +31,7 @@ from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.inertia import weighted_products
-from shellbench.solvers.fem.problem import NotConvergedError, Problem, State
+from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,9 @@ MOST_STEPS = 400  # of a relaxation
 RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at which Newton's method tries to take over
 
 
-def following_steps(problem: Problem, marks: Sequence[float], first: float, shortest: float) -> Iterator[State]:
+def following_steps(
+    problem: FiniteProblem, marks: Sequence[float], first: float, shortest: float
+) -> Iterator[FiniteState]:
     """Yield the stable states on the way from rest to the last of increasing load factors, through buckling.
 
     Parameters
@@ -103,7 +105,7 @@ def following_steps(problem: Problem, marks: Sequence[float], first: float, shor
             yield state
 
 
-def _left_to_itself(buckling: Buckling, state: State, t: float) -> State:
+def _left_to_itself(buckling: Buckling, state: FiniteState, t: float) -> FiniteState:
     try:
         return buckling.relaxed(state, t)
     except NotConvergedError:
@@ -114,7 +116,7 @@ def _left_to_itself(buckling: Buckling, state: State, t: float) -> State:
 class Buckling:
     """The means to follow a shell through buckling."""
 
-    problem: Problem
+    problem: FiniteProblem
 
     @cached_property
     def area(self) -> BlockMatrix:
@@ -135,7 +137,7 @@ class Buckling:
         return float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode)))
 
     @cached_property
-    def holding(self) -> Problem:
+    def holding(self) -> FiniteProblem:
         """The problem with travelling waves held."""
         return replace(self.problem, holding=True)
 
@@ -150,7 +152,7 @@ class Buckling:
             mode = mode / np.abs(mode[:, :: len(KINDS)]).max()
         return mode
 
-    def stiffness(self, state: State, mu: float) -> Factor:
+    def stiffness(self, state: FiniteState, mu: float) -> Factor:
         """Return the factorised K + mu M at a state.
 
         Raises
@@ -170,7 +172,7 @@ class Buckling:
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
 
-    def critical(self, below: State, above: State) -> State:
+    def critical(self, below: FiniteState, above: FiniteState) -> FiniteState:
         """Return the last stable state between a stable and an unstable one, within `BRACKET` of where that ends.
 
         Raises
@@ -197,7 +199,7 @@ class Buckling:
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
 
-    def relaxed(self, start: State, t: float) -> State:
+    def relaxed(self, start: FiniteState, t: float) -> FiniteState:
         """Return a stable state at a load factor, downhill from another state whose supports are moved there.
 
         Raises
@@ -222,7 +224,7 @@ class Buckling:
                     return found  # a saddle is not taken: there is a way further down
         raise NotConvergedError
 
-    def _carried(self, start: State, t: float) -> State:
+    def _carried(self, start: FiniteState, t: float) -> FiniteState:
         """Return a state with its supports moved, and what the shell answers to that by its tangent."""
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
@@ -230,7 +232,7 @@ class Buckling:
             moved = self.holding.carried(start, t, ties, moved)
         return self.problem.state_at(t, start.q + moved, start)
 
-    def _pushed(self, state: State) -> State:
+    def _pushed(self, state: FiniteState) -> FiniteState:
         """Return a state pushed along its softest mode, to the side where the energy is less."""
         # At a symmetric state both sides gain alike in second order. The energy itself decides, third order included.
         mode = self.softest_mode(self.problem.ties(state.t), self.stiffness(state, 0.0))
@@ -238,7 +240,7 @@ class Buckling:
         sides = [self.problem.state_at(state.t, state.q + sign * push, state) for sign in (1.0, -1.0)]
         return min(sides, key=self.problem.potential)
 
-    def _downhill(self, state: State, relaxed: float) -> State:
+    def _downhill(self, state: FiniteState, relaxed: float) -> FiniteState:
         """Go downhill in the potential energy until a step is predicted to gain no more than a share of it."""
         problem, ties = self.problem, self.problem.ties(state.t)
         # Pseudo-transient continuation, a step in four:

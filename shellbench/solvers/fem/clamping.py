@@ -65,7 +65,7 @@ class ClampedEdge:
     spring: Array
 
     @classmethod
-    def of(
+    def on_edge(
         cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
     ) -> ClampedEdge | None:
         """Integrate along an edge; None where its normal keeps its direction."""
@@ -153,7 +153,7 @@ def clamped_edges(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iter
     """Yield the clamped edges of a case on which the normal turns."""
     for support, place in case.supported_places():
         if support.clamped and isinstance(place, Edge):
-            edge = ClampedEdge.of(case, mesh, support, place, states)
+            edge = ClampedEdge.on_edge(case, mesh, support, place, states)
             if edge is not None:
                 yield edge
 

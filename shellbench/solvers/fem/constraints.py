@@ -245,7 +245,7 @@ class Ties:
     holders: Flags
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
+    def from_case(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
         """Resolve all supports of a case.
 
         Raises

@@ -20,7 +20,7 @@ from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.fem.assembly import COMPONENTS
 from shellbench.solvers.fem.hermite import KINDS, kind_scales, tabulate
-from shellbench.solvers.fem.problem import Constraint, NotConvergedError, Problem, State
+from shellbench.solvers.fem.problem import Constraint, FiniteProblem, FiniteState, NotConvergedError
 
 Array = NDArray[np.float64]
 
@@ -43,8 +43,8 @@ class PathEndsError(Exception):
 
 
 def load_steps(
-    problem: Problem, marks: Sequence[float], first: float, shortest: float, start: State | None = None
-) -> Iterator[State]:
+    problem: FiniteProblem, marks: Sequence[float], first: float, shortest: float, start: FiniteState | None = None
+) -> Iterator[FiniteState]:
     """Yield the states of equilibrium on the way from rest to the last of increasing load factors.
 
     Parameters
@@ -91,7 +91,7 @@ def load_steps(
             yield state
 
 
-def functional(problem: Problem, quantity: DisplacementQuantity) -> Array:
+def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
     """Return the row (nodes, 12) whose product with q is a displacement quantity."""
     mesh, case = problem.mesh, problem.case
     places = [case.places[name] for name in quantity.points]
@@ -105,7 +105,7 @@ def functional(problem: Problem, quantity: DisplacementQuantity) -> Array:
     return row.reshape(mesh.node_count, -1)
 
 
-def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end: float) -> Iterator[State]:
+def displacement_steps(problem: FiniteProblem, row: Array, marks: Sequence[float], end: float) -> Iterator[FiniteState]:
     """Yield the states at increasing values of the displacement row . q, the load factor unknown.
 
     Raises
@@ -144,7 +144,9 @@ def displacement_steps(problem: Problem, row: Array, marks: Sequence[float], end
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
 
 
-def _to_displacement(problem: Problem, state: State, row: Array, value: float, target: float) -> State:
+def _to_displacement(
+    problem: FiniteProblem, state: FiniteState, row: Array, value: float, target: float
+) -> FiniteState:
     drift = problem.drift(state)
     rate = float(np.sum(row * drift))
     if rate == 0.0:
@@ -162,7 +164,7 @@ def _first_rate(row: Array, drift: Array) -> float:
     return rate
 
 
-def _check_branch(found: State, rises: bool) -> None:
+def _check_branch(found: FiniteState, rises: bool) -> None:
     """Check that only limit points were passed: each changes the tangent's inertia by one, and the load's direction."""
     # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An even
     # number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
@@ -170,7 +172,7 @@ def _check_branch(found: State, rises: bool) -> None:
         raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
 
 
-def arc_length_steps(problem: Problem, row: Array, marks: Sequence[float], end: float) -> Iterator[State]:
+def arc_length_steps(problem: FiniteProblem, row: Array, marks: Sequence[float], end: float) -> Iterator[FiniteState]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
     Between steps the marks are landed on at the displacement's first passage.

@@ -58,7 +58,7 @@ class Deformation:
     rise: Array
 
     @classmethod
-    def of(cls, reference: Midsurface, gradients: Array) -> Deformation:
+    def from_gradients(cls, reference: Midsurface, gradients: Array) -> Deformation:
         """Deform a midsurface by a displacement with these derivatives (n, 5, 3)."""
         u1, u2 = gradients[:, 0], gradients[:, 1]
         x1, x2 = reference.base[:, 0], reference.base[:, 1]

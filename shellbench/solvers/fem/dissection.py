@@ -73,7 +73,7 @@ class Dissection:
     parts: tuple[Part, ...]
 
     @classmethod
-    def of(cls, shape: tuple[int, int], periodic: tuple[bool, bool]) -> Dissection:
+    def from_shape(cls, shape: tuple[int, int], periodic: tuple[bool, bool]) -> Dissection:
         """Dissect a mesh with this many nodes along each coordinate."""
         # 1. Halve the rectangle; the regions come in postorder, so that children stand before their parent.
         # 2. Number the nodes in that order: `rank` inverts `order`.

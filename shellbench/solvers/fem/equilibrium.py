@@ -65,8 +65,8 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         If the loads are not in balance with the removed rigid motions, or the linear solve fails.
     """
     quadrature = Quadrature.of_order(mesh, quadrature_order)
-    loading = Loading.of(case, mesh, quadrature, states)
-    ties = Ties.of(case, mesh, states)
+    loading = Loading.on_mesh(case, mesh, quadrature, states)
+    ties = Ties.from_case(case, mesh, states)
     # a case that names no rigid motion was checked to have none that is free
     loose = free_motions(case) if case.remove_rigid_motions else np.zeros((len(RIGID_MOTIONS), 0))
     check_balance(loading, loose)

@@ -70,7 +70,7 @@ class FiniteClamp:
     spring: Array
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
+    def on_edge(cls, case: Case, mesh: TensorMesh, support: Support, edge: Edge) -> FiniteClamp | None:
         """Integrate along an edge; None where its normal keeps its direction."""
         # As `ClampedEdge.of`, but with the derivatives of u kept apart from the strains: these are not linear here.
         # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
@@ -110,7 +110,7 @@ class FiniteClamp:
         local = q.reshape(-1, COMPONENTS, len(KINDS))[self.nodes]  # (c, 4, 3, 4)
         local = np.swapaxes(local, 1, 2).reshape(len(self.nodes), 1, LOCAL, 1)
         gradients = (self.rows @ local).reshape(-1, len(DERIVATIVES), COMPONENTS)
-        return _Clamped(self, Deformation.of(self.reference, gradients), self.case.turn(self.support, t))
+        return _Clamped(self, Deformation.from_gradients(self.reference, gradients), self.case.turn(self.support, t))
 
 
 @dataclass(frozen=True)
@@ -192,7 +192,7 @@ def finite_clamps(case: Case, mesh: TensorMesh) -> Iterator[FiniteClamp]:
     """Yield the clamped edges of a case on which the normal turns."""
     for support, place in case.supported_places():
         if support.clamped and isinstance(place, Edge):
-            clamp = FiniteClamp.of(case, mesh, support, place)
+            clamp = FiniteClamp.on_edge(case, mesh, support, place)
             if clamp is not None:
                 yield clamp
 

@@ -27,7 +27,7 @@ from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import NotConvergedError, Problem, State
+from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
 from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
 from shellbench.solvers.fem.solution import FemSolution
 
@@ -92,12 +92,12 @@ def solve(
     # 3. Give the history displacements without the rigid motions that nothing holds.
     # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
     began = time.perf_counter()
-    problem = Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order))
+    problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order))
     for t in case.states if case.path.quantity is None else (1.0,):
-        check_balance(Loading.of(case, mesh, problem.quadrature, (t,)), free_motions(case))
+        check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), free_motions(case))
     quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
-    states: list[State] = []
+    states: list[FiniteState] = []
     seconds: list[float] = []
     reason: str | None = None
     try:
@@ -150,9 +150,9 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
     coefficients = np.stack([np.stack([m[kind] for kind in KINDS], axis=-1) for m in motions], axis=-1)
     quadrature = Quadrature.of_order(mesh, quadrature_order)
     if case.linear:
-        carried = Loading.of(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
+        carried = Loading.on_mesh(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
     else:
-        problem = Problem.of(case, mesh, quadrature)
+        problem = FiniteProblem.on_mesh(case, mesh, quadrature)
         nodal = (coefficients * mesh.node_scales[:, None, :, None]).reshape(mesh.node_count, -1, len(case.states))
         loads = [problem.forces(nodal[..., k], t) for k, t in enumerate(case.states)]
         carried = np.stack(loads, axis=-1).reshape(coefficients.shape)
@@ -170,8 +170,8 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
 
 
 def _path(
-    problem: Problem, controlled: Array | None, steps: tuple[float, float], trail: FemSolution | None
-) -> Iterator[State]:
+    problem: FiniteProblem, controlled: Array | None, steps: tuple[float, float], trail: FemSolution | None
+) -> Iterator[FiniteState]:
     case = problem.case
     match case.path.control:
         # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
@@ -192,11 +192,11 @@ def _path(
             yield from arc_length_steps(problem, controlled, case.states, case.path.until)
 
 
-def _corrected(problem: Problem, trail: FemSolution) -> Iterator[State]:
+def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
     """Yield the states at the load factors of a trail, each from its own displacement there."""
     # Nested iteration: the coarser mesh's state at the same t is the guess that Newton's method corrects. It may have
     # been on a branch that this mesh does not have. Then load steps lead there from the state before.
-    before: State | None = None
+    before: FiniteState | None = None
     for t in trail.states:
         near = before or problem.rest()
         guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
@@ -229,11 +229,11 @@ def _kept(case: Case, marks: Sequence[float], complete: bool) -> list[int]:
     return kept
 
 
-def _unknowns(problem: Problem) -> int:
+def _unknowns(problem: FiniteProblem) -> int:
     return int(np.count_nonzero(problem.ties(problem.case.path.until).free))
 
 
-def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
+def _held(problem: FiniteProblem, states: Sequence[FiniteState]) -> list[Array]:
     """Return the displacements (nodes, 12) of states without the rigid motions that nothing holds."""
     loose, scales = free_motions(problem.case), problem.mesh.node_scales[:, None, :, None]
     if not loose.size:
@@ -247,7 +247,11 @@ def _held(problem: Problem, states: Sequence[State]) -> list[Array]:
 
 
 def _solution(
-    problem: Problem, quadrature_order: int, states: Sequence[State], marks: Sequence[float], history: tuple[Step, ...]
+    problem: FiniteProblem,
+    quadrature_order: int,
+    states: Sequence[FiniteState],
+    marks: Sequence[float],
+    history: tuple[Step, ...],
 ) -> FemSolution:
     case, mesh = problem.case, problem.mesh
     shape = (COMPONENTS, len(KINDS), len(states))

@@ -108,7 +108,7 @@ def _ratio(part: Array, whole: Array) -> float:
 
 
 def _dissection(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
-    return factorise(matrix, Dissection.of(mesh.shape, mesh.domain.periodic)).solve
+    return factorise(matrix, Dissection.from_shape(mesh.shape, mesh.domain.periodic)).solve
 
 
 def _superlu(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:

@@ -48,7 +48,7 @@ class Loading:
     magnitude: Array
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature, states: Sequence[float]) -> Loading:
+    def on_mesh(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature, states: Sequence[float]) -> Loading:
         """Integrate the loads at each of the times or load factors `states`."""
         build = _Builder(case, mesh, len(states))
         build.add_area_loads(quadrature, states)

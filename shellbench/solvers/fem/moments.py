@@ -62,7 +62,7 @@ class EdgeMoment:
     lengths: Array
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, load: MomentLoad, edge: Edge) -> EdgeMoment:
+    def on_edge(cls, case: Case, mesh: TensorMesh, load: MomentLoad, edge: Edge) -> EdgeMoment:
         """Tabulate an edge."""
         cells = mesh.edge_cells(edge)
         x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
@@ -100,7 +100,7 @@ class EdgeMoment:
         local = np.swapaxes(local, 2, 3).reshape(len(self.nodes), 1, FUNCTIONS, COMPONENTS)
         gradients = np.zeros((len(self.points), len(DERIVATIVES), COMPONENTS))
         gradients[:, :2] = (self.slopes @ local).reshape(-1, 2, COMPONENTS)
-        return Deformation.of(self.reference, gradients)
+        return Deformation.from_gradients(self.reference, gradients)
 
     def angles(self, q: Array, near: Array) -> Array:
         """Return the angles theta (n,), rad, of the many that differ by full turns those closest to `near` (n,)."""
@@ -157,4 +157,4 @@ def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
         if isinstance(load, MomentLoad):
             for place in (case.places[name] for name in load.on):
                 if isinstance(place, Edge):
-                    yield EdgeMoment.of(case, mesh, load, place)
+                    yield EdgeMoment.on_edge(case, mesh, load, place)

@@ -34,7 +34,7 @@ from shellbench.solvers.fem.grading import FEWEST, axis_lines, graded_mesh
 from shellbench.solvers.fem.hermite import KINDS, Derivative
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.motion_solution import MotionSolution
-from shellbench.solvers.fem.problem import NotConvergedError, Problem
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.refinement import Cells
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme
 
@@ -254,7 +254,7 @@ def follow(
     # 4. Keep every n-th instant, and the ends of steps of another length.
     # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
     # factorised tangent serves one length (`time_step`).
-    shell = MovingShell(Problem.of(case, mesh, Quadrature.of_order(mesh, quadrature_order)), scheme)
+    shell = MovingShell(FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order)), scheme)
     allowed = SMOOTH * _size(case)
     # A whole number of equal steps, so that the last one is not a short one.
     usual = until / math.ceil(until / usual * (1 - SLACK))

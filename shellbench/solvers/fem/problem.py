@@ -48,7 +48,7 @@ class NotConvergedError(ArithmeticError):
 
 
 @dataclass(frozen=True)
-class State:
+class FiniteState:
     """A state of equilibrium.
 
     Attributes
@@ -89,7 +89,7 @@ class State:
         return self.factor is not None and self.factor.negative == self.forgiven
 
     @property
-    def relieved(self) -> State:
+    def relieved(self) -> FiniteState:
         """The state without what only the next step needs, which takes most of the memory."""
         return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
 
@@ -120,7 +120,7 @@ class Hold:
     negative: bool = False
 
     @classmethod
-    def of(cls, ties: Ties, factor: Factor, row: Array | None) -> Hold:
+    def from_ties(cls, ties: Ties, factor: Factor, row: Array | None) -> Hold:
         """Hold a direction, if there is one, beside the supports."""
         if row is None:
             return cls(np.zeros(0))
@@ -138,7 +138,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class Problem:
+class FiniteProblem:
     """A case at finite strain on a mesh.
 
     Attributes
@@ -167,10 +167,10 @@ class Problem:
     holding: bool = False
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Problem:
+    def on_mesh(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature) -> FiniteProblem:
         """Discretise a case."""
         energy = StrainEnergy(mesh, case.surface, case.material, quadrature)
-        dissection = Dissection.of(mesh.shape, mesh.domain.periodic)
+        dissection = Dissection.from_shape(mesh.shape, mesh.domain.periodic)
         moments, clamps = tuple(edge_moments(case, mesh)), tuple(finite_clamps(case, mesh))
         return cls(case, mesh, quadrature, energy, moments, clamps, dissection)
 
@@ -184,7 +184,7 @@ class Problem:
         return lambda t: fixed
 
     def _ties(self, t: float) -> Ties:
-        ties = Ties.of(self.case, self.mesh, (t,))
+        ties = Ties.from_case(self.case, self.mesh, (t,))
         if self.case.dynamics is not None:
             return ties  # what nothing holds moves
         # Rigid motions that neither supports nor loads mind would leave K singular. Determinate pins hold them, without
@@ -199,7 +199,7 @@ class Problem:
         """The nodal forces (nodes, 12) of all loads but the moments, at a load factor."""
 
         def at(t: float) -> Array:
-            return Loading.of(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
+            return Loading.on_mesh(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
 
         if self.case.dynamics is not None and self.case.steady:
             always = at(0.0)
@@ -210,7 +210,7 @@ class Problem:
         unit = at(1.0)
         return lambda t: t * unit
 
-    def rest(self) -> State:
+    def rest(self) -> FiniteState:
         """Return the state that nothing loads."""
         q = np.zeros((self.mesh.node_count, NODE_DOFS))
         angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
@@ -220,11 +220,11 @@ class Problem:
             factor = self._factorised(q, 0.0, strained, strained.stresses)
         except NotPositiveDefiniteError:
             factor = None
-        return State(0.0, q, strained, angles, factor)
+        return FiniteState(0.0, q, strained, angles, factor)
 
-    def state_at(self, t: float, q: Array, near: State) -> State:
+    def state_at(self, t: float, q: Array, near: FiniteState) -> FiniteState:
         """Return a displacement as if it were a state of equilibrium; its angles are the closest to those of `near`."""
-        return State(t, q, self.energy.at(q), self._angles(q, near), None)
+        return FiniteState(t, q, self.energy.at(q), self._angles(q, near), None)
 
     def applied(self, q: Array, t: float) -> Array:
         """Return the nodal forces (nodes, 12) of all loads on the deformed shell."""
@@ -240,7 +240,7 @@ class Problem:
             total = total - clamp.at(q, t).gradient(len(q))
         return total
 
-    def reactions(self, state: State) -> Array:
+    def reactions(self, state: FiniteState) -> Array:
         """Return the nodal forces (nodes, 12) that the supports exert."""
         # What the shell asks less what the loads give. Of a clamp's terms between the nodes the part with dm is no
         # reaction.
@@ -249,7 +249,7 @@ class Problem:
             total = total + clamp.at(state.q, state.t).gap_forces(len(total))
         return total
 
-    def potential(self, state: State) -> float:
+    def potential(self, state: FiniteState) -> float:
         """Return strain energy less the work of the loads, J."""
         work = float(np.sum(self.loads(state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
@@ -266,7 +266,7 @@ class Problem:
             clamp.at(q, t).add_tangent(matrix)
         return matrix
 
-    def drift(self, state: State) -> Array:
+    def drift(self, state: FiniteState) -> Array:
         """Return dq/dt (nodes, 12) along the path at a state.
 
         Raises
@@ -279,7 +279,7 @@ class Problem:
         ties = self.ties(state.t)
         return _on_free(ties, state.factor, self._force_rate(state.q))
 
-    def equilibrium(self, start: State, t: float, tolerance: float = CONVERGED) -> State:
+    def equilibrium(self, start: FiniteState, t: float, tolerance: float = CONVERGED) -> FiniteState:
         """Return the state at a load factor, from another one.
 
         Raises
@@ -294,7 +294,7 @@ class Problem:
             moved = self.carried(start, t, ties, moved)
         return self._newton(start, t, ties, moved, None, tolerance)
 
-    def carried(self, start: State, t: float, ties: Ties, moved: Array) -> Array:
+    def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> Array:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
         # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
@@ -304,19 +304,19 @@ class Problem:
             factor = self._reduced_factor(ties, matrix)
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
-        hold = Hold.of(ties, factor, self.travelling(start.q))
+        hold = Hold.from_ties(ties, factor, self.travelling(start.q))
         return moved + hold.step(_on_free(ties, factor, right))
 
     @cached_property
     def revolution(self) -> Revolution | None:
         """What is symmetric about the case, where waves could travel around it."""
-        return Revolution.of(self.case, self.mesh)
+        return Revolution.from_case(self.case, self.mesh)
 
     def travelling(self, q: Array) -> Array | None:
         """Return the direction in which a state's waves travel, if Newton's method is to hold them."""
         return self.revolution.direction(q) if self.holding and self.revolution is not None else None
 
-    def on_path(self, start: State, constraint: Constraint, guess: tuple[Array, float]) -> State:
+    def on_path(self, start: FiniteState, constraint: Constraint, guess: tuple[Array, float]) -> FiniteState:
         """Return the state that satisfies a constraint, from another one and a guess of the step (dq, dt) to it.
 
         Raises
@@ -327,8 +327,8 @@ class Problem:
         return self._newton(start, start.t + guess[1], self.ties(start.t), guess[0], constraint, CONVERGED)
 
     def _newton(
-        self, start: State, t: float, ties: Ties, step: Array, constraint: Constraint | None, tolerance: float
-    ) -> State:
+        self, start: FiniteState, t: float, ties: Ties, step: Array, constraint: Constraint | None, tolerance: float
+    ) -> FiniteState:
         """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
         # Newton's method with predicted stresses:
         # 1. Residual r = f - W' at q, and its size relative to the largest nodal force.
@@ -360,7 +360,7 @@ class Problem:
                     factor = self._factorised(q, t, strained, stresses)
             except NotPositiveDefiniteError:
                 raise NotConvergedError from None
-            hold = Hold.of(ties, factor, waves)
+            hold = Hold.from_ties(ties, factor, waves)
             if constraint is None:
                 step = hold.step(_on_free(ties, factor, right))
             else:
@@ -379,7 +379,7 @@ class Problem:
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
             if decrement <= tolerance * scale and residuals[-1] <= BALANCED:
                 angles, forgiven = self._angles(q, start), int(hold.negative)
-                return State(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
+                return FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
         raise NotConvergedError
 
     def _bordered(
@@ -414,7 +414,7 @@ class Problem:
         # Newton's method needs no definite K. Unstable states lie on a path too, and the inertia tells them.
         return factorise(reduced, self.dissection, "reported")
 
-    def _angles(self, q: Array, near: State) -> tuple[Array, ...]:
+    def _angles(self, q: Array, near: FiniteState) -> tuple[Array, ...]:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
 
 

@@ -42,7 +42,7 @@ class Revolution:
     turn: Array
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
+    def from_case(cls, case: Case, mesh: TensorMesh) -> Revolution | None:
         """Return what is symmetric about a case; None if its waves could not travel."""
         steps = np.diff(mesh.lines[0])
         axis = axis_of_revolution(case) if case.surface.domain.periodic[0] else None

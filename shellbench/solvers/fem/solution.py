@@ -104,7 +104,7 @@ class FemSolution(ShellSolution):
             operator = strain_operator(surface).reshape(len(points), 6, values)
             strains = (operator @ gradients.reshape(len(points), values, 1)).reshape(-1, 2, 3)
         else:
-            strains = Deformation.of(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
+            strains = Deformation.from_gradients(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
         material = self.case.material
         stiffness = np.array([material.membrane_stiffness, material.bending_stiffness])
         stresses = strains @ elasticity(surface, material.poissons_ratio)

@@ -106,7 +106,7 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = graded_mesh(of, cells, settings.grading)
             how = of.states, settings.quadrature_order, settings.direct_solver
-            folded = FoldedMesh.of(of, mesh, settings.quadrature_order) if settings.symmetry else None
+            folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
             if folded is None:
                 return equilibrium.solve(of, mesh, *how)
             return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))

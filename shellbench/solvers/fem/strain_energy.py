@@ -140,7 +140,7 @@ class StrainEnergy:
         energies = np.zeros(2)
         deformations, stresses = [], []
         for portion in self.portions:
-            deformation = Deformation.of(portion.reference, self.gradients(portion, q))
+            deformation = Deformation.from_gradients(portion.reference, self.gradients(portion, q))
             strains = deformation.strains
             stress = portion.stresses(strains)
             energies += (strains * stress).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
@@ -154,7 +154,7 @@ class StrainEnergy:
         """Return the membrane and the bending part of the strain energy, J, at half the cost of `at`."""
         energies = np.zeros(2)
         for portion in self.portions:
-            strains = Deformation.of(portion.reference, self.gradients(portion, q)).strains
+            strains = Deformation.from_gradients(portion.reference, self.gradients(portion, q)).strains
             energies += (strains * portion.stresses(strains)).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
         return float(energies[0]), float(energies[1])
 

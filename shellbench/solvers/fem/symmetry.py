@@ -126,7 +126,7 @@ class FoldedMesh:
     folds: tuple[Fold, Fold]
 
     @classmethod
-    def of(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
+    def from_case(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
         """Find the symmetries of a case on a mesh; None if there is none, or what loads it is not looked at."""
         if not case.linear or case.springs or any(isinstance(load, MomentLoad) for load in case.loads):
             return None

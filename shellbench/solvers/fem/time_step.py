@@ -30,7 +30,7 @@ from shellbench.solvers.fem.assembly import BlockMatrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.inertia import mass_matrix, spring_matrix
-from shellbench.solvers.fem.problem import NotConvergedError, Problem
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.strain_energy import Strained
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ class _Kept:
 class MovingShell:
     """A case with dynamics on a mesh, and how it steps in time."""
 
-    problem: Problem
+    problem: FiniteProblem
     scheme: Scheme
     _kept: _Kept = field(default_factory=_Kept)
 

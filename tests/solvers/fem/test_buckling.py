@@ -15,7 +15,7 @@ from shellbench.solvers.fem.buckling import BRACKET, Buckling, following_steps
 from shellbench.solvers.fem.continuation import PathEndsError
 from shellbench.solvers.fem.large_displacement import solve as solve_on_mesh
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import NotConvergedError, Problem
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import shell
 
@@ -73,7 +73,7 @@ def uniform(case, cells):
 
 def problem_of(case, cells):
     mesh = uniform(case, cells)
-    return Problem.of(case, mesh, Quadrature.of_order(mesh, 7))
+    return FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
 
 
 @pytest.fixture(scope="module", params=[True, False], ids=["clamped", "hinged"])
@@ -340,7 +340,7 @@ def test_where_no_step_from_rest_converges_the_shell_is_left_to_itself_a_little_
     def lost(self, start, t):
         raise NotConvergedError
 
-    monkeypatch.setattr(Problem, "equilibrium", lost)
+    monkeypatch.setattr(FiniteProblem, "equilibrium", lost)
     monkeypatch.setattr(Buckling, "relaxed", lambda self, start, t: replace(start, t=t))
     shortening, _ = critical_column(True)
     problem = problem_of(column(True, 2 * shortening), (4, 1))

@@ -86,7 +86,7 @@ def test_a_clamped_curved_shell_converges_with_order_four():
 def test_clamps_balance_the_loads(surface):
     case = shell(surface, supports=CLAMPED, loads=[PUSH])
     mesh = graded_mesh(case, (8, 8), 2.0)
-    loads = Loading.of(case, mesh, Quadrature.of_order(mesh, 7), [1.0])
+    loads = Loading.on_mesh(case, mesh, Quadrature.of_order(mesh, 7), [1.0])
     solution = FemSolver().solve(case, FemSettings(cells=(8, 8)))
     force, moment = solution.reaction("rim")
     assert np.allclose(force, -loads.resultant[:3, 0], atol=1e-9 * np.abs(force).max())
@@ -167,7 +167,7 @@ def test_what_corners_say_twice_counts_once():
     for surface in ("plane", "hypar"):
         case = shell(surface, supports=supports)
         mesh = graded_mesh(case, (2, 2), 2.0)
-        ties = Ties.of(case, mesh, [1.0])
+        ties = Ties.from_case(case, mesh, [1.0])
         free = ties.free.sum(axis=1).reshape(mesh.shape)
         assert free[1:-1, 1:-1].min() == 12
         assert np.all(free[0, 1:-1] == 4)  # u and u,t are held, and of the slopes those of the normal
@@ -204,6 +204,6 @@ def test_a_plane_of_symmetry_must_be_one():
 def test_nodal_forces_are_shared_without_loss():
     supports = [{"name": n, "on": [n], "clamped": n.endswith("min")} for n in EVERY_EDGE]
     case = shell("hypar", supports=supports)
-    ties = Ties.of(case, graded_mesh(case, (2, 2), 2.0), [1.0])
+    ties = Ties.from_case(case, graded_mesh(case, (2, 2), 2.0), [1.0])
     forces = np.random.default_rng(0).normal(size=(len(ties.nodes), 12, 1)) * ties.holders.any(axis=1)[..., None]
     assert np.allclose(ties.shares(forces).sum(axis=0), forces)

@@ -18,7 +18,7 @@ from shellbench.solvers.fem.continuation import (
     load_steps,
 )
 from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.problem import Problem
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.solution import FemSolution
 from tests.solvers.fem.shells import PLANE, shell
 
@@ -30,7 +30,7 @@ THIN, THIN_MARKS, THIN_END = "hinged_roof_thin", (12.0, 16.5, 18.0, 24.0), 28.0
 
 def problem_of(case, cells):
     mesh = graded_mesh(case, cells, 2.0)
-    return Problem.of(case, mesh, Quadrature.of_order(mesh, 7))
+    return FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
 
 
 def roof(name, cells=(4, 4)):

@@ -32,7 +32,7 @@ def deformed(name, size=0.1, seed=2):
     """Return a deformation by a random polynomial, and the position's derivatives before and after."""
     surface, points, x, reference = at_points(name)
     u = PolynomialField(surface, seed=seed, size=size).derivatives(points)
-    return Deformation.of(reference, gradients_of(u)), x, {key: x[key] + u[key] for key in x}
+    return Deformation.from_gradients(reference, gradients_of(u)), x, {key: x[key] + u[key] for key in x}
 
 
 def random_step(deformation, seed=3):
@@ -76,7 +76,7 @@ def differentiated(deformation, x):
 def test_rigid_rotations_strain_nothing(name, axis, angle):
     _, _, x, reference = at_points(name)
     turn = rotation_matrix(Rotation(kind="rotation", axis=axis, angle=angle), angle, linear=False) - np.eye(3)
-    deformation = Deformation.of(reference, gradients_of({key: d @ turn.T for key, d in x.items()}))
+    deformation = Deformation.from_gradients(reference, gradients_of({key: d @ turn.T for key, d in x.items()}))
     strains = deformation.strains
     metric, _ = forms(x)
     lengths = np.sqrt(metric[:, :2])
@@ -112,7 +112,7 @@ def test_small_strains_lose_no_digits(name):
     amplitude = 1e-9
     u = {key: amplitude * d for key, d in PolynomialField(surface, seed=2, size=1.0).derivatives(points).items()}
     linear = np.einsum("psct,pct->ps", strain_operator(reference), np.stack([u[d] for d in DERIVATIVES], axis=2))
-    strains = Deformation.of(reference, gradients_of(u)).strains
+    strains = Deformation.from_gradients(reference, gradients_of(u)).strains
     scale = np.abs(linear).max(axis=0)
     assert np.all(np.abs(strains - linear).max(axis=0) <= 1e-7 * scale)
 
@@ -128,7 +128,7 @@ def test_quadratic_part_of_the_membrane_strain_survives_at_small_displacements()
     for slope in (1e-3, 1e-9, 1e-12):
         gradients = np.zeros((len(reference.area), 5, 3))
         gradients[:, 0, 2] = slope
-        strains = Deformation.of(reference, gradients).strains
+        strains = Deformation.from_gradients(reference, gradients).strains
         assert np.allclose(strains[:, 0], slope**2 / 2, rtol=1e-14, atol=0)
         assert not strains[:, 1:].any()
 
@@ -154,7 +154,7 @@ def test_both_variations_by_differences(name):
     resultants = np.random.default_rng(4).normal(size=(len(step), 6))
 
     def moved(factor):
-        return Deformation.of(deformation.reference, deformation.gradients + factor * h * step)
+        return Deformation.from_gradients(deformation.reference, deformation.gradients + factor * h * step)
 
     def difference(of):
         return (8 * (of(moved(1)) - of(moved(-1))) - (of(moved(2)) - of(moved(-2)))) / (12 * h)
@@ -176,7 +176,7 @@ def test_the_turning_of_the_normal_by_differences(name):
     first[:, :2] = step[:, :2]
 
     def normals(factor):
-        return Deformation.of(deformation.reference, deformation.gradients + factor * h * first).rise
+        return Deformation.from_gradients(deformation.reference, deformation.gradients + factor * h * first).rise
 
     flat = first[:, :2].reshape(len(step), 6)
     slope = (8 * (normals(1) - normals(-1)) - (normals(2) - normals(-2))) / (12 * h)

@@ -40,14 +40,14 @@ def random_matrix(shape, periodic, shift=1.0, block=2, seed=0):
 def test_it_solves_what_a_sparse_solver_solves(n1, n2, closed1, closed2):
     mesh, matrix = random_matrix((n1, n2), (closed1, closed2))
     right = np.random.default_rng(1).normal(size=(mesh.node_count, 2, 3))
-    found = factorise(matrix, Dissection.of(mesh.shape, mesh.domain.periodic)).solve(right)
+    found = factorise(matrix, Dissection.from_shape(mesh.shape, mesh.domain.periodic)).solve(right)
     assert np.allclose(found.reshape(-1, 3), spsolve(matrix.to_csr().tocsc(), right.reshape(-1, 3)), atol=1e-12)
 
 
 @settings(max_examples=25, deadline=None)
 @given(SIDES, SIDES, st.booleans(), st.booleans())
 def test_every_node_is_eliminated_once_and_rings_come_later(n1, n2, closed1, closed2):
-    dissection = Dissection.of((n1, n2), (closed1, closed2))
+    dissection = Dissection.from_shape((n1, n2), (closed1, closed2))
     assert np.array_equal(np.sort(dissection.order), np.arange(n1 * n2))
     for part in dissection.parts:
         assert np.all(part.ring >= part.own[1])
@@ -58,7 +58,7 @@ def test_every_node_is_eliminated_once_and_rings_come_later(n1, n2, closed1, clo
 
 def test_dissection_fills_in_less_than_elimination_line_by_line():
     mesh, matrix = random_matrix((40, 40), (False, False))
-    filled = factorise(matrix, Dissection.of(mesh.shape, (False, False))).nonzeros
+    filled = factorise(matrix, Dissection.from_shape(mesh.shape, (False, False))).nonzeros
     line_by_line = 4 * mesh.node_count * 41  # a band of 41 nodes, blocks of 2 x 2
     assert filled < line_by_line
 
@@ -67,7 +67,7 @@ def test_dissection_fills_in_less_than_elimination_line_by_line():
 def test_an_indefinite_or_infinite_matrix_is_refused(shift):
     mesh, matrix = random_matrix((6, 7), (False, False), shift)
     with pytest.raises(NotPositiveDefiniteError):
-        factorise(matrix, Dissection.of(mesh.shape, (False, False)))
+        factorise(matrix, Dissection.from_shape(mesh.shape, (False, False)))
 
 
 SHIFTS = st.floats(-1.2, 1.2)  # from negative definite over indefinite to positive definite
@@ -75,7 +75,7 @@ SMALL = st.integers(4, 9)
 
 
 def reduced(mesh, matrix, definiteness="reported"):
-    return factorise(matrix, Dissection.of(mesh.shape, mesh.domain.periodic), definiteness)
+    return factorise(matrix, Dissection.from_shape(mesh.shape, mesh.domain.periodic), definiteness)
 
 
 @settings(max_examples=40, deadline=None)

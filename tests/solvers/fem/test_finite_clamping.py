@@ -13,7 +13,7 @@ from shellbench.solvers.fem.finite_clamping import finite_clamps
 from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.large_displacement import solve
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import Problem
+from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSolver
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell
 
@@ -38,7 +38,7 @@ def uniform(case, cells):
 
 def problem_of(case, cells):
     mesh = uniform(case, cells)
-    return Problem.of(case, mesh, Quadrature.of_order(mesh, 7))
+    return FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
 
 
 CASES = {

@@ -14,7 +14,7 @@ from tests.solvers.fem.shells import MATERIAL, shell
 def loading(surface, loads, cells=(6, 6), **fields):
     case = shell(surface, loads=loads, **fields)
     mesh = graded_mesh(case, cells, 2.0)
-    return case, mesh, Loading.of(case, mesh, Quadrature.of_order(mesh, 7), [1.0])
+    return case, mesh, Loading.on_mesh(case, mesh, Quadrature.of_order(mesh, 7), [1.0])
 
 
 def force(loads):
@@ -72,6 +72,6 @@ def test_point_forces_arrive_whole(angle):
 def test_loads_follow_the_load_factor():
     case = shell(loads=[{"kind": "area", "vector": [0, 0, "xi1*t**2"]}])
     mesh = graded_mesh(case, (2, 2), 2.0)
-    found = Loading.of(case, mesh, Quadrature.of_order(mesh, 7), [1.0, 3.0])
+    found = Loading.on_mesh(case, mesh, Quadrature.of_order(mesh, 7), [1.0, 3.0])
     assert np.allclose(found.nodal[..., 1], 9 * found.nodal[..., 0])
     assert found.resultant[2, 0] == pytest.approx(2.0)

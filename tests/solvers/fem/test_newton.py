@@ -9,7 +9,7 @@ from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import functional
 from shellbench.solvers.fem.dissection import factorise
 from shellbench.solvers.fem.grading import graded_mesh
-from shellbench.solvers.fem.problem import Constraint, NotConvergedError, Problem
+from shellbench.solvers.fem.problem import Constraint, FiniteProblem, NotConvergedError
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (
@@ -24,7 +24,7 @@ PLATE, CURVED, ROOF, STRIP, RING = (
 def problem_of(name, cells):
     case = catalog.named_case(name)
     mesh = graded_mesh(case, cells, 2.0)
-    return Problem.of(case, mesh, Quadrature.of_order(mesh, 7))
+    return FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
 
 
 def dense(problem, q, t):
@@ -139,7 +139,7 @@ def test_the_supports_motion_is_the_first_step():
     pushed = {"name": "push", "on": ["xi1_max"], "components": ["z"], "motion": {"kind": "translation", "vector": [0, 0, "t"]}}  # fmt: skip
     case = build_case(data | {"supports": [*data["supports"], pushed], "loads": []}, "pushed", "test")
     mesh = graded_mesh(case, (8, 1), 2.0)
-    problem = Problem.of(case, mesh, Quadrature.of_order(mesh, 7))
+    problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7))
     state = problem.rest()
     for t in (0.5, 1.0, 3.0):
         state = problem.equilibrium(state, t)

@@ -29,7 +29,7 @@ def tube(surface=CYLINDER, supports=RIMS, **fields):
 
 
 def of(case, cells=(8, 3)):
-    return Revolution.of(case, uniform(case, cells))
+    return Revolution.from_case(case, uniform(case, cells))
 
 
 def moved(kind, **fields):
@@ -43,7 +43,7 @@ def moved(kind, **fields):
 def test_the_sleeve_is_one_about_its_axis(name):
     """x = (R cos xi1, xi2, R sin xi1) is turned about -y as xi1 grows."""
     case = catalog.named_case(name)
-    found = Revolution.of(case, graded_mesh(case, (4, 2), 2.0))
+    found = Revolution.from_case(case, graded_mesh(case, (4, 2), 2.0))
     cells = found.mesh.cells[0]
     assert np.allclose(found.turn, Rotation.from_euler("y", -360 / cells, degrees=True).as_matrix(), atol=1e-12)
 
@@ -88,9 +88,9 @@ def test_what_is_none(case):
 def test_on_a_mesh_that_is_not_uniform_around_it_is_none():
     domain = TWIST.surface.domain
     lines = np.linspace(0, 1, 9) ** 1.2 * 2 * np.pi, np.linspace(0, 1, 4)
-    assert Revolution.of(TWIST, TensorMesh(domain, lines)) is None
+    assert Revolution.from_case(TWIST, TensorMesh(domain, lines)) is None
     along = np.linspace(0, 2 * np.pi, 9), np.array([0, 0.1, 0.7, 1.0])
-    assert Revolution.of(TWIST, TensorMesh(domain, along)) is not None
+    assert Revolution.from_case(TWIST, TensorMesh(domain, along)) is not None
 
 
 @pytest.mark.parametrize(

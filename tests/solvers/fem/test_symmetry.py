@@ -274,7 +274,7 @@ BUMP = "1e-9*exp(-50*(xi1 - 0.3)**2)"
     ],
 )  # fmt: skip
 def test_what_is_not_symmetric_is_solved_whole(case):
-    assert FoldedMesh.of(case, graded_mesh(case, (4, 4), 2.0), 7) is None
+    assert FoldedMesh.from_case(case, graded_mesh(case, (4, 4), 2.0), 7) is None
     whole, part = both(case, (4, 4))
     assert part.images == (1, 1)
     assert np.abs(whole.coefficients - part.coefficients).max() <= 1e-9 * np.abs(whole.coefficients).max()
@@ -320,7 +320,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
     """The comparison above is not blind: an image with a wrong sign differs."""
     case, cells, _ = SYMMETRIC_CASES["clamped_roof_with_edge_loads"]
     whole, _ = both(case, cells)
-    honest = solving.FoldedMesh.of
+    honest = solving.FoldedMesh.from_case
 
     def spoilt(*args):
         folded = honest(*args)
@@ -329,7 +329,7 @@ def test_a_wrong_image_would_be_seen(monkeypatch, wrong):
         folded.__dict__["images"] = ((first[0], replace(first[1], **change)), second)
         return folded
 
-    monkeypatch.setattr(solving.FoldedMesh, "of", staticmethod(spoilt))
+    monkeypatch.setattr(solving.FoldedMesh, "from_case", staticmethod(spoilt))
     spoiled = both(case, cells)[1]
     with pytest.raises(AssertionError):
         agree(whole, spoiled)

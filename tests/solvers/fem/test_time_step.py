@@ -6,7 +6,7 @@ import pytest
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.dissection import factorise
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.problem import NotConvergedError, Problem
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme, _Minimum
 from tests.solvers.fem.shells import LARGEST, MATERIAL, shell
 
@@ -23,7 +23,7 @@ def moving(cells=(3, 2), radius=0.5, surface="plane", **fields):
     domain = case.surface.domain
     lines = [np.linspace(low, high, n + 1) for low, high, n in zip(domain.lower, domain.upper, cells, strict=True)]
     mesh = TensorMesh(domain, (lines[0], lines[1]))
-    return MovingShell(Problem.of(case, mesh, Quadrature.of_order(mesh, 7)), Scheme(radius))
+    return MovingShell(FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 7)), Scheme(radius))
 
 
 def sprung(k, **fields):
