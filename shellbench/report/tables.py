@@ -208,7 +208,8 @@ def _value(value: Any, line: Line, notation: Notation) -> str:
     if line["kind"] in ("literature", "published"):
         return notation.number(quoted(value))
     if line["kind"] == "judge":
-        return notation.strong_number(rounded(value, line["uncertainty"], show_uncertainty=True))
+        uncertainty = line["uncertainty"] if present(line["uncertainty"]) else None
+        return notation.strong_number(rounded(value, uncertainty, show_uncertainty=True))
     return notation.number(rounded(value, doubt(line)))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, exhibits, page, shells
+from shellbench.report import exhibit, exhibits, page, sections, shells
 from shellbench.report.fields import read_fields
 from shellbench.report.scene import lead_shells, pictured
 from shellbench.report.shells import AXES_TO_UP
@@ -52,7 +52,7 @@ def browser(playwright):
 def written(store, folder, suite, figures=exhibits.exhibits):
     """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
     with pytest.MonkeyPatch.context() as coarse:
-        coarse.setattr(page, "exhibits", figures)
+        coarse.setattr(sections, "exhibits", figures)
         coarse.setattr(exhibit, "SCREEN_DPI", 60)
         coarse.setattr(shells, "CELLS", 8)
         start = page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
