@@ -17,9 +17,8 @@ from skfem.quadrature import get_quadrature
 
 from shellbench.problems.shell.material import Material
 from shellbench.problems.shell.surface import Surface
-from shellbench.solvers.fem.hermite import CORNERS, KINDS, Derivative, kind_scales, tabulate
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stress_root_operator
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

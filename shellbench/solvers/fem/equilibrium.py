@@ -22,9 +22,8 @@ from shellbench.solvers.fem.assembly import (
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 

@@ -19,9 +19,8 @@ from shellbench.solvers.fem.assembly import (
     chunks,
     neighbour_columns,
 )
-from shellbench.solvers.fem.hermite import CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
 
 Array = NDArray[np.float64]
 Density = Callable[[Array], Array]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.material import Material
-from shellbench.solvers.fem.hermite import Derivative
+from shellbench.solvers.fem.mesh import Derivative
 
 Array = NDArray[np.float64]
 

@@ -18,9 +18,8 @@ from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, basis_scales, chunks
-from shellbench.solvers.fem.hermite import CORNERS, KINDS, kind_scales, tabulate
 from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import CORNERS, KINDS, TensorMesh, kind_scales, tabulate
 from shellbench.solvers.fem.moments import edge_moments
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 

@@ -2,22 +2,106 @@
 
 The cells are those of scikit-fem's `MeshQuad.init_tensor`; its vertices on a seam of a periodic surface are given
 one node number, because a periodic mesh of scikit-fem does not take C1 elements.
+
+Bicubic Hermite (Bogner-Fox-Schmit) basis, tabulated once on the unit cell.
+
+A node carries u, u,1, u,2 and u,12 of each Cartesian component, the derivatives with respect to the curvilinear
+coordinates themselves. On a cell of size (h1, h2) the basis function that belongs to the derivative (k, l) is
+h1**k h2**l times its counterpart on the unit cell, so nothing is ever inverted; scikit-fem's `ElementQuadBFS`
+inverts a Vandermonde matrix in global coordinates instead, whose condition grows to 3.5e14 on 64 x 64 cells.
+
+Bogner, Fox & Schmit (1965), The generation of interelement-compatible stiffness and mass matrices.
+
+Mesh lines: uniform, or graded toward the points where forces act.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from skfem import MeshQuad
 
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import PointLoad
+from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.fem.hermite import CORNERS, kind_scales
 
 Array = NDArray[np.float64]
+Derivative = tuple[int, int]
+
+KINDS: tuple[Derivative, ...] = ((0, 0), (1, 0), (0, 1), (1, 1))  # derivatives of u that a node carries
+CORNERS: tuple[Derivative, ...] = ((0, 0), (0, 1), (1, 1), (1, 0))  # of a cell, as MeshQuad.init_tensor orders them
+FUNCTIONS = len(CORNERS) * len(KINDS)  # of one component on a cell
+
+# H[end][slope]: coefficients of 1, x, x^2, x^3; 1 at its own end, in value or in slope, and 0 otherwise
+_CUBICS = np.array([[[1, 0, -3, 2], [0, 1, -2, 1]], [[0, 0, 3, -2], [0, 0, -1, 1]]], dtype=float)
+
+
+def cubics(x: ArrayLike, derivative: int = 0) -> Array:
+    """Return the four cubic Hermite functions of the unit interval.
+
+    Parameters
+    ----------
+    x
+        (...) coordinates in [0, 1].
+    derivative
+        Order of the derivative.
+
+    Returns
+    -------
+    Array
+        (..., 2, 2): by end of the interval, and by value (0) or slope (1) at that end.
+    """
+    at = np.asarray(x, dtype=float)
+    coefficients = _CUBICS
+    for _ in range(derivative):
+        coefficients = coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
+    powers = np.ones((*at.shape, coefficients.shape[-1]))
+    for degree in range(1, coefficients.shape[-1]):
+        np.multiply(powers[..., degree - 1], at, out=powers[..., degree])
+    flat = coefficients.reshape(-1, coefficients.shape[-1])
+    return np.asarray((powers @ flat.T).reshape(*at.shape, *coefficients.shape[:-1]))
+
+
+def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
+    """Return a derivative of the 16 basis functions of the unit cell.
+
+    Parameters
+    ----------
+    points
+        (..., 2) in the unit square.
+    derivative
+        How often to differentiate in each direction.
+
+    Returns
+    -------
+    Array
+        (..., 4, 4): by corner, in the order of `CORNERS`, and by kind, in the order of `KINDS`.
+    """
+    xi = np.asarray(points, dtype=float)
+    first, second = (cubics(xi[..., axis], derivative[axis]) for axis in (0, 1))
+    table = np.empty((len(CORNERS), len(KINDS), *xi.shape[:-1]))  # each function for itself, which is faster
+    for row, (i, j) in zip(table, CORNERS, strict=True):
+        for function, (k, m) in zip(row, KINDS, strict=True):
+            np.multiply(first[..., i, k], second[..., j, m], out=function)
+    return np.moveaxis(table, (0, 1), (-2, -1))
+
+
+def kind_scales(sizes: ArrayLike) -> Array:
+    """Return h1**k h2**l (..., 4) for the four `KINDS`, of sizes (..., 2)."""
+    h = np.asarray(sizes, dtype=float)
+    scales = np.ones((*h.shape[:-1], len(KINDS)))
+    for number, kind in enumerate(KINDS):
+        for axis in (0, 1):
+            if kind[axis]:
+                scales[..., number] *= h[..., axis]
+    return scales
+
+
 Integers = NDArray[np.int64]
 
 MIN_PERIODIC_CELLS = 4  # with fewer, a node meets the same neighbour on both sides
@@ -158,3 +242,86 @@ class TensorMesh:
         first = (index[0][:, None] + corners[:, 0]) % self.shape[0]
         second = (index[1][:, None] + corners[:, 1]) % self.shape[1]
         return first * self.shape[1] + second, unit, sizes
+
+
+FEWEST = 2  # cells of a part that is graded toward one end, or half of another
+SAME = 1e-9  # coordinates that differ by less of the side are the same
+
+
+def singular_points(case: Case) -> list[tuple[float, float]]:
+    """Return the points where a concentrated force acts, point loads and point supports, and the case's focus."""
+    names = [*case.focus, *(name for load in case.loads if isinstance(load, PointLoad) for name in load.on)]
+    places = [case.places[name] for name in names] + [place for _, place in case.supported_places()]
+    return sorted({place.xi for place in places if isinstance(place, Point)})
+
+
+def segment(cells: int, graded: tuple[bool, bool], exponent: float) -> Array:
+    """Return lines (cells + 1,) from 0 to 1 with sizes that shrink toward the graded ends.
+
+    Raises
+    ------
+    ValueError
+        If both ends are graded and the number of cells is odd.
+    """
+    match graded:
+        case (False, False):
+            return np.linspace(0.0, 1.0, cells + 1)
+        case (True, False):
+            return np.asarray(np.linspace(0.0, 1.0, cells + 1) ** exponent)
+        case (False, True):
+            return 1.0 - segment(cells, (True, False), exponent)[::-1]
+        case _:
+            half, odd = divmod(cells, 2)
+            if odd:
+                raise ValueError("a segment that is graded toward both ends needs an even number of cells")
+            first = segment(half, (True, False), exponent) / 2
+            return np.concatenate([first, 1.0 - first[-2::-1]])
+
+
+def marked_coordinates(case: Case, axis: int) -> list[float]:
+    """Return the different coordinates of the singular points along an axis, increasing."""
+    domain = case.surface.domain
+    slack = SAME * domain.size[axis]
+    marks: list[float] = []
+    for mark in sorted(float(domain.wrap(point)[axis]) for point in singular_points(case)):
+        seam = domain.periodic[axis] and domain.upper[axis] - mark <= slack  # the other name of the lower bound
+        place = domain.lower[axis] if seam else mark
+        if all(abs(place - known) > slack for known in marks):
+            marks.append(place)
+    return sorted(marks)
+
+
+def axis_lines(case: Case, axis: int, cells: int, exponent: float) -> Array:
+    """Return the mesh lines of a coordinate.
+
+    The coordinate is divided at the singular points; each divided part counts as two halves if it is graded toward
+    both ends or toward none. The longest of these gets `cells` cells, and shorter ones fewer, so that the cells on
+    either side of a singular point are alike.
+    """
+    domain = case.surface.domain
+    lower, upper = domain.lower[axis], domain.upper[axis]
+    slack = SAME * domain.size[axis]
+    marks = marked_coordinates(case, axis)
+    if domain.periodic[axis]:
+        stops = [*marks, marks[0] + domain.size[axis]] if marks else [lower, upper]
+        graded = [bool(marks)] * len(stops)
+    else:
+        stops = [lower, *(m for m in marks if lower + slack < m < upper - slack), upper]
+        graded = [any(abs(m - stop) <= slack for m in marks) for stop in stops]
+    ends = list(pairwise(graded))
+    halves = [1 if first != second else 2 for first, second in ends]
+    reaches = np.diff(stops) / halves
+    counts = np.ceil(cells * (reaches / reaches.max()) ** (1 / exponent) - SAME).astype(int)
+    lines = [np.array([stops[0]])]
+    for (start, stop), toward, parts, count in zip(pairwise(stops), ends, halves, counts, strict=True):
+        inside = segment(parts * max(int(count), FEWEST), toward, exponent)[1:-1]
+        lines += [start + (stop - start) * inside, np.array([stop])]
+    return np.concatenate(lines)
+
+
+def graded_mesh(case: Case, cells: tuple[int, int], exponent: float) -> TensorMesh:
+    """Return a mesh with `cells` along each coordinate as `axis_lines` counts them."""
+    return TensorMesh(
+        case.surface.domain,
+        (axis_lines(case, 0, cells[0], exponent), axis_lines(case, 1, cells[1], exponent)),
+    )

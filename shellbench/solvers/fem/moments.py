@@ -23,9 +23,8 @@ from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices, basis_scales
 from shellbench.solvers.fem.deformation import Deformation
-from shellbench.solvers.fem.hermite import CORNERS, FUNCTIONS, KINDS, Derivative, tabulate
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, tabulate
 
 Array = NDArray[np.float64]
 

@@ -29,13 +29,10 @@ from shellbench.problems.shell.quantities import (
     TorqueQuantity,
 )
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
-from shellbench.solvers.fem.convergence import Estimate, estimate
-from shellbench.solvers.fem.grading import FEWEST, axis_lines, graded_mesh
-from shellbench.solvers.fem.hermite import KINDS, Derivative
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import FEWEST, KINDS, Derivative, TensorMesh, axis_lines, graded_mesh
 from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
-from shellbench.solvers.fem.refinement import Cells
+from shellbench.solvers.fem.refinement import Cells, Estimate, estimate
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme
 
 Array = NDArray[np.float64]
@@ -66,7 +63,7 @@ def declined(case: Case) -> str | None:
 
 
 def usual_cells(case: Case, level: int, grading: float) -> Cells:
-    """Return the cells of a level, as `grading.axis_lines` counts them: fewer along the shorter coordinate lines."""
+    """Return the cells of a level, as `mesh.axis_lines` counts them: fewer along the shorter coordinate lines."""
     domain = case.surface.domain
     x = case.surface.derivatives(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES), order=1)
     sides = [size * float(np.linalg.norm(x[key], axis=-1).mean()) for size, key in zip(domain.size, FIRST, strict=True)]

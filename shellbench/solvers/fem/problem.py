@@ -25,14 +25,13 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
+from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.finite_clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.moments import EdgeMoment, edge_moments
-from shellbench.solvers.fem.revolution import Revolution
-from shellbench.solvers.fem.rigid_motions import determinate_pins, nodal_rigid_motions
+from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
 
 Array = NDArray[np.float64]

@@ -14,9 +14,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
 from shellbench.solvers.fem.deformation import Deformation
-from shellbench.solvers.fem.hermite import FUNCTIONS, Derivative, kind_scales, tabulate
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import FUNCTIONS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -21,9 +21,8 @@ from shellbench.solvers.fem.assembly import (
     neighbour_columns,
 )
 from shellbench.solvers.fem.deformation import GRADIENT, Deformation
-from shellbench.solvers.fem.hermite import CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
 
 Array = NDArray[np.float64]
 

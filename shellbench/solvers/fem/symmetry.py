@@ -25,9 +25,8 @@ from shellbench.problems.shell.symmetry import Ends, Mirror, Part, Sight, mirror
 from shellbench.solvers.fem import clamping
 from shellbench.solvers.fem.constraints import support_nodes
 from shellbench.solvers.fem.equilibrium import Equilibrium
-from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.loads import EDGE_GAUSS_POINTS
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

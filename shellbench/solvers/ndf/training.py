@@ -17,11 +17,10 @@ from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.backward import flatten, unflatten
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
 from shellbench.solvers.ndf.energy import concentrated
 from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.gauss_newton import Quadratic, quadratic_model
+from shellbench.solvers.ndf.gauss_newton import Quadratic, flatten, quadratic_model, unflatten
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.network import Network, deep_random_features, random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule

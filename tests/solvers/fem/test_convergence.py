@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from shellbench.solvers.fem.convergence import ASYMPTOTIC, SAFETY, SLOWEST, estimate
+from shellbench.solvers.fem.refinement import ASYMPTOTIC, SAFETY, SLOWEST, estimate
 
 RESOLUTIONS = (8.0, 11.0, 16.0)
 

@@ -9,10 +9,9 @@ from shellbench.bench import catalog
 from shellbench.problems.shell.case import build_case, rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
 from shellbench.solvers.fem.assembly import BlockMatrix, Quadrature, neighbour_columns
-from shellbench.solvers.fem.finite_clamping import finite_clamps
-from shellbench.solvers.fem.hermite import KINDS
+from shellbench.solvers.fem.clamping import finite_clamps
 from shellbench.solvers.fem.large_displacement import solve
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem
 from shellbench.solvers.fem.solver import FemSolver
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, shell

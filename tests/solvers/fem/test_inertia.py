@@ -5,9 +5,8 @@ import pytest
 from scipy.special import erf
 
 from shellbench.solvers.fem.assembly import NODE_DOFS, Quadrature
-from shellbench.solvers.fem.hermite import KINDS
 from shellbench.solvers.fem.inertia import mass_matrix, spring_matrix, weighted_products
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, PolynomialField, shell
 
 PANEL = {"kind": "cylinder", "axis": "y", "radius": 2.0, "xi1": [10, 100], "xi2": [0, 3]}

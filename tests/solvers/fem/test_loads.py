@@ -6,8 +6,8 @@ from scipy.integrate import dblquad, quad
 
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
-from shellbench.solvers.fem.grading import graded_mesh
 from shellbench.solvers.fem.loads import Loading
+from shellbench.solvers.fem.mesh import graded_mesh
 from tests.solvers.fem.shells import MATERIAL, shell
 
 

@@ -8,7 +8,7 @@ from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import functional
 from shellbench.solvers.fem.dissection import factorise
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.problem import Constraint, FiniteProblem, NotConvergedError
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding

@@ -6,8 +6,7 @@ import pytest
 from shellbench.problems.shell.case import rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
 from shellbench.solvers.fem.assembly import NODE_DOFS, Quadrature, stiffness
-from shellbench.solvers.fem.hermite import KINDS
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.strain_energy import CELLS, StrainEnergy
 from tests.alike import alike
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell

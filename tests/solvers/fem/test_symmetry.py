@@ -8,7 +8,7 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problem import FIELDS
 from shellbench.solvers.fem import solving
-from shellbench.solvers.fem.grading import graded_mesh
+from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.fem.symmetry import SYMMETRIC, FoldedMesh
 from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points

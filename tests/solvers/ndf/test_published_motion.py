@@ -7,7 +7,7 @@ import torch
 from shellbench.bench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.ndf.published_motion_loss import SpaceTime
+from shellbench.solvers.ndf.published_motion import SpaceTime
 from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.published_training import RECORD
 from tests.alike import SINGLE, alike

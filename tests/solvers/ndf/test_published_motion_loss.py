@@ -10,8 +10,8 @@ from shellbench.bench.catalog import named_case
 from shellbench.solvers.ndf.geometry import geometry
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.published_loss import stratified_samples
+from shellbench.solvers.ndf.published_motion import MotionSampler, SpaceTime, stratified_times
 from shellbench.solvers.ndf.published_motion_field import Ansatz, MotionField
-from shellbench.solvers.ndf.published_motion_loss import MotionSampler, SpaceTime, stratified_times
 from shellbench.solvers.ndf.published_network import initial_siren
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from tests.alike import alike
