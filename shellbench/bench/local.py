@@ -25,7 +25,7 @@ LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
 
 
 class AbandonedError(Exception):
-    """Whoever wanted the runs wants them no more."""
+    """Nobody wants the runs any more."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class _Runs:
             self.store.discard(run.folder)
 
     def _warm_up(self, tasks: Sequence[Task]) -> None:
-        """Start one server for each solver and wait for all: imports must not disturb runs that are timed."""
+        """Start one server for each solver and wait for all, so that their imports disturb no run that is timed."""
         for task in tasks:
             self.how.expect(task)
         for server in self.idle:

@@ -168,7 +168,7 @@ class StrainEnergy:
     def tangent(self, strained: Strained, stresses: tuple[Array, ...] | None = None) -> BlockMatrix:
         """Return the second variation of the energy.
 
-        `stresses`, by portion, replace the displacement's own in the geometric part (see `newton`).
+        `stresses`, by portion, replace the displacement's own in the geometric part (see `problem`).
         """
         blocks = np.zeros((self.mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
         for portion, deformation, stress in zip(
