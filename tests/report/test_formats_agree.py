@@ -271,7 +271,7 @@ def test_the_files_of_a_report_agree_with_the_records(store: Store, tmp_path) ->
     write_report(bench.Store(store.folder), rows, tmp_path, store.known_values, for_print=False)
     expected = expected_lines(store)
     places = {
-        ("report.md", "markdown"): ("## Displacements", "## Figures"),
+        ("report.md", "markdown"): ("## Displacements", "\n## "),
         ("obstacle_course.html", "html"): ('<table id="table-displacements_obstacle_course"', "</table>"),
         ("table.tex", "latex"): (r"\label{tab:displacements-obstacle-course}", r"\end{table*}"),
     }
