@@ -16,7 +16,7 @@ from shellbench.bench.gate import Scope, gate
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.bench.worker import run
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import assembly, constraints, kinematics
 from shellbench.solvers.fem import loads as fem_loads
 from shellbench.solvers.ndf import energy, factors, geometry, jets, network, ritz, strain

@@ -14,9 +14,8 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.testing.pytest_judging import Judgement, Question, questions, table
+from shellbench.testing.pytest_judging import Answers, Judgement, Question, questions, table
 from shellbench.testing.pytest_options import GateOptions
-from shellbench.testing.pytest_solving import Answers
 
 ROOT = "shellbench"  # first part of the names of all items
 PROPERTY = "shellbench"  # of a report

@@ -180,7 +180,7 @@ def test_solver_counts_with_what_measures_it(plugin: Path) -> None:
     assert current_source(entry) != before
     measuring = set(import_closure(module_of("shell"))) | set(import_closure(MEASURING))
     assert {f"shellbench.problems.shell.{name}" for name in ("measure", "sampling", "quantities")} <= measuring
-    assert "shellbench.bench.measuring" in measuring
+    assert "shellbench.bench.worker" in measuring
 
 
 def test_version_of_a_plugin_counts(plugin: Path) -> None:

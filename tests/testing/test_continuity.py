@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from shellbench.bench.catalog import named_case
-from shellbench.testing.continuity import continuity
+from shellbench.testing.answers import continuity
 
 PLATE = named_case("square_plate")
 

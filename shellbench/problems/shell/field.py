@@ -49,7 +49,7 @@ class DisplacementField(Solution, Protocol):
         """Return the solution with all numbers that `displacement` needs rounded to a format, and the bytes it takes.
 
         What is asked of the rounded solution is computed in double precision. Each array may be kept with a power of
-        two as its scale (see `shellbench.problems.rounding`). Plug-ins may lack this method; no precision is studied
-        then.
+        two as its scale (see `shellbench.problems.shell.solution`). Plug-ins may lack this method; no precision is
+        studied then.
         """
         ...

@@ -18,6 +18,7 @@ from shellbench.problems.expression import Expression
 from shellbench.problems.shell.conditions import (
     Formula,
     Load,
+    Material,
     RigidMotion,
     Rotation,
     Spring,
@@ -26,7 +27,6 @@ from shellbench.problems.shell.conditions import (
     Value,
     VectorFormula,
 )
-from shellbench.problems.shell.material import Material
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, Place, Point, Whole, places_of

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]

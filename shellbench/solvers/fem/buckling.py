@@ -25,11 +25,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix
+from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix, weighted_products
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.inertia import weighted_products
 from shellbench.solvers.fem.mesh import KINDS
 from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
 

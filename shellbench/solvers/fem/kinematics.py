@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem.mesh import Derivative
 
 Array = NDArray[np.float64]

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problem import NumberFormat
-from shellbench.problems.rounding import expanded, shortened
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.solution import FORMATS, FemSolution
 
@@ -36,7 +35,8 @@ class MotionSolution(ShellSolution):
     coefficients, rates
         (nodes, 3, 4, k) u, u,1, u,2 and u,12 of each component at each node, and their rates, or shorter numbers.
     exponents
-        Of the powers of two by which coefficients and rates are to be multiplied (see `shellbench.problems.rounding`).
+        Of the powers of two by which coefficients and rates are to be multiplied; see
+        `shellbench.problems.shell.solution`.
     support_nodes
         (m,) nodes with supports.
     reaction_times, support_forces

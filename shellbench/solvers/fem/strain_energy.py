@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,

@@ -26,10 +26,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.assembly import BlockMatrix
+from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.inertia import mass_matrix, spring_matrix
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.strain_energy import Strained
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.kratos.engine import FreshModel, fresh_model, kratos, structural
 from shellbench.solvers.kratos.iga_conditions import Conditions
 from shellbench.solvers.kratos.nurbs import Midsurface

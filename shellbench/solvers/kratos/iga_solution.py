@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.iga_conditions import control_forces, held_by

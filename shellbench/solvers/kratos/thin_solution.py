@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from shellbench.problem import NumberFormat
-from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, state_number
+from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, shortened, state_number
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.kratos.thin_conditions import held_nodes
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements, SmallStrains

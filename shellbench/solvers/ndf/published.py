@@ -43,7 +43,6 @@ from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.loads import check_balance
 from shellbench.solvers.ndf.path_solution import load_solution
-from shellbench.solvers.ndf.published_loss import Sampler, usual_modulus_factor
 from shellbench.solvers.ndf.published_motion import MotionTraining, load_motion, why_no_motion
 from shellbench.solvers.ndf.published_motion_solution import is_motion
 from shellbench.solvers.ndf.published_network import (
@@ -55,7 +54,16 @@ from shellbench.solvers.ndf.published_network import (
     published_ansatz,
 )
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint, training_key
-from shellbench.solvers.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train, why_collapsed
+from shellbench.solvers.ndf.published_training import (
+    LossNotFinite,
+    Plan,
+    Sampler,
+    Sampling,
+    beginning,
+    train,
+    usual_modulus_factor,
+    why_collapsed,
+)
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.resolution import resolution
 from shellbench.solvers.ndf.solution import NdfSolution

@@ -200,7 +200,7 @@ class TrainedMotion(FieldSolution):
     def rounded(self, format: NumberFormat) -> tuple[TrainedMotion, int]:
         """Return the motion with all weights and biases rounded to a format, and the bytes it takes.
 
-        Every tensor is scaled by its largest magnitude before (see `shellbench.problems.rounding`).
+        Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
         siren = self.field.siren
         if short_enough(siren.tensors, format):

@@ -157,7 +157,7 @@ class NdfSolution(FieldSolution):
     def rounded(self, format: NumberFormat) -> tuple[NdfSolution, int]:
         """Return the field with all its weights, those of hidden layers included, rounded, and the bytes it takes.
 
-        Every tensor is scaled by its largest magnitude before (see `shellbench.problems.rounding`).
+        Every tensor is scaled by its largest magnitude before (see `shellbench.problems.shell.solution`).
         """
         if short_enough(self.tensors().values(), format):
             return self, self.storage_bytes

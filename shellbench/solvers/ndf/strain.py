@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.ndf.geometry import Geometry
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22
 

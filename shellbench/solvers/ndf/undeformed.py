@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.geometry import Geometry, geometry

@@ -23,8 +23,8 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, one_sentence
 from shellbench.problem import NumberFormat, Step
-from shellbench.problems.rounding import shortened
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import shortened
 from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.jets import activation
 from shellbench.solvers.ndf.network import Network

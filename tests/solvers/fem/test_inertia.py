@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from shellbench.solvers.fem.assembly import NODE_DOFS, Quadrature
-from shellbench.solvers.fem.inertia import mass_matrix, spring_matrix, weighted_products
+from shellbench.solvers.fem.assembly import NODE_DOFS, Quadrature, mass_matrix, spring_matrix, weighted_products
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from tests.solvers.fem.shells import HYPAR, LARGEST, MATERIAL, PolynomialField, shell
 

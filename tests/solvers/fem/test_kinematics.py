@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.problems.shell.material import Material
+from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator, stress_root_operator
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell, surface_points

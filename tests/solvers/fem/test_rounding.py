@@ -10,7 +10,7 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import NumberFormat
-from shellbench.problems.rounding import EXPONENT_BYTES
+from shellbench.problems.shell.solution import EXPONENT_BYTES
 from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings, FemSolver

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from shellbench.bench.catalog import named_case
 from shellbench.problem import NumberFormat
-from shellbench.problems.rounding import EXPONENT_BYTES
+from shellbench.problems.shell.solution import EXPONENT_BYTES
 from shellbench.solvers.ndf.motion_solution import MotionSolution
 from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion
@@ -31,7 +31,7 @@ from tests.solvers.ndf.test_published_motion import MOVED, few
 UNIT = {"float32": 2.0**-24, "float16": 2.0**-11}  # unit roundoff (IEEE 754-2008)
 SUBNORMAL = (
     2.0**-39
-)  # of the largest number of a tensor: what smaller ones may err by, see `shellbench.problems.rounding`
+)  # of the largest number of a tensor: what smaller ones may err by, see `shellbench.problems.shell.solution`
 SIZE = {"float32": 4, "float16": 2}
 SHORT: tuple[NumberFormat, ...] = ("float32", "float16")
 
