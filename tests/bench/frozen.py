@@ -1,0 +1,63 @@
+"""What tables and the gate say of an archive of records, so that a change that only moves code can be told from others.
+
+The archive is the records of the published training, or the store that SHELLBENCH_ARCHIVE names. Its records count
+whatever the source is today: their digests are pinned. `python -m tests.bench.frozen` writes the outputs anew, beside
+this file for the published ones, and into the archive otherwise.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench import current
+from shellbench.bench.compare import as_json, rows_and_notes
+from shellbench.bench.gate import Scope, gate
+from shellbench.bench.registry import SolverEntry
+from shellbench.bench.store import Store
+from shellbench.bench.verdicts import as_text
+from shellbench.errors import InputError
+from shellbench.report.tables import render
+
+PUBLISHED = Path(__file__).parents[2] / "reports/published"
+ARCHIVE = Path(os.environ.get("SHELLBENCH_ARCHIVE", PUBLISHED))
+FOLDER = Path(__file__).with_name("frozen") if ARCHIVE == PUBLISHED else ARCHIVE / ".frozen"
+
+
+@contextmanager
+def pinned(store: Store) -> Iterator[None]:
+    """Let the records of a store count, whatever their solvers' source is today."""
+    sources = {record.identity.solver: record.identity.source for record in store.read().records}
+
+    def source(entry: SolverEntry, kind: str = "") -> str:
+        return sources.get(entry.name, "")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(current, "current_source", source)
+        yield
+
+
+def outputs() -> dict[str, str]:
+    """Return what is said of the archive, by name of file."""
+    store = Store(ARCHIVE)
+    with pinned(store):
+        rows = rows_and_notes(store)[0]
+        try:
+            judged = as_text(gate(store, None, Scope()), "none", verbose=True)
+        except InputError as error:  # an archive of which nothing is gated
+            judged = str(error)
+        return {
+            "table.json": as_json(rows) + "\n",
+            "gate.txt": judged + "\n",
+            **{f"table.{name}": render(rows, name, store=store) for name in ("text", "markdown", "latex", "csv")},
+        }
+
+
+if __name__ == "__main__":
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in outputs().items():
+        (FOLDER / name).write_text(text, encoding="utf-8", newline="\n")
