@@ -7,19 +7,23 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench.scheduler import Scheduler, SchedulerLostError
+from shellbench.bench import cluster as module
+from shellbench.bench.cluster import DaskCluster, SchedulerLostError, difference
+from shellbench.bench.execute import Ended
 from shellbench.bench.store import Store
+from tests.bench.cluster.running import toy_tasks
 from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
 
-IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {COMMAND_LINE}"
+IMPATIENT = f"from shellbench.bench import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
 import sys
 from importlib import metadata
@@ -143,24 +147,46 @@ def versions(**packages: str) -> dict[str, object]:
     return {"packages": {"python": "3.11.8.final.0", "distributed": "2026.8.0", **packages}}
 
 
-def test_workers_of_other_versions_do_not_fit() -> None:
-    found = {
-        "client": versions(),
-        "workers": {
-            "tcp://same": versions(),
-            "tcp://patch": versions(python="3.11.2.final.0"),
-            "tcp://python": versions(python="3.12.1.final.0"),
-            "tcp://dask": versions(distributed="2024.1.0"),
-        },
-    }
-    client = SimpleNamespace(status="running", get_versions=lambda: found)
-    assert Scheduler("tcp://here", client).misfits() == {
-        "tcp://python": "has python 3.12 (here 3.11)",
-        "tcp://dask": "has distributed 2024.1.0 (here 2026.8.0)",
-    }
+class Client:
+    """Stands for a client of Dask: of a scheduler with these workers, or one that is gone."""
+
+    scheduler = SimpleNamespace(ncores=None)
+
+    def __init__(self, **workers: dict[str, object]) -> None:
+        self.workers = workers
+        self.status = "running" if workers else "connecting"
+
+    def subscribe_topic(self, topic: str, handler: object) -> None:
+        pass
+
+    def sync(self, ask: object, callback_timeout: float) -> dict[str, int]:
+        return dict.fromkeys(self.workers, 1)
+
+    def get_versions(self) -> dict[str, object]:
+        return {"client": versions(), "workers": self.workers}
 
 
-def test_a_closed_connection_is_one_sentence() -> None:
-    scheduler = Scheduler("tcp://here", SimpleNamespace(status="connecting"))
+def test_workers_of_other_versions_do_not_fit(toys: None, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    client = Client(
+        python=versions(python="3.12.1.final.0", distributed="2026.8.0"), dask=versions(distributed="2024.1.0")
+    )
+    monkeypatch.setattr(module, "connected", lambda given: nullcontext(client))
+    said: list[str] = []
+    (ended,) = DaskCluster("tcp://here", None, 1, None, said.append).run(toy_tasks(store, "exact"), store)
+    reason = "it has python 3.12 (here 3.11); use the same versions at both ends"
+    assert said == [
+        f"worker python is left out: {reason}",
+        "worker dask is left out: it has distributed 2024.1.0 (here 2026.8.0); use the same versions at both ends",
+    ]
+    assert isinstance(ended, Ended)
+    assert ended.refused == f"no worker can make it: python: {reason}"
+
+
+def test_a_patch_of_python_does_not_matter() -> None:
+    assert difference(versions(python="3.11.2.final.0"), versions()) is None
+
+
+def test_a_closed_connection_is_one_sentence(toys: None, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "connected", lambda given: nullcontext(Client()))
     with pytest.raises(SchedulerLostError, match="the scheduler tcp://here is gone"):
-        scheduler.workers()
+        list(DaskCluster("tcp://here", None, 1, None, print).run(toy_tasks(store, "exact"), store))
