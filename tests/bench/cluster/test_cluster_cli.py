@@ -7,18 +7,12 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench import cluster as module
-from shellbench.bench.cluster import DaskCluster, SchedulerLostError, difference
-from shellbench.bench.execute import Ended
 from shellbench.bench.store import Store
-from tests.bench.cluster.running import toy_tasks
 from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
@@ -141,52 +135,3 @@ def test_it_waits_for_workers_and_keeps_what_had_ended_when_the_scheduler_dies(
     assert [record.identity.solver for record in store.read().records] == ["toy-noisy"]
     assert list(store.folder.glob(".*.partial")) == []
     until(lambda: not lone_scheduler.runs())
-
-
-def versions(**packages: str) -> dict[str, object]:
-    return {"packages": {"python": "3.11.8.final.0", "distributed": "2026.8.0", **packages}}
-
-
-class Client:
-    """Stands for a client of Dask: of a scheduler with these workers, or one that is gone."""
-
-    scheduler = SimpleNamespace(ncores=None)
-
-    def __init__(self, **workers: dict[str, object]) -> None:
-        self.workers = workers
-        self.status = "running" if workers else "connecting"
-
-    def subscribe_topic(self, topic: str, handler: object) -> None:
-        pass
-
-    def sync(self, ask: object, callback_timeout: float) -> dict[str, int]:
-        return dict.fromkeys(self.workers, 1)
-
-    def get_versions(self) -> dict[str, object]:
-        return {"client": versions(), "workers": self.workers}
-
-
-def test_workers_of_other_versions_do_not_fit(toys: None, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    client = Client(
-        python=versions(python="3.12.1.final.0", distributed="2026.8.0"), dask=versions(distributed="2024.1.0")
-    )
-    monkeypatch.setattr(module, "connected", lambda given: nullcontext(client))
-    said: list[str] = []
-    (ended,) = DaskCluster("tcp://here", None, 1, None, said.append).run(toy_tasks(store, "exact"), store)
-    reason = "it has python 3.12 (here 3.11); use the same versions at both ends"
-    assert said == [
-        f"worker python is left out: {reason}",
-        "worker dask is left out: it has distributed 2024.1.0 (here 2026.8.0); use the same versions at both ends",
-    ]
-    assert isinstance(ended, Ended)
-    assert ended.refused == f"no worker can make it: python: {reason}"
-
-
-def test_a_patch_of_python_does_not_matter() -> None:
-    assert difference(versions(python="3.11.2.final.0"), versions()) is None
-
-
-def test_a_closed_connection_is_one_sentence(toys: None, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "connected", lambda given: nullcontext(Client()))
-    with pytest.raises(SchedulerLostError, match="the scheduler tcp://here is gone"):
-        list(DaskCluster("tcp://here", None, 1, None, print).run(toy_tasks(store, "exact"), store))
