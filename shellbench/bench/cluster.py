@@ -106,7 +106,7 @@ class DaskCluster:
 
 @dataclass(eq=False)
 class _Run:
-    """A run that waits, or that a worker has been sent."""
+    """A run that waits or goes on; `announced` once, `executing` anew on each worker that has it."""
 
     task: Task
     losses: int = 0
@@ -119,7 +119,21 @@ class _Run:
 
 @dataclass
 class _Sweep:
-    """Runs that wait and that go on; `unfit` says why, by worker and solver, None for all solvers."""
+    """Runs that wait and that go on.
+
+    Attributes
+    ----------
+    sent
+        Runs that workers have been sent, by Dask's key.
+    workers
+        Threads of each worker, by its address.
+    unfit
+        Why a worker can't make runs of a solver, by both; of any solver, by None.
+    events
+        What workers and Dask's threads tell: a run's key, with its environment, its progress or its answer.
+    lonely
+        Whether there was no worker at the last look.
+    """
 
     how: DaskCluster
     client: Any
@@ -133,6 +147,7 @@ class _Sweep:
     lonely: bool = False
 
     def make(self) -> Iterator[Event]:
+        """Look at the workers now and then, send them what they have room for, and hear what comes, until all ended."""
         self.client.subscribe_topic(self.topic, lambda event: self.events.put(event[1]))
         looked = float("-inf")
         while self.waiting or self.sent:
