@@ -11,14 +11,12 @@ import contextlib
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from shellbench.bench.environment import engine_distribution, environment, threads
-from shellbench.bench.execute import Ended, Progressed, Started
+from shellbench.bench.execute import Ended, Progressed
 from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import kind_name
 from shellbench.bench.local import LocalProcesses
@@ -29,7 +27,6 @@ from shellbench.bench.store import LOG, Store
 from shellbench.bench.task import Task
 from shellbench.engine import ENGINE, engine_version
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.model import Model
 
 RUNNING = {"executing", "long-running"}  # states of a Dask task that somebody still waits for
 SERVING = {"running", "paused", "closing_gracefully"}  # states of a Dask worker that can still answer
@@ -38,117 +35,71 @@ STANDS_BY = 30.0  # seconds for which a solver stays imported on a worker after 
 PAUSE = 1.0  # seconds between two words on progress, of each run: they all go through the scheduler
 
 
-class Order(Model):
-    """A run to be made on a worker.
+def run_task(text: str, topic: str, threads_each: int | None, timeout: float | None) -> dict[str, Any]:
+    """Make a run in a thread of a Dask worker; refer to this function by its name.
 
-    Attributes
+    Parameters
     ----------
+    text
+        The task, as JSON.
     topic
-        Under which the worker tells what happens.
-    threads
-        Of the run; None for as many as usual on the worker's machine.
-    """
-
-    task: Task
-    topic: str
-    threads: int | None = None
-    timeout: float | None = None
-
-
-def run_order(text: str) -> dict[str, Any]:
-    """Do an order, which is JSON, in a thread of a Dask worker; refer to this function by its name.
+        Dask's topic under which the worker tells what happens.
+    threads_each
+        Threads of the run; None for as many as usual on the worker's machine.
 
     Returns
     -------
     dict
-        One of: ``unfit``, why this worker can't do it; ``refused``, why the solver refused its input; ``record``, JSON,
-        with ``files``, their bytes by name.
+        One of: ``unfit``, why this worker can't make it; ``refused``, why the solver refused its input; ``record``,
+        JSON, with ``files``, their bytes by name.
 
     Raises
     ------
     AbandonedError
         If nobody waits for it any more, or the worker is being closed.
     """
-    order = Order.model_validate_json(text)
-    worker: Any = import_module("distributed").get_worker()
-    key = worker.get_current_task()
-    reason = unfit(order.task)
+    from distributed import get_worker
+
+    task = Task.model_validate_json(text)
+    reason = unfit(task)
     if reason is not None:
         return {"unfit": reason}
-    task = at_home(order.task, order.threads)
+    name, settings = task.identity.solver, task.identity.settings
+    place = environment(
+        task.identity.device,
+        find_solver(name).distribution,
+        threads_each=threads_each or threads(),
+        engine=engine_distribution(settings),
+    )
+    task = task.model_copy(update={"environment": place})
+    worker = get_worker()
+    key = worker.get_current_task()
 
     def wanted() -> bool:
         state = worker.state.tasks.get(key)
         return worker.status.name in SERVING and state is not None and state.state in RUNNING
 
-    def tell(**event: Any) -> None:
-        worker.log_event(order.topic, {"key": key, **event})
-
-    tell(environment=task.environment.model_dump_json())
-    standing_by = StandingBy.for_task(worker, task)
-    processes = LocalProcesses(1, task.environment.threads, order.timeout, wanted, standing_by.take(), keep=True)
+    worker.log_event(topic, {"key": key, "environment": place.model_dump_json()})
+    told = -PAUSE
     with (
-        standing_by.taking_back(processes.idle),
+        standing_by(worker, task) as idle,
         tempfile.TemporaryDirectory(prefix="shellbench-", ignore_cleanup_errors=True) as folder,
     ):
+        processes = LocalProcesses(1, place.threads, timeout, wanted, idle, keep=True)
         try:
-            return packed(run_one(task, processes, Store(Path(folder)), tell))
+            with contextlib.closing(processes.run([task], Store(Path(folder)))) as events:
+                for event in events:
+                    if isinstance(event, Progressed) and time.monotonic() - told >= PAUSE:
+                        told = time.monotonic()
+                        progress = event.progress
+                        step = (progress.step, progress.total, progress.message)
+                        worker.log_event(topic, {"key": key, "progress": step})
+                    elif isinstance(event, Ended):
+                        return packed(event)
         except ShellbenchError as error:
             record = task.record(status="failed", reason=f"on its worker: {error}", seconds=0.0)
             return {"record": document(record).decode(), "files": {}}
-
-
-@dataclass(frozen=True)
-class StandingBy:
-    """Fork servers that stand by on a Dask worker between runs of the same source, so that not each run imports anew.
-
-    They are ended when they have not been used for a while, and end by themselves when the Dask worker does.
-    """
-
-    entries: list[_Entry]
-    loop: Any
-
-    @classmethod
-    def for_task(cls, worker: Any, task: Task) -> StandingBy:
-        """Return those of a worker, of which it is an attribute, that have imported what a task needs."""
-        identity = task.identity
-        key = (identity.solver, identity.source, identity.settings.get(ENGINE), task.target, task.environment.threads)
-        known = worker.__dict__.setdefault("shellbench_servers", {})
-        return cls(known.setdefault(key, []), worker.loop)
-
-    def take(self) -> list[ServerProcess]:
-        """Return one that lives, or none."""
-        with contextlib.suppress(IndexError):
-            while True:
-                server = self.entries.pop().server
-                if server.process.poll() is None:
-                    return [server]
-                server.end()
-        return []
-
-    @contextlib.contextmanager
-    def taking_back(self, idle: list[ServerProcess]) -> Iterator[None]:
-        """Have the servers that a run has left idle stand by."""
-        try:
-            yield
-        finally:
-            for server in idle:
-                entry = _Entry(server)
-                self.entries.append(entry)
-                self.loop.add_callback(self.loop.call_later, STANDS_BY, self._end, entry)
-
-    def _end(self, entry: _Entry) -> None:
-        """End a server, unless it is in use or has been since."""
-        with contextlib.suppress(ValueError):
-            self.entries.remove(entry)
-            entry.server.end()
-
-
-@dataclass(frozen=True, eq=False)
-class _Entry:
-    """A server that stands by since it was put there: one that is put there again is another entry."""
-
-    server: ServerProcess
+    raise AssertionError("a run ended without a word")
 
 
 def unfit(task: Task) -> str | None:
@@ -169,33 +120,37 @@ def unfit(task: Task) -> str | None:
     return None
 
 
-def at_home(task: Task, threads_each: int | None) -> Task:
-    """Return a task with this machine as its environment."""
-    place = environment(
-        task.identity.device,
-        find_solver(task.identity.solver).distribution,
-        threads_each=threads_each or threads(),
-        engine=engine_distribution(task.identity.settings),
-    )
-    return task.model_copy(update={"environment": place})
+@contextlib.contextmanager
+def standing_by(worker: Any, task: Task) -> Iterator[list[ServerProcess]]:
+    """Give the fork server of an earlier run that has imported what a task needs, if one stands by; keep what is idle.
 
+    So not each run imports anew. Servers are ended when they have not been used for a while, and end by themselves
+    when the Dask worker does. They are an attribute of the worker: a plug-in of Dask's would stay on the cluster.
+    """
+    identity = task.identity
+    key = (identity.solver, identity.source, identity.settings.get(ENGINE), task.target, task.environment.threads)
+    entries: list[tuple[ServerProcess, float]] = vars(worker).setdefault("shellbench_servers", {}).setdefault(key, [])
+    idle: list[ServerProcess] = []
+    with contextlib.suppress(IndexError):  # none, or another run's thread was faster
+        while not idle:
+            server, _ = entries.pop()
+            if server.process.poll() is None:
+                idle.append(server)
+            else:
+                server.end()
 
-def run_one(task: Task, processes: LocalProcesses, store: Store, tell: Callable[..., None]) -> Ended:
-    """Make one run, and pass on now and then how far it is."""
-    said = -PAUSE
-    with contextlib.closing(processes.run([task], store)) as events:
-        for event in events:
-            match event:
-                case Started():
-                    pass
-                case Progressed(_, progress):
-                    now = time.monotonic()
-                    if now - said >= PAUSE:
-                        said = now
-                        tell(step=progress.step, total=progress.total, message=progress.message)
-                case Ended():
-                    return event
-    raise AssertionError("a run ended without a word")
+    def end(entry: tuple[ServerProcess, float]) -> None:
+        with contextlib.suppress(ValueError):  # it is in use, or has been since: that is another entry
+            entries.remove(entry)
+            entry[0].end()
+
+    try:
+        yield idle
+    finally:
+        for server in idle:
+            entry = (server, time.monotonic())
+            entries.append(entry)
+            worker.loop.add_callback(worker.loop.call_later, STANDS_BY, end, entry)
 
 
 def packed(ended: Ended) -> dict[str, Any]:
@@ -206,10 +161,3 @@ def packed(ended: Ended) -> dict[str, Any]:
     names = {LOG, *(name for name in (record.fields_file, record.solution_file) if name)}
     files = {name: (ended.folder / name).read_bytes() for name in names if (ended.folder / name).is_file()}
     return {"record": document(record).decode(), "files": files}
-
-
-def unpack(files: Mapping[str, bytes], folder: Path) -> None:
-    """Write the files of a run into its folder here."""
-    for name, data in files.items():
-        if Path(name).name == name:
-            (folder / name).write_bytes(data)

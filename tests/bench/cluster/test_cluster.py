@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import scheduler
-from shellbench.bench.cluster import LOSSES, DaskCluster
+from shellbench.bench import cluster as module
+from shellbench.bench.cluster import LOSSES, DaskCluster, address_of
 from shellbench.bench.display import Silent
 from shellbench.bench.execute import execute
-from shellbench.bench.scheduler import address_of
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from tests.bench.cluster.running import by_behaviour, on_cluster, toy_tasks
@@ -140,7 +139,7 @@ def test_what_is_no_address_is_refused(given: str, said: str) -> None:
 
 def test_a_scheduler_that_does_not_answer_is_refused(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="needs the extra dask")
-    monkeypatch.setattr(scheduler, "PATIENCE", 0.5)
+    monkeypatch.setattr(module, "PATIENCE", 0.5)
     executor = DaskCluster("tcp://127.0.0.1:9", None, 1, None, print)
     with pytest.raises(InputError, match="no Dask scheduler answers there") as caught:
         execute(toy_tasks(store, "exact"), store, Silent(), executor)

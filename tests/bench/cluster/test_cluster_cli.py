@@ -9,17 +9,15 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from shellbench.bench.scheduler import Scheduler, SchedulerLostError
 from shellbench.bench.store import Store
 from tests.bench.cluster.two_workers import Cluster
 from tests.bench.conftest import PLUGIN
 from tests.patience import COMMAND_LINE, GUARD, until
 
-IMPATIENT = f"from shellbench.bench import scheduler; scheduler.PATIENCE = 0.5; {COMMAND_LINE}"
+IMPATIENT = f"from shellbench.bench import cluster; cluster.PATIENCE = 0.5; {COMMAND_LINE}"
 WITHOUT_DASK = f"""
 import sys
 from importlib import metadata
@@ -137,30 +135,3 @@ def test_it_waits_for_workers_and_keeps_what_had_ended_when_the_scheduler_dies(
     assert [record.identity.solver for record in store.read().records] == ["toy-noisy"]
     assert list(store.folder.glob(".*.partial")) == []
     until(lambda: not lone_scheduler.runs())
-
-
-def versions(**packages: str) -> dict[str, object]:
-    return {"packages": {"python": "3.11.8.final.0", "distributed": "2026.8.0", **packages}}
-
-
-def test_workers_of_other_versions_do_not_fit() -> None:
-    found = {
-        "client": versions(),
-        "workers": {
-            "tcp://same": versions(),
-            "tcp://patch": versions(python="3.11.2.final.0"),
-            "tcp://python": versions(python="3.12.1.final.0"),
-            "tcp://dask": versions(distributed="2024.1.0"),
-        },
-    }
-    client = SimpleNamespace(status="running", get_versions=lambda: found)
-    assert Scheduler("tcp://here", client).misfits() == {
-        "tcp://python": "has python 3.12 (here 3.11)",
-        "tcp://dask": "has distributed 2024.1.0 (here 2026.8.0)",
-    }
-
-
-def test_a_closed_connection_is_one_sentence() -> None:
-    scheduler = Scheduler("tcp://here", SimpleNamespace(status="connecting"))
-    with pytest.raises(SchedulerLostError, match="the scheduler tcp://here is gone"):
-        scheduler.workers()

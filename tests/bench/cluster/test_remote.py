@@ -11,7 +11,7 @@ import pytest
 
 from shellbench.bench import remote, source
 from shellbench.bench.process import ServerProcess
-from shellbench.bench.remote import StandingBy, unfit
+from shellbench.bench.remote import standing_by, unfit
 from shellbench.bench.store import Store
 from tests.bench.cluster.running import toy_tasks
 
@@ -74,16 +74,18 @@ def test_a_server_stands_by_for_the_same_source_and_is_ended_when_it_is_not_used
     other = task.model_copy(update={"identity": task.identity.model_copy(update={"source": "other"})})
     server = ServerProcess.start("toy", task.target, 1)
     try:
-        with StandingBy.for_task(worker, task).taking_back([server]):
-            pass
-        assert StandingBy.for_task(worker, other).take() == []
-        assert StandingBy.for_task(worker, task).take() == [server]
-        worker.loop.later.pop()()  # its time is over, but it is in use
-        assert server.process.poll() is None
-        with StandingBy.for_task(worker, task).taking_back([server]):
-            pass
+        with standing_by(worker, task) as idle:
+            assert idle == []
+            idle.append(server)
+        with standing_by(worker, other) as idle:
+            assert idle == []
+        with standing_by(worker, task) as idle:
+            assert idle == [server]
+            worker.loop.later.pop()()  # its time is over, but it is in use
+            assert server.process.poll() is None
         worker.loop.later.pop()()
         assert server.process.poll() is not None
-        assert StandingBy.for_task(worker, task).take() == []
+        with standing_by(worker, task) as idle:
+            assert idle == []
     finally:
         server.end()
