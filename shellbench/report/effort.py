@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 from typing import Any
 
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
 from shellbench.report.columns import COST, column
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import by_solution, grouped
@@ -18,16 +17,15 @@ from shellbench.report.traces import runs_by_case
 
 def section(found: Evidence) -> Section:
     """Return the section of paths: what they took, and how they went."""
-    tables, figures = given(effort_table(found.records, found.compared)), found.figures(CURVE, STATES)
+    tables, figures = given(effort_table(found)), found.figures(CURVE, STATES)
     return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
 
 
-def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+def effort_table(evidence: Evidence) -> Table | None:
     """Return the table of path states, iterations and seconds; None if no run followed a path."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
-    headline = [row for row in rows if row.primary]
-    for runs in runs_by_case(records, headline).values():
+    for runs in runs_by_case(evidence.records, evidence.headline).values():
         first = runs[0][0]
         title = first.case_title or first.case
         for name, made in by_solution(runs).items():

@@ -137,6 +137,11 @@ class Evidence:
         """The rows that hold solvers against known values."""
         return compared(self.rows)
 
+    @cached_property
+    def headline(self) -> list[Row]:
+        """Those of them that are about headline quantities."""
+        return [row for row in self.compared if row.primary]
+
     def figures(self, *prefixes: str) -> tuple[Exhibit, ...]:
         """Return the figures whose names begin so, in the order of the beginnings."""
         return tuple(one for prefix in prefixes for one in self.drawn if one.name.startswith(prefix))

@@ -7,7 +7,7 @@ against the field of a deterministic solver if there is exactly one, and of no o
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,19 +27,19 @@ Array = NDArray[np.float64]
 
 def section(found: Evidence) -> Section:
     """Return the section of differences between fields."""
-    tables = given(field_table(found.records, found.compared, found.folder))
+    tables = given(field_table(found))
     return Section("fields", "Whole fields", tables=tables, place="its suites")
 
 
-def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
+def field_table(evidence: Evidence) -> Table | None:
     """Return the table of differences between fields; None if there are no two to compare."""
     headline = [
         row
-        for row in rows
-        if row.primary and row.default_settings and row.status == "ok" and row.run_id in records  # the same load
+        for row in evidence.headline
+        if row.default_settings and row.status == "ok" and row.run_id in evidence.records  # the same load
     ]
     cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
-    lines = [line for of_case in cases for line in _lines(records, of_case, folder)]
+    lines = [line for of_case in cases for line in _lines(evidence, of_case)]
     if not lines:
         return None
     return Table(
@@ -52,9 +52,9 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
     )
 
 
-def _lines(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[dict[str, Any]]:
+def _lines(evidence: Evidence, rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """Yield a line for each solution of a case that has a field beside that of the only deterministic one."""
-    kept = {row.run_id: read_fields(records[row.run_id or ""], folder) for row in rows}
+    kept = {row.run_id: read_fields(evidence.records[row.run_id or ""], evidence.folder) for row in rows}
     certain = {row.run_id: row.solver for row in rows if row.seed is None}
     theirs = kept[next(iter(certain))] if len(certain) == 1 else None
     if theirs is None or not np.any(theirs.displacement):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -41,7 +40,7 @@ GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 def section(found: Evidence) -> Section:
     """Return the section of cloth in motion, with a part for each case."""
-    by_time = {table.name: table for table in by_time_tables(found.records, found.compared)}
+    by_time = {table.name: table for table in by_time_tables(found)}
     titles = {row.case: row.case_title or row.case for row in found.compared}
     figures = {one.name: one for one in found.figures(*CLOTH)}
     parts = [
@@ -56,23 +55,22 @@ def section(found: Evidence) -> Section:
     return Section(
         name="cloth",
         title="Cloth in motion",
-        tables=given(motion_table(found.records, found.compared, found.folder)),
+        tables=given(motion_table(found)),
         parts=tuple(part for part in parts if part.shows),
         place="its suites",
     )
 
 
-def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
+def motion_table(evidence: Evidence) -> Table | None:
     """Return how far each motion came, what it took, what energy it lost and how far it is from the others."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
     against: dict[str, None] = {}
-    headline = leading_rows([row for row in rows if row.primary])
-    for runs in runs_by_case(records, headline).values():
+    for runs in runs_by_case(evidence.records, leading_rows(evidence.headline)).values():
         case = portrait_of(runs[0][1])
         if case is None or case.ends is None:
             continue
-        found = apart(runs, folder)
+        found = apart(runs, evidence.folder)
         against |= dict.fromkeys(one.against for one in found.values())
         for name, made in by_solution(runs).items():
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
@@ -134,10 +132,10 @@ def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) 
     }
 
 
-def by_time_tables(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Table]:
+def by_time_tables(evidence: Evidence) -> list[Table]:
     """Return, for each case in motion, its quantities grouped by time with a pair of columns for each solver."""
-    tables = []
-    for (name, _), of_case in grouped(leading_rows(rows), lambda row: (row.case, row.own_case)).items():
+    tables, records = [], evidence.records
+    for (name, _), of_case in grouped(leading_rows(evidence.compared), lambda row: (row.case, row.own_case)).items():
         record = next((records[row.run_id] for row in of_case if row.run_id and row.run_id in records), None)
         case = portrait_of(record) if record is not None else None
         if case is not None and case.ends is not None:

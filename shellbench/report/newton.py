@@ -22,7 +22,6 @@ from shellbench.report.columns import Line, Show, column, present, significant
 from shellbench.report.evidence import Evidence, Formula, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation
-from shellbench.report.palette import inks
 from shellbench.report.solutions import STATUS_WORDS, grouped, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
@@ -141,11 +140,12 @@ def shown_cases() -> dict[str, str]:
     return {case: series for name in catalog.suite_names() for case, series in catalog.find_suite(name).newton.items()}
 
 
-def findings(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Finding]:
+def findings(evidence: Evidence) -> list[Finding]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
-    headline = grouped(leading_rows([row for row in rows if row.primary and not row.own_case]), lambda row: row.case)
+    own = [row for row in evidence.headline if not row.own_case]
+    headline = grouped(leading_rows(own), lambda row: row.case)
     asked = ((series, headline[case]) for case, series in shown_cases().items() if case in headline)
-    found = (_finding(records, of_case, series) for series, of_case in asked)
+    found = (_finding(evidence.records, of_case, series) for series, of_case in asked)
     return [one for one in found if one is not None]
 
 
@@ -207,16 +207,16 @@ def section(found: Evidence) -> Section:
     return Section(
         name=NEWTON,
         title=TITLE,
-        tables=given(newton_table(found.records, found.compared)),
+        tables=given(newton_table(found)),
         exhibits=found.figures(NEWTON),
         parts=(Section("why", "Why", words=DERIVATION),),
         place="one suite",
     )
 
 
-def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
+def newton_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
     """Yield the figure that sets the cases of the finding side by side."""
-    shown = [one for one in findings(records, rows) if one.runs or one.forms]
+    shown = [one for one in findings(evidence) if one.runs or one.forms]
     if not shown:
         return
     runs = [
@@ -241,7 +241,7 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
         " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
         " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
         description="; ".join(_told(one) for one in shown),
-        figure=trace_figure(panels, runs, inks(row.solver for row in rows)),
+        figure=trace_figure(panels, runs, evidence.inks),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
         drawing=True,
     )
@@ -252,9 +252,9 @@ def _told(one: Finding) -> str:
     return f"{one.name}, at the end: {', '.join(ends) or NOT_RUN}"
 
 
-def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+def newton_table(evidence: Evidence) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
-    cases = findings(records, rows)
+    cases = findings(evidence)
     if not cases:
         return None
     solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))

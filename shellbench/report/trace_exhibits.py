@@ -17,12 +17,12 @@ from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.bench.row import Row
 from shellbench.portrait import Along, Portrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.palette import Ink, inks
+from shellbench.report.palette import Ink
 from shellbench.report.scene import drawn, spread, states
 from shellbench.report.shells import scale_words, shapes_figure
-from shellbench.report.solutions import Known
 from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure
@@ -58,41 +58,37 @@ def is_cloth(case: Portrait) -> bool:
     return case.ends is not None or case.buckles
 
 
-def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known) -> Iterator[Exhibit]:
+def path_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
     """Yield the figures of all paths that runs left; see `shellbench.report.exhibits.exhibits`."""
-    colours = inks(row.solver for row in rows)
-    default = list(_cases(records, [row for row in rows if row.primary and row.default_settings], known))
+    default = list(_cases(evidence, [row for row in evidence.headline if row.default_settings]))
     for name, case, runs, values in default:
-        yield from _curves(f"{CURVE}{name}", case, [(record, row.solver) for row, record in runs], values, colours)
+        made = [(record, row.solver) for row, record in runs]
+        yield from _curves(f"{CURVE}{name}", case, made, values, evidence.inks)
     for _, case, runs, _ in default:
         if not is_cloth(case):
-            yield from _states(runs, folder)
-    yield from _strains(records, rows, known)
+            yield from _states(runs, evidence.folder)
+    yield from _strains(evidence)
 
 
-def motion_exhibits(
-    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known
-) -> Iterator[Exhibit]:
+def motion_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
     """Yield the figures of all motions, and of paths through buckling; see `shellbench.report.exhibits.exhibits`."""
-    colours = inks(row.solver for row in rows)
-    for name, case, runs, values in _cases(records, leading_rows([row for row in rows if row.primary]), known):
+    colours = evidence.inks
+    for name, case, runs, values in _cases(evidence, leading_rows(evidence.headline)):
         if is_cloth(case):
             left = [run for row, record in runs if (run := traced(record, case, row.solver)) is not None]
             if left and case.ends is not None:
                 yield from _motion(name, case, left, values, colours)
-                yield from _apart(name, case, runs, folder, colours)
+                yield from _apart(name, case, runs, evidence)
             elif left:
                 yield from _buckling(name, case, left, values, colours)
-            yield from _frames(name, case, runs, folder)
+            yield from _frames(name, case, runs, evidence.folder)
 
 
-def _cases(
-    records: Mapping[str, Record], rows: Sequence[Row], known: Known
-) -> Iterator[tuple[str, Portrait, Runs, KnownValues]]:
+def _cases(evidence: Evidence, rows: Sequence[Row]) -> Iterator[tuple[str, Portrait, Runs, KnownValues]]:
     """Yield name, portrait, runs and known values of each case; of a user's own nothing is known."""
-    for (name, own), runs in runs_by_case(records, rows).items():
+    for (name, own), runs in runs_by_case(evidence.records, rows).items():
         if (case := portrait_of(runs[0][1])) is not None:
-            yield name, case, runs, KnownValues() if own else known(name)
+            yield name, case, runs, KnownValues() if own else evidence.known(name)
 
 
 def _curves(
@@ -160,10 +156,10 @@ def _states(runs: Runs, folder: Path) -> Iterator[Exhibit]:
     )
 
 
-def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -> Iterator[Exhibit]:
-    shown = strain_rows(rows)
+def _strains(evidence: Evidence) -> Iterator[Exhibit]:
+    shown, records = strain_rows(evidence), evidence.records
     rolled = catalog.find_suite(SUITE).rolled if SUITE in catalog.suite_names() else None
-    energies = bending_energies(records, rows, rolled or "")
+    energies = bending_energies(evidence, rolled or "")
     ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == rolled and row.run_id))
     plate = portrait_of(records[ids[0]]) if ids and ids[0] in records else None
     stiffness = plate.rolling_stiffness if plate is not None else None
@@ -182,7 +178,7 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
             run_ids=ids,
             drawing=True,
         )
-    for name, case, runs, values in _cases(records, [row for row in shown if row.primary], known):
+    for name, case, runs, values in _cases(evidence, [row for row in shown if row.primary]):
         if len(runs) > 1:
             paths = [(record, row.label) for row, record in sorted(runs, key=lambda run: STRAINS.index(run[0].label))]
             yield from _curves(f"{STRAIN}{name}", case, paths, values, INKS, "the strain measures")
@@ -220,8 +216,8 @@ def _motion(
     )
 
 
-def _apart(name: str, case: Portrait, runs: Runs, folder: Path, colours: Mapping[str, Ink]) -> Iterator[Exhibit]:
-    found = apart(runs, folder)
+def _apart(name: str, case: Portrait, runs: Runs, evidence: Evidence) -> Iterator[Exhibit]:
+    found = apart(runs, evidence.folder)
     if not found:
         return
     against = next(iter(found.values())).against
@@ -238,7 +234,7 @@ def _apart(name: str, case: Portrait, runs: Runs, folder: Path, colours: Mapping
         caption=f"Root of the mean square, over the surface, of the difference between a solver's displacement and that"
         f" of {against}, at each kept frame. {'. '.join(words)}.",
         description="; ".join(words),
-        figure=trace_figure([TracePanel(("rms",), "difference (m)", logarithmic=True)], shown, colours),
+        figure=trace_figure([TracePanel(("rms",), "difference (m)", logarithmic=True)], shown, evidence.inks),
         runs=shown,
     )
 

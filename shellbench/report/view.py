@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
 from shellbench.errors import ShellbenchError
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import Fields, read_fields
 from shellbench.report.scene import picture_scale, pictured, spread
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
@@ -67,26 +67,18 @@ class View:
     dense: bool
 
 
-def views(
-    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, first: Mapping[str, str] | None = None
-) -> dict[str, View]:
+def views(evidence: Evidence, first: Mapping[str, str] | None = None) -> dict[str, View]:
     """Return a view of each case of which a run kept its field, by name of case.
 
     Parameters
     ----------
-    records
-        By run id.
-    rows
-        That compare them.
-    folder
-        Where the records' files are.
     first
         By name of case the run that is seen first: the one that the still picture shows.
     """
     found: dict[str, View] = {}
-    for case, of_case in pictured(records, rows).items():
+    for case, of_case in pictured(evidence.records, evidence.compared).items():
         lead = (first or {}).get(case)
-        made = view(sorted(of_case, key=lambda record: record.run_id != lead), folder)
+        made = view(sorted(of_case, key=lambda record: record.run_id != lead), evidence.folder)
         found |= {} if made is None else {case: made}
     return found
 

@@ -5,6 +5,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import read_fields
 from shellbench.report.motion_tables import by_time_tables, motion_table
 from shellbench.report.palette import inks, style
@@ -38,7 +39,9 @@ def by_id(motion):
 @pytest.fixture(scope="module")
 def exhibits(motion, by_id):
     with style():
-        return {one.name: one for one in motion_exhibits(by_id, motion.rows, motion.folder, motion.known_values)}
+        return {
+            one.name: one for one in motion_exhibits(Evidence(by_id, motion.rows, motion.folder, motion.known_values))
+        }
 
 
 def record_of(motion, case, solver):
@@ -266,14 +269,14 @@ def test_a_run_that_a_suite_declares_stands_for_its_solver_where_it_has_no_other
 
 def test_cloth_is_not_drawn_as_a_path_too(motion, by_id):
     with style():
-        found = [one.name for one in path_exhibits(by_id, motion.rows, motion.folder, motion.known_values)]
+        found = [one.name for one in path_exhibits(Evidence(by_id, motion.rows, motion.folder, motion.known_values))]
     assert found == []
     assert is_cloth(ShellPortrait(catalog.named_case("sleeve_compression")))
     assert not is_cloth(ShellPortrait(catalog.named_case("cantilever_shear")))
 
 
 def test_the_table_of_motions_says_how_each_run_went(motion, by_id):
-    table = motion_table(by_id, motion.rows, motion.folder)
+    table = motion_table(Evidence(by_id, motion.rows, motion.folder))
     lines = {(line["case"], line["solution"]): line for line in table.data.to_dict("records")}
     assert set(lines) == {(r.case_name, r.identity.solver) for r in motion.records if r.case_name != "sleeve_twist"}
     failed = lines["pendulum_strip", "ndf"]
@@ -298,7 +301,7 @@ def test_the_table_of_motions_says_how_each_run_went(motion, by_id):
 
 
 def test_quantities_are_grouped_by_time_with_solvers_side_by_side(motion, by_id):
-    tables = {table.name: table for table in by_time_tables(by_id, motion.rows)}
+    tables = {table.name: table for table in by_time_tables(Evidence(by_id, motion.rows, None))}
     assert set(tables) == {"times_free_fall", "times_pendulum_strip", "times_napkin_plane"}
     fall = tables["times_free_fall"]
     assert list(dict.fromkeys(fall.data["block"])) == ["t = 0.5 s", "t = 1 s"]
