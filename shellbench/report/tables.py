@@ -61,7 +61,7 @@ def render(
     """
     if format == "json":
         return as_json(rows) + "\n"
-    checked = [] if store is None else cross_checks(rows, store, known)
+    checked = [] if store is None or not rows_of_study(rows, STUDY) else cross_checks(rows, store, known)
     rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
     tables = displacement_tables(compared(rows) or rest, known, whole=whole)
     if format == "csv":
@@ -70,11 +70,10 @@ def render(
     return "\n".join(table.write(format) for table in (*tables, *checked))
 
 
-def cross_checks(rows: Sequence[Row], store: Store, known: Known = catalog.known_values) -> list[Table]:
-    """Return the cross-check of engines, if a suite of the rows makes one."""
-    if not rows_of_study(rows, STUDY):
-        return []
-    cases = checked_cases({record.run_id: record for record in store.read().records}, rows)
+def cross_checks(rows: Sequence[Row], store: Store, known: Known) -> list[Table]:
+    """Return the cross-check of engines, if the runs make one."""
+    records = {record.run_id: record for record in store.read().records}
+    cases = checked_cases(Evidence(records, rows, store.folder, known))
     return [cross_check_table(cases, known)] if is_cross_check(cases) else []
 
 
