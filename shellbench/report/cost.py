@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
-from shellbench.report.columns import Line, Way, column, count, seconds, size
+from shellbench.report.columns import Line, Way, column, count, frame, seconds, size
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MINUS, Notation
@@ -31,7 +31,7 @@ from shellbench.report.panel import (
 from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)
 WIDTH, HEIGHT, MARGIN = 7.4, 2.5, 0.55  # inches of the figure, of its panels, and of the legend
@@ -88,7 +88,6 @@ def section(evidence: Evidence) -> Section | None:
                 description=_description(one),
                 figure=cost_figure(one, evidence.inks),
                 run_ids=tuple(dict.fromkeys([*one.run_ids, *(course.run_id for course in one.refinements)])),
-                drawing=True,
             )
             for one in found
         ),

@@ -7,10 +7,10 @@ from statistics import fmean
 from typing import Any
 
 from shellbench.bench.record import Record
-from shellbench.report.columns import COST, column
+from shellbench.report.columns import COST, column, frame
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import by_solution, grouped
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CURVE, STATES
 from shellbench.report.traces import runs_by_case
 
@@ -21,8 +21,8 @@ def section(found: Evidence) -> Section:
     return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
 
 
-def effort_table(evidence: Evidence) -> Table | None:
-    """Return the table of path states, iterations and seconds; None if no run followed a path."""
+def effort_table(evidence: Evidence) -> Table:
+    """Return the table of path states, iterations and seconds."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
     for runs in runs_by_case(evidence.records, evidence.headline).values():
@@ -40,8 +40,6 @@ def effort_table(evidence: Evidence) -> Table | None:
                 seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
                 words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
                 notes.append(Note(words, reason))
-    if not lines:
-        return None
     return Table(
         name="effort",
         title="Iterations and seconds",

@@ -125,7 +125,6 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
             ),
             figure=cross_check_figure(drawn, evidence.inks),
             run_ids=tuple(dict.fromkeys(run_id for one in drawn for run_id in one.run_ids)),
-            drawing=True,
         ),
     )
 

@@ -151,8 +151,8 @@ Maker = Callable[[Evidence], Section | None]
 
 
 def given(*tables: Table | None) -> tuple[Table, ...]:
-    """Return the tables that there are."""
-    return tuple(table for table in tables if table is not None)
+    """Return the tables that there are and that have lines."""
+    return tuple(table for table in tables if table is not None and len(table.data))
 
 
 def all_tables(sections: Iterable[Section]) -> list[Table]:

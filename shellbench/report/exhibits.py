@@ -84,7 +84,6 @@ def _convergence(evidence: Evidence) -> Iterator[Exhibit]:
                 description=f"Errors fall with refinement. {_rates(refining)}",
                 figure=refinement,
                 run_ids=tuple(course.run_id for course in refining),
-                drawing=True,
             )
         for abscissa in AXES:
             figure = iteration_figure(shown, evidence.inks, abscissa)
@@ -101,7 +100,6 @@ def _convergence(evidence: Evidence) -> Iterator[Exhibit]:
                 description=f"Error and gap of {solvers} against {against}, case by case",
                 figure=figure,
                 run_ids=tuple(course.run_id for course in shown),
-                drawing=True,
             )
 
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import code, column
+from shellbench.report.columns import code, column, frame
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Table, frame
+from shellbench.report.table import Table
 
 Array = NDArray[np.float64]
 
@@ -31,8 +31,8 @@ def section(found: Evidence) -> Section:
     return Section("fields", "Whole fields", tables=tables, place="its suites")
 
 
-def field_table(evidence: Evidence) -> Table | None:
-    """Return the table of differences between fields; None if there are no two to compare."""
+def field_table(evidence: Evidence) -> Table:
+    """Return the table of differences between fields."""
     headline = [
         row
         for row in evidence.headline
@@ -40,8 +40,6 @@ def field_table(evidence: Evidence) -> Table | None:
     ]
     cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
     lines = [line for of_case in cases for line in _lines(evidence, of_case)]
-    if not lines:
-        return None
     return Table(
         name="fields",
         title="Differences between fields",

@@ -20,6 +20,7 @@ from shellbench.report.columns import (
     code,
     column,
     error,
+    frame,
     in_its_unit,
     present,
     significant,
@@ -30,7 +31,7 @@ from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation
 from shellbench.report.solutions import BAD, EXPECTED, by_solution, grouped, verdict
 from shellbench.report.suites import leading_rows
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH
 from shellbench.report.traces import Apart, apart, motion_steps, runs_by_case
 
@@ -61,7 +62,7 @@ def section(found: Evidence) -> Section:
     )
 
 
-def motion_table(evidence: Evidence) -> Table | None:
+def motion_table(evidence: Evidence) -> Table:
     """Return how far each motion came, what it took, what energy it lost and how far it is from the others."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
@@ -79,8 +80,6 @@ def motion_table(evidence: Evidence) -> Table | None:
                 for r in made
                 if r.status != "ok" and r.reason
             ]
-    if not lines:
-        return None
     standard = f" from that of {' or '.join(against)}" if against else ""
     return Table(
         name="motions",

@@ -243,7 +243,6 @@ def newton_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
         description="; ".join(_told(one) for one in shown),
         figure=trace_figure(panels, runs, evidence.inks),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
-        drawing=True,
     )
 
 

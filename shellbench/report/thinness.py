@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
-from shellbench.report.columns import Line, column, error, share
+from shellbench.report.columns import Column, Line, column, error, present, share
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -27,7 +27,7 @@ from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open
 from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Column, Note, Table, present
+from shellbench.report.table import Note, Table
 
 STUDY: Study = "thinness"
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
@@ -62,7 +62,6 @@ def section(evidence: Evidence) -> Section | None:
                 description=" ".join(findings(table.data)),
                 figure=thinness_figure(table.data, evidence.inks),
                 run_ids=tuple(runs["run_id"]),
-                drawing=True,
             )
         )
         words += [f"{title}. {sentence}" if not i else sentence for i, sentence in enumerate(findings(table.data))]

@@ -176,7 +176,6 @@ def _strains(evidence: Evidence) -> Iterator[Exhibit]:
             ),
             figure=figure,
             run_ids=ids,
-            drawing=True,
         )
     for name, case, runs, values in _cases(evidence, [row for row in shown if row.primary]):
         if len(runs) > 1:
@@ -306,7 +305,7 @@ def _frames(name: str, case: Portrait, runs: Runs, folder: Path) -> Iterator[Exh
 def _drawing(
     name: str, title: str, caption: str, description: str, figure: Figure, runs: Sequence[TracedRun]
 ) -> Exhibit:
-    return Exhibit(name, title, caption, description, figure, tuple(run.run_id for run in runs), drawing=True)
+    return Exhibit(name, title, caption, description, figure, tuple(run.run_id for run in runs))
 
 
 def _left(series: Sequence[Along], runs: Sequence[TracedRun]) -> list[Along]:

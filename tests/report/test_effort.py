@@ -86,4 +86,4 @@ def test_iterations_that_nobody_counted_are_no_number(nonlinear):
 
 
 def test_without_paths_there_is_no_table(store):
-    assert effort_table(Evidence({record.run_id: record for record in store.records}, store.rows, None)) is None
+    assert effort_table(Evidence({record.run_id: record for record in store.records}, store.rows, None)).data.empty

@@ -35,4 +35,4 @@ def test_the_table_holds_each_solver_against_the_certain_one(store: Store):
 def test_without_a_certain_solver_nothing_is_compared(store: Store):
     by_id = {record.run_id: record for record in store.records}
     fields_only = [row for row in store.rows if row.solver != "fem"]
-    assert field_table(Evidence(by_id, fields_only, store.folder)) is None
+    assert field_table(Evidence(by_id, fields_only, store.folder)).data.empty

@@ -71,7 +71,7 @@ def test_the_best_run_is_shown_a_failed_one_only_where_no_other_kept_states(nonl
 def test_the_field_of_a_failed_run_is_held_against_no_other(nonlinear):
     """It belongs to another load."""
     by_id = {record.run_id: record for record in nonlinear.records}
-    assert field_table(Evidence(by_id, nonlinear.rows, nonlinear.folder)) is None
+    assert field_table(Evidence(by_id, nonlinear.rows, nonlinear.folder)).data.empty
 
 
 @pytest.mark.parametrize(
