@@ -19,7 +19,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.palette import Ink, inks
-from shellbench.report.runs import table_of_runs
+from shellbench.report.runs import in_order_of_cases, table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.suites import compared
 from shellbench.report.table import Table
@@ -141,6 +141,12 @@ class Evidence:
     def headline(self) -> list[Row]:
         """Those of them that are about headline quantities."""
         return [row for row in self.compared if row.primary]
+
+    @cached_property
+    def made(self) -> pd.DataFrame:
+        """The runs of these that left a record, each once, case by case."""
+        found = self.runs[self.runs["primary"] & self.runs["compared"]].dropna(subset="record")
+        return in_order_of_cases(found.drop_duplicates(["case", "own_case", "run_id"]), [])
 
     def figures(self, *prefixes: str) -> tuple[Exhibit, ...]:
         """Return the figures whose names begin so, in the order of the beginnings."""

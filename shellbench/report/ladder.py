@@ -24,7 +24,6 @@ from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
 from shellbench.report.runs import groups_alike, in_study
 from shellbench.report.solutions import variant_name
-from shellbench.report.suites import compared, leading_rows
 
 Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]
@@ -274,8 +273,7 @@ def leader(level: Sequence[Run]) -> Run:
 def case_runs(evidence: Evidence) -> list[CaseRuns]:
     """Return the runs of each case with default settings, and those of studies of the resolution."""
     headline = evidence.runs[evidence.runs["primary"]]
-    leading = {id(row) for row in leading_rows(compared(list(headline["row"])))}
-    chosen = headline[headline["row"].map(id).isin(leading) | in_study(headline, "resolution")]
+    chosen = headline[headline["leading"] | in_study(headline, "resolution")]
     found = []
     for (case, _), of_case in chosen.groupby(["case", "own_case"], sort=False):
         solvers = of_case.groupby("solver", sort=False)

@@ -27,13 +27,14 @@ from shellbench.report.columns import (
     words,
 )
 from shellbench.report.digits import rounded
+from shellbench.report.effort import effort
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation
-from shellbench.report.solutions import BAD, EXPECTED, by_solution, grouped, verdict
+from shellbench.report.solutions import BAD, EXPECTED, grouped, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH
-from shellbench.report.traces import Apart, apart, motion_steps, runs_by_case
+from shellbench.report.traces import Apart, apart, portrayed, steps_of
 
 TIMES = "times_"  # how names of tables by time begin
 GLANCE = significant(2)  # how an error, a drift and a difference are written
@@ -67,13 +68,13 @@ def motion_table(evidence: Evidence) -> Table:
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
     against: dict[str, None] = {}
-    for runs in runs_by_case(evidence.records, leading_rows(evidence.headline)).values():
-        case = portrait_of(runs[0][1])
-        if case is None or case.ends is None:
+    for case, of_case in portrayed(evidence.made[evidence.made["leading"]]):
+        if case.ends is None:
             continue
-        found = apart(runs, evidence.folder)
+        found = apart(of_case, evidence.folder)
         against |= dict.fromkeys(one.against for one in found.values())
-        for name, made in by_solution(runs).items():
+        for name, of_solution in of_case.groupby("solution", sort=False):
+            made = list(of_solution["record"])
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
             notes += [
                 Note(f"{case.title}, {name}{'' if r.identity.seed is None else f', seed {r.identity.seed}'}", r.reason)
@@ -105,8 +106,7 @@ def motion_table(evidence: Evidence) -> Table:
 
 
 def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) -> dict[str, Any]:
-    steps = [motion_steps(record) for record in made]
-    counted = [step.iterations for of_run in steps for step in of_run if step.iterations is not None]
+    steps, took = [steps_of(record, "time") for record in made], effort(made, "time")
     differences = [found[record.run_id] for record in made if record.run_id in found]
     worst = max(differences, key=lambda one: one.largest[1], default=None)
     asked: dict[float, float] = {}
@@ -114,20 +114,18 @@ def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) 
         values = [value for one in differences if (value := one.rms.at(t)) is not None]
         asked |= {t: max(values)} if values else {}
     ends = [of_run[-1].at for of_run in steps if of_run]
-    ends += [record.series[0].marks[-1] for record in made if record.series and not motion_steps(record)]
+    ends += [record.series[0].marks[-1] for record in made if record.series and not steps_of(record, "time")]
     return {
         "reached": min(ends, default=None),
-        "steps": max(map(len, steps)) or None,
-        "iterations": max((sum(step.iterations or 0 for step in of_run) for of_run in steps if of_run), default=None)
-        if counted
-        else None,
+        "steps": took["states"] or None,
+        "iterations": took["iterations"],
         "drift": max((abs(step.energy) for of_run in steps for step in of_run), default=None),
         "largest": worst.largest[1] if worst else None,
         "largest_at": worst.largest[0] if worst else None,
         "asked_times": " ".join(f"{t:g}" for t in asked),
         "asked_differences": " ".join(repr(value) for value in asked.values()),
-        "seconds": fmean(record.seconds for record in made),
-        "run_ids": " ".join(record.run_id for record in made),
+        "seconds": took["seconds"],
+        "run_ids": took["run_ids"],
     }
 
 

@@ -18,7 +18,6 @@ from shellbench.report.digits import byte_size, rounded
 from shellbench.report.evidence import Evidence
 from shellbench.report.notation import Notation
 from shellbench.report.runs import groups_alike, in_order_of_cases
-from shellbench.report.suites import compared
 from shellbench.report.table import Note, Table
 
 MESH_BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
@@ -35,10 +34,10 @@ def representatives(evidence: Evidence) -> pd.DataFrame:
     """
     runs = evidence.runs
     runs = runs[runs["primary"] & runs["sound"]].dropna(subset="record")
-    plain = runs["row"].map(id).isin({id(row) for row in compared(list(runs["row"]))})
-    led = plain.groupby([runs["case"], runs["solver"]]).transform("any")
+    led = runs["compared"].groupby([runs["case"], runs["solver"]]).transform("any")
     largest = runs[~led].fillna({"unknowns": 0.0}).groupby(["case", "solver"])["unknowns"].idxmax()
-    return in_order_of_cases(runs[plain | runs.index.isin(largest)].drop_duplicates(["case", "solution"]), [])
+    shown = runs[runs["compared"] | runs.index.isin(largest)]
+    return in_order_of_cases(shown.drop_duplicates(["case", "solution"]), [])
 
 
 def _common(evidence: Evidence) -> Iterator[tuple[dict[str, Any], Any]]:

@@ -21,7 +21,6 @@ from shellbench.report.traces import (
     frame_at,
     known_points,
     rms_difference,
-    runs_by_case,
     shown_marks,
     traced,
     yardstick,
@@ -49,8 +48,7 @@ def record_of(motion, case, solver):
 
 
 def runs_of(motion, by_id, case):
-    primary = [row for row in motion.rows if row.primary and row.case == case]
-    return runs_by_case(by_id, primary)[case, False]
+    return Evidence(by_id, [row for row in motion.rows if row.case == case], motion.folder).made
 
 
 def test_a_run_is_traced_as_it_was_recorded(motion):
@@ -146,7 +144,8 @@ def test_frames_are_found_by_their_mark(motion):
 
 def test_shown_marks_are_common_and_evenly_spread(motion, by_id):
     case = ShellPortrait(catalog.named_case("pendulum_strip"))
-    kept = {row.solver: read_fields(record, motion.folder) for row, record in runs_of(motion, by_id, case.name)}
+    runs = runs_of(motion, by_id, case.name)["record"]
+    kept = {record.identity.solver: read_fields(record, motion.folder) for record in runs}
     assert shown_marks(case, kept, 5) == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     sleeve = ShellPortrait(catalog.named_case("sleeve_twist"))
     kept = {"fem": read_fields(record_of(motion, "sleeve_twist", "fem"), motion.folder)}
