@@ -96,21 +96,29 @@ class Fields:
 
 def read_fields(record: Record, folder: Path) -> Fields | None:
     """Return the fields that a run kept; None if it kept none, or they are lost, damaged or not finite."""
-    if record.fields_file is None:
+    kept = kept_arrays(record, folder, "xi", "position", "displacement", optional=("marks", "displacements"))
+    if kept is None:
         return None
+    xi, position, displacement, *states = kept
+    fields = Fields(xi, position, displacement, *(states if states and len(states[0]) else ()))
+    fits = position.shape == displacement.shape
+    if len(fields.marks):
+        fits &= fields.displacements.shape == (len(fields.marks), *displacement.shape)
+    return fields if fits else None
+
+
+def kept_arrays(record: Record, folder: Path, *names: str, optional: Sequence[str] = ()) -> list[Array] | None:
+    """Return arrays that a run kept, the optional ones only if the first of them is there.
+
+    None if it kept none, or they are lost, damaged or not finite.
+    """
     try:
-        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
-            xi, position, displacement = (
-                np.asarray(stored[name], dtype=float) for name in ("xi", "position", "displacement")
-            )
-            marks = np.asarray(stored.get("marks", []), dtype=float)
-            states = stored["displacements"] if len(marks) else np.empty((0, *displacement.shape))
-            fields = Fields(xi, position, displacement, marks, np.asarray(states, dtype=float))
+        with np.load(folder / (record.fields_file or ""), allow_pickle=False) as stored:
+            wanted = (*names, *(optional if optional and optional[0] in stored else ()))
+            arrays = [np.asarray(stored[name], dtype=float) for name in wanted]
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
-    fits = position.shape == displacement.shape and fields.displacements.shape == (len(marks), *displacement.shape)
-    whole = fits and all(np.all(np.isfinite(a)) for a in (xi, position, displacement, marks, fields.displacements))
-    return fields if whole else None
+    return arrays if all(np.all(np.isfinite(one)) for one in arrays) else None
 
 
 def differences(ours: Fields, theirs: Fields) -> tuple[float, float]:

@@ -132,24 +132,17 @@ def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], k
 
 def caption(theories: Sequence[str], marked: bool, stated: bool = False) -> str:
     """Say what judges, and how the errors are to be read."""
-    judged = f"Errors are relative to the converged value of {' and '.join(theories)} theory." if theories else ""
-    return " ".join(
-        part
-        for part in (
-            judged,
-            "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
-            " differs.",
-            "A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
-            " brackets are the uncertainty of the last digits.",
-            "The own uncertainty is what a solver states of its answer itself, the largest over its seeds."
-            if stated
-            else "",
-            "An error marked * is smaller than the uncertainty of the known value." if marked else "",
-            "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
-            " of the solving process.",
-        )
-        if part
-    )
+    sentences = {
+        f"Errors are relative to the converged value of {' and '.join(theories)} theory.": bool(theories),
+        "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
+        " differs. A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
+        " brackets are the uncertainty of the last digits.": True,
+        "The own uncertainty is what a solver states of its answer itself, the largest over its seeds.": stated,
+        "An error marked * is smaller than the uncertainty of the known value.": marked,
+        "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
+        " of the solving process.": True,
+    }
+    return " ".join(sentence for sentence, told in sentences.items() if told)
 
 
 def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, exhibits, page, shells
+from shellbench.report import exhibit, exhibits, page, sections, shells
 from shellbench.report.fields import read_fields
 from shellbench.report.scene import lead_shells, pictured
 from shellbench.report.shells import AXES_TO_UP
@@ -52,7 +52,7 @@ def browser(playwright):
 def written(store, folder, suite, figures=exhibits.exhibits):
     """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
     with pytest.MonkeyPatch.context() as coarse:
-        coarse.setattr(page, "exhibits", figures)
+        coarse.setattr(sections, "exhibits", figures)
         coarse.setattr(exhibit, "SCREEN_DPI", 60)
         coarse.setattr(shells, "CELLS", 8)
         start = page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
@@ -82,12 +82,12 @@ def course_page(dense, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cloth_page(motion, tmp_path_factory):
-    def pictures(records, rows, folder, known):
+    def pictures(evidence):
         return [
             exhibits.Exhibit(
                 f"{exhibits.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
             )
-            for one in lead_shells(pictured(records, rows), folder)
+            for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]
 
     return written(motion, tmp_path_factory.mktemp("cloth"), "cloth", pictures)
