@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, geometric_mean
 from typing import Literal
 
+import numpy as np
+import pandas as pd
+
 from shellbench.bench.row import Row
 from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
+from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence
+from shellbench.report.notation import TEXT
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import headlines
-from shellbench.report.solutions import grouped, same_but_for_seed
+from shellbench.report.table import Note
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
 Measure = Literal["unknowns", "seconds", "memory"]
@@ -38,6 +42,10 @@ class Point:
         Magnitude of the relative error of each run.
     sound
         Whether all of them ended well.
+    run_ids
+        Of those that answered.
+    rows
+        Of all.
     """
 
     unknowns: int
@@ -46,6 +54,7 @@ class Point:
     errors: tuple[float, ...]
     sound: bool
     run_ids: tuple[str, ...]
+    rows: tuple[Row, ...]
 
     @property
     def error(self) -> float:
@@ -66,11 +75,34 @@ class Family:
     swept
         Name of the setting; empty for the default run. Two sweeps of one solver over different settings are two
         families.
+    variant
+        Where lines of one solver are told apart, its other settings that depart from the defaults, in words.
     """
 
     solver: str
     swept: str
     points: tuple[Point, ...]
+    variant: str = ""
+
+    @property
+    def name(self) -> str:
+        """The solver and its settings, as a line of a table."""
+        return f"{self.solver}, {self.variant}" if self.variant else self.solver
+
+    @property
+    def alone(self) -> bool:
+        """Whether there is no second size that could confirm a size."""
+        return len(self.points) == 1
+
+    @property
+    def finest(self) -> Point | None:
+        """The finest size whose runs ended well; None if there is none."""
+        return next((point for point in reversed(self.points) if point.sound), None)
+
+    def mean(self, name: str) -> float | None:
+        """Return a number of the finest size's rows, the mean of its seeds; None if one of them states none."""
+        values = [getattr(row, name) for row in self.finest.rows] if self.finest else []
+        return fmean(values) if values and None not in values else None
 
     @property
     def is_mesh(self) -> bool:
@@ -122,25 +154,68 @@ def last_improvement(points: Sequence[Point]) -> Point | None:
     return last
 
 
+def down_to(points: Iterable[Point]) -> str:
+    """Say how small the error got, of sizes whose runs ended well."""
+    errors = [point.error for point in points if point.sound]
+    return f"down to {TEXT.number(percent(min(errors), signed=False))} %" if errors else "failed"
+
+
 @dataclass(frozen=True)
-class CaseAccuracy:
+class AnsweredCase:
+    """One case with all who answered it.
+
+    Attributes
+    ----------
+    first
+        One of its rows, which carries its words and the known value.
+    failed
+        By solver, in a clause each, the runs that did not end well.
+    """
+
+    first: Row
+    yardstick: Yardstick
+    families: tuple[Family, ...]
+    failed: Mapping[str, Sequence[str]]
+
+    @property
+    def case(self) -> str:
+        """Its name."""
+        return self.first.case
+
+    @property
+    def title(self) -> str:
+        """What a reader calls it."""
+        return self.first.case_title or self.first.case
+
+    @property
+    def run_ids(self) -> tuple[str, ...]:
+        """The runs that answered."""
+        return tuple(dict.fromkeys(run for one in self.families for point in one.points for run in point.run_ids))
+
+    def failures(self, consequence: str = "") -> Iterator[Note]:
+        """Yield a remark on each solver some of whose runs did not end well."""
+        for solver, clauses in self.failed.items():
+            several = len(clauses) > 1
+            count, first = (f"{len(clauses)} runs", "; the first") if several else ("one run", "")
+            yield Note(f"{self.title}, {solver}", f"{count} failed{consequence}{first}, {clauses[0]}")
+
+
+@dataclass(frozen=True)
+class CaseAccuracy(AnsweredCase):
     """All that is known of a case's accuracy and its cost.
 
     Attributes
     ----------
-    failed
-        By solver, in a clause each, the runs that did not end well.
     refinements
         Histories of solvers that refine by themselves.
     """
 
-    case: str
-    title: str
-    quantity: str
-    yardstick: Yardstick
-    families: tuple[Family, ...]
-    failed: Mapping[str, Sequence[str]]
     refinements: tuple[Course, ...]
+
+    @property
+    def quantity(self) -> str:
+        """What a reader calls the headline quantity."""
+        return self.first.description or self.first.quantity.replace("_", " ")
 
     @property
     def solvers(self) -> list[str]:
@@ -157,34 +232,31 @@ def accuracies(evidence: Evidence) -> list[CaseAccuracy]:
     runs, studied = headlines(evidence.runs), headlines(evidence.runs, "resolution")
     cases = studied.loc[~studied["default_settings"], "case"]
     shown = runs[runs["case"].isin(cases) & (runs["default_settings"] | runs.index.isin(studied.index))]
-    found = (_accuracy(list(of_case["row"]), evidence) for _, of_case in shown.groupby("case", sort=False))
+    found = (_accuracy(of_case, evidence) for _, of_case in shown.groupby("case", sort=False))
     return [accuracy for accuracy in found if accuracy is not None]
 
 
-def _accuracy(rows: Sequence[Row], evidence: Evidence) -> CaseAccuracy | None:
-    first, yardstick = rows[0], yardstick_of(evidence.records, rows)
-    if yardstick is None:
-        return None
+def _accuracy(runs: pd.DataFrame, evidence: Evidence) -> CaseAccuracy | None:
+    rows = list(runs["row"])
+    yardstick = yardstick_of(evidence.records, rows)
     families: dict[tuple[str, str], list[Point]] = {}
-    for alike in grouped(rows, same_but_for_seed).values():
-        point = point_of(alike, yardstick)
-        if point is not None:
-            families.setdefault((alike[0].solver, swept_setting(alike[0])), []).append(point)
-    if not families:
+    for point in sizes(runs, yardstick):
+        families.setdefault((point.rows[0].solver, swept_setting(point.rows[0])), []).append(point)
+    if yardstick is None or not families:
         return None
     histories = courses(evidence.records, [row for row in rows if row.default_settings])
     return CaseAccuracy(
-        case=first.case,
-        title=first.case_title or first.case,
-        quantity=first.description or first.quantity.replace("_", " "),
+        first=rows[0],
         yardstick=yardstick,
-        families=tuple(
-            Family(solver, swept, tuple(sorted(points, key=lambda point: (point.unknowns, point.seconds))))
-            for (solver, swept), points in sorted(families.items())
-        ),
+        families=tuple(family(*key, points) for key, points in sorted(families.items())),
         failed=failed_runs(rows),
         refinements=tuple(course for course in histories if course.refines and not course.is_field),
     )
+
+
+def family(solver: str, swept: str, points: Sequence[Point], variant: str = "") -> Family:
+    """Return a sweep with its sizes in order."""
+    return Family(solver, swept, tuple(sorted(points, key=lambda point: (point.unknowns, point.seconds))), variant)
 
 
 def swept_setting(row: Row) -> str:
@@ -196,28 +268,29 @@ def swept_setting(row: Row) -> str:
     return named if named in row.overrides else " ".join(sorted(row.overrides))
 
 
-def point_of(alike: Sequence[Row], yardstick: Yardstick) -> Point | None:
-    """Return what runs that differ in their seed alone come to; None if none answered."""
-    answered = [
-        row
-        for row in alike
-        if row.value is not None and math.isfinite(row.value) and row.parameters and row.run_id != yardstick.run_id
-    ]
-    if not answered:
-        return None
-    memory = [
-        float(row.peak_memory_bytes - row.idle_memory_bytes)
-        for row in answered
-        if row.peak_memory_bytes and row.idle_memory_bytes and row.peak_memory_bytes > row.idle_memory_bytes
-    ]
-    return Point(
-        unknowns=max(row.parameters or 0 for row in answered),
-        seconds=fmean(row.seconds or 0.0 for row in answered),
-        memory=max(memory, default=None),
-        errors=tuple(max(SMALLEST, abs(yardstick.error(row.value or 0.0))) for row in answered),
-        sound=all(row.status == "ok" for row in alike),
-        run_ids=tuple(row.run_id or "" for row in answered),
-    )
+def sizes(runs: pd.DataFrame, yardstick: Yardstick | None) -> list[Point]:
+    """Return what runs of a case come to, those together that differ in their seed alone; nothing unless they answered.
+
+    The run that others are held against is left out.
+    """
+    found = []
+    for _, alike in runs.groupby("alike", sort=False):
+        answered = alike[np.isfinite(alike["value"]) & (alike["unknowns"] > 0)]
+        if yardstick is None or (answered := answered[answered["run_id"] != yardstick.run_id]).empty:
+            continue
+        memory = answered["solve_memory_bytes"].max()
+        found.append(
+            Point(
+                unknowns=int(answered["unknowns"].max()),
+                seconds=fmean(answered["seconds"].fillna(0.0)),
+                memory=None if np.isnan(memory) else float(memory),
+                errors=tuple(max(SMALLEST, abs(yardstick.error(value))) for value in answered["value"]),
+                sound=bool(alike["sound"].all()),
+                run_ids=tuple(answered["run_id"]),
+                rows=tuple(alike["row"]),
+            )
+        )
+    return found
 
 
 def failed_runs(rows: Sequence[Row]) -> dict[str, list[str]]:

@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.columns import Line, code, column, error, words
+from shellbench.report.columns import Column, Line, code, column, error, frame, words
 from shellbench.report.digits import Digits, percent
-from shellbench.report.evidence import Evidence, Section
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation
@@ -25,7 +25,7 @@ from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, e
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Column, Note, Table, frame
+from shellbench.report.table import Note, Table
 
 WIDTH, ALONE, HEIGHT, MARGIN = 2.53, 3.3, 2.15, 0.62  # inches: a panel of three, of two, its height, and the legend
 SMALLEST_DRIFT = 1e-9  # relative; no figure here is known better, and smaller ones are drawn at this height
@@ -53,23 +53,18 @@ WORDS = (
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run was seen through grids and no two runs can be compared."""
     cases = evidence.once(case_runs)
-    tables = (consistency_table(cases), *(make(evidence) for make in (resolution_table, frame_rate_table, mesh_table)))
-    found = tuple(table for table in tables if table is not None)
-    if not found:
+    queries = (make(evidence) for make in (resolution_table, frame_rate_table, mesh_table))
+    tables = given(consistency_table(cases), *queries)
+    if not tables:
         return None
     return Section(
         name="consistency",
         title="Resolution consistency",
         words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
-        tables=found,
+        tables=tables,
         exhibits=tuple(exhibit for case in cases if (exhibit := _exhibit(case, evidence.inks)) is not None),
-        details=details(cases),
+        details=given(pair_table(cases), drift_table(cases)),
     )
-
-
-def details(cases: Sequence[CaseRuns]) -> tuple[Table, ...]:
-    """Return the long tables behind the section: all pairs of runs, and the drift of all quantities."""
-    return tuple(table for table in (pair_table(cases), drift_table(cases)) if table is not None)
 
 
 def consistency_table(cases: Sequence[CaseRuns]) -> Table | None:
@@ -215,7 +210,6 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         ),
         figure=consistency_figure(case, shown, inks),
         run_ids=tuple(run.record.run_id for ladder in shown for run in ladder.runs),
-        drawing=True,
     )
 
 
@@ -252,8 +246,8 @@ def drift(run: Run, finest: Run, quantity: str) -> float | None:
     return (ours.value - theirs.value) / abs(theirs.value)
 
 
-def pair_table(cases: Sequence[CaseRuns]) -> Table | None:
-    """Return a line for each pair of runs that is compared; None if there is none."""
+def pair_table(cases: Sequence[CaseRuns]) -> Table:
+    """Return a line for each pair of runs that is compared."""
     lines = [
         {
             **_common(case, ladder, run, pair=kind),
@@ -271,8 +265,6 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table | None:
         for kind, run, other in _pairs(case, ladder)
         if (found := run.difference(other)) is not None
     ]
-    if not lines:
-        return None
     return Table(
         name="consistency_pairs",
         title="All pairs of runs",
@@ -304,7 +296,7 @@ def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:
     yield from (("common run", run, common) for run in ladder.runs if common is not None and run is not common)
 
 
-def drift_table(cases: Sequence[CaseRuns]) -> Table | None:
+def drift_table(cases: Sequence[CaseRuns]) -> Table:
     """Return a line for each run and quantity: its value, and the finest run's of the same solver."""
     lines = [
         {
@@ -322,8 +314,6 @@ def drift_table(cases: Sequence[CaseRuns]) -> Table | None:
         for name, value in run.record.values.items()
         if name in ladder.finest.record.values
     ]
-    if not lines:
-        return None
     return Table(
         name="consistency_drift",
         title="Drift of all quantities",

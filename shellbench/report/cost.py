@@ -9,12 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies
-from shellbench.report.columns import Line, Way, column, count, seconds, size
-from shellbench.report.digits import percent
+from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
+from shellbench.report.columns import Line, Way, column, count, frame, seconds, size
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import MINUS, TEXT, Notation
+from shellbench.report.notation import MINUS, Notation
 from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
@@ -32,7 +31,7 @@ from shellbench.report.panel import (
 from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)
 WIDTH, HEIGHT, MARGIN = 7.4, 2.5, 0.55  # inches of the figure, of its panels, and of the legend
@@ -88,8 +87,7 @@ def section(evidence: Evidence) -> Section | None:
                 caption=_caption(one),
                 description=_description(one),
                 figure=cost_figure(one, evidence.inks),
-                run_ids=_run_ids(one),
-                drawing=True,
+                run_ids=tuple(dict.fromkeys([*one.run_ids, *(course.run_id for course in one.refinements)])),
             )
             for one in found
         ),
@@ -103,7 +101,7 @@ def cost_table(found: Sequence[CaseAccuracy], measure: Measure, environment: Map
         for solver in one.solvers:
             families, floor = one.of(solver), one.yardstick.floor
             rate, order = families[0].rate(measure, floor), families[0].order(floor)
-            runs = [run_id for family in families for point in family.points for run_id in point.run_ids]
+            runs = [run for family in families for point in family.points for run in point.run_ids]
             line: dict[str, Any] = {"block": one.title, "case": one.case, "solver": solver}
             for level in LEVELS:
                 ways = [way for family in families if (way := family.cheapest(level, floor, measure))]
@@ -144,10 +142,7 @@ def _notes(found: Sequence[CaseAccuracy]) -> list[Note]:
     for one in found:
         if one.yardstick.run_id:
             notes.append(Note(one.title, f"errors are against {one.yardstick.words}."))
-        for solver, reasons in one.failed.items():
-            runs = f"{len(reasons)} runs" if len(reasons) > 1 else "one run"
-            first = f"; the first, {reasons[0]}" if len(reasons) > 1 else f", {reasons[0]}"
-            notes.append(Note(f"{one.title}, {solver}", f"{runs} failed and reached nothing{first}"))
+        notes += one.failures(" and reached nothing")
     return notes
 
 
@@ -169,20 +164,8 @@ def _caption(one: CaseAccuracy) -> str:
 
 
 def _description(one: CaseAccuracy) -> str:
-    best = []
-    for solver in one.solvers:
-        error = min((point.error for family in one.of(solver) for point in family.points if point.sound), default=None)
-        best.append(
-            f"{solver} down to {TEXT.number(percent(error, signed=False))} %"
-            if error is not None
-            else f"{solver} failed"
-        )
+    best = [f"{solver} {down_to(p for family in one.of(solver) for p in family.points)}" for solver in one.solvers]
     return f"{one.title}, relative error of the {one.quantity}: {'; '.join(best)}"
-
-
-def _run_ids(one: CaseAccuracy) -> tuple[str, ...]:
-    points = [run_id for family in one.families for point in family.points for run_id in point.run_ids]
-    return tuple(dict.fromkeys([*points, *(course.run_id for course in one.refinements)]))
 
 
 def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:

@@ -2,48 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from statistics import fmean
 from typing import Any
 
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
-from shellbench.report.columns import COST, column
+from shellbench.report.columns import COST, column, frame
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.solutions import by_solution, grouped
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.solutions import grouped
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CURVE, STATES
-from shellbench.report.traces import runs_by_case
+from shellbench.report.traces import Phase, steps_of
 
 
 def section(found: Evidence) -> Section:
     """Return the section of paths: what they took, and how they went."""
-    tables, figures = given(effort_table(found.records, found.compared)), found.figures(CURVE, STATES)
+    tables, figures = given(effort_table(found)), found.figures(CURVE, STATES)
     return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
 
 
-def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
-    """Return the table of path states, iterations and seconds; None if no run followed a path."""
+def effort_table(evidence: Evidence) -> Table:
+    """Return the table of path states, iterations and seconds."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
-    headline = [row for row in rows if row.primary]
-    for runs in runs_by_case(records, headline).values():
-        first = runs[0][0]
-        title = first.case_title or first.case
-        for name, made in by_solution(runs).items():
-            followed = [record for record in made if any(step.phase == "path" for step in record.history)]
-            if not followed:
-                continue
-            lines.append({"block": title, "case": first.case, "solution": name} | effort(followed))
-            failed = grouped(
-                (record for record in followed if record.status != "ok"), lambda one: one.reason or one.status
-            )
-            for reason, alike in failed.items():
-                seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
-                words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
-                notes.append(Note(words, reason))
-    if not lines:
-        return None
+    walked = [bool(steps_of(record, "path")) for record in evidence.made["record"]]
+    for (case, _, name), runs in evidence.made[walked].groupby(["case", "own_case", "solution"], sort=False):
+        title, followed = runs["title"].iloc[0], list(runs["record"])
+        lines.append({"block": title, "case": case, "solution": name} | effort(followed, "path"))
+        failed = grouped((one for one in followed if one.status != "ok"), lambda one: one.reason or one.status)
+        for reason, alike in failed.items():
+            seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
+            words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
+            notes.append(Note(words, reason))
     return Table(
         name="effort",
         title="Iterations and seconds",
@@ -57,16 +47,16 @@ def effort_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | 
     )
 
 
-def effort(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what the paths of runs took."""
-    paths = [[step for step in record.history if step.phase == "path"] for record in records]
-    counted = [[step.iterations for step in path if step.iterations is not None] for path in paths]
+def effort(records: Sequence[Record], phase: Phase) -> dict[str, Any]:
+    """Return what the paths, or motions, of runs took."""
+    ways = [steps_of(record, phase) for record in records]
+    counted = [[step.iterations for step in way if step.iterations is not None] for way in ways]
     return {
         "seeds": len(records),
-        "states": max(map(len, paths)),
+        "states": max(map(len, ways)),
         "iterations": max((sum(counts) for counts in counted if counts), default=None),
         "most_in_a_step": max((max(counts) for counts in counted if counts), default=None),
-        "unknowns": max(step.unknowns for path in paths for step in path),
+        "unknowns": max((step.unknowns for way in ways for step in way), default=None),
         "seconds": fmean(record.seconds for record in records),
         "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
         "run_ids": " ".join(record.run_id for record in records),

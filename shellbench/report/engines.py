@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from shellbench.report.digits import duration, percent
-from shellbench.report.engines_cases import STUDY, CheckedCase, Contender, checked_cases, is_cross_check
+from shellbench.report.accuracy import Family, down_to
+from shellbench.report.digits import duration
+from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
 from shellbench.report.engines_table import LEVELS, cross_check_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import TEXT
-from shellbench.report.palette import DASHES, Dashes, Ink, inks
+from shellbench.report.palette import Dashes, Ink, dashes_of
 from shellbench.report.panel import (
     ERROR_LABEL,
     add_legend,
@@ -36,7 +36,7 @@ BIG, SMALL = 6.0, 3.6  # marks
 
 def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite cross-checks engines on any case."""
-    cases = checked_cases(evidence.records, evidence.rows)
+    cases = evidence.once(checked_cases)
     if not is_cross_check(cases):
         return None
     return Section(
@@ -65,12 +65,8 @@ def _timing_words(evidence: Evidence, cases: Sequence[CheckedCase]) -> str:
             "Seconds are wall time of the solve alone. There are no ratios of them; why is said below the table."
             f" {limits}"
         )
-    environments = [
-        record.environment
-        for row in evidence.rows
-        if row.case in compared and (record := evidence.records.get(row.run_id or "")) is not None
-    ]
-    processors = " and ".join(dict.fromkeys(one.processor for one in environments))
+    records = evidence.runs.loc[evidence.runs["case"].isin(compared), "record"].dropna()
+    processors = " and ".join(dict.fromkeys(record.environment.processor for record in records))
     which = "" if len(compared) == len(cases) else " Where ratios are withheld, the table says why."
     return (
         f"Seconds are wall time of the solve alone. All runs of a case were planned by one command and solved with one"
@@ -96,7 +92,7 @@ def _won(cases: Sequence[CheckedCase], level: float) -> str:
     """Say on how many cases no other solver is faster; a case that only others reach is lost."""
     ratios, contested = [], 0
     for one in cases:
-        others = [each for each in one.contenders if each.solver != one.base]
+        others = [each for each in one.families if each.solver != one.base]
         if any(one.least(level, each) is not None for each in others):
             contested += 1
             ratios += sorted(ratio for each in others if (ratio := one.ratio(level, each)) is not None)[:1]
@@ -116,7 +112,6 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
     drawn = drawn_cases(cases)
     if not drawn:
         return ()
-    runs = [run for one in drawn for each in one.contenders for point in each.family.points for run in point.run_ids]
     return (
         Exhibit(
             name="cross_check",
@@ -124,26 +119,19 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
             caption="Error of the headline quantity from the known value against wall time of the solve. A line is one"
             " choice of a solver's settings, a mark one size. Grey lines: the errors at which the table states seconds."
             " Shaded: below the uncertainty of the known value.",
-            description=". ".join(_described(one) for one in drawn),
-            figure=cross_check_figure(drawn, inks(row.solver for row in evidence.rows)),
-            run_ids=tuple(dict.fromkeys(runs)),
-            drawing=True,
+            description=". ".join(
+                f"{one.title}: " + "; ".join(f"{each.name} {down_to(each.points)}" for each in one.families)
+                for one in drawn
+            ),
+            figure=cross_check_figure(drawn, evidence.inks),
+            run_ids=tuple(dict.fromkeys(run_id for one in drawn for run_id in one.run_ids)),
         ),
     )
 
 
-def _described(one: CheckedCase) -> str:
-    reached = []
-    for each in one.contenders:
-        sound = [point.error for point in each.family.points if point.sound]
-        down = f"down to {TEXT.number(percent(min(sound), signed=False))} %" if sound else "failed"
-        reached.append(f"{each.name} {down}")
-    return f"{one.title}: {'; '.join(reached)}"
-
-
 def drawn_cases(cases: Sequence[CheckedCase]) -> list[CheckedCase]:
     """Return the cases that have a panel: those with a curve."""
-    return [one for one in cases if any(not each.alone for each in one.contenders)]
+    return [one for one in cases if any(not each.alone for each in one.families)]
 
 
 def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) -> Figure:
@@ -156,7 +144,7 @@ def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) ->
     for axes in panels.flat[len(drawn) :]:
         axes.set_axis_off()
     for i, (axes, one) in enumerate(zip(panels.flat, drawn, strict=False)):
-        for each in one.contenders:
+        for each in one.families:
             _draw(axes, each, inks[each.solver], dashes.get(each.name, "none"))
         for level in LEVELS:
             axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
@@ -168,27 +156,22 @@ def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) ->
 
 def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
     """Return the dashes of each line by its name: the same in all panels, different for one solver's settings."""
-    names = sorted({(each.solver, each.name) for one in cases for each in one.contenders if not each.alone})
-    seen: dict[str, int] = {}
-    found: dict[str, Dashes] = {}
-    for solver, name in names:
-        found[name] = DASHES[seen.get(solver, 0) % len(DASHES)]
-        seen[solver] = seen.get(solver, 0) + 1
-    return found
+    names = sorted({(each.solver, each.name) for one in cases for each in one.families if not each.alone})
+    return dashes_of(name for _, name in names)
 
 
-def _draw(axes: Axes, each: Contender, ink: Ink, line: Dashes) -> None:
+def _draw(axes: Axes, each: Family, ink: Ink, line: Dashes) -> None:
     look = {"markersize": BIG, "markeredgecolor": "black", "zorder": 3} if each.alone else {"markersize": SMALL}
     for sound in (True, False):
-        points = [point for point in each.family.points if point.sound is sound]
+        points = [point for point in each.points if point.sound is sound]
         seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
         draw(axes, seconds, errors, ink, line if sound else "none", hollow=not sound, linewidth=1.0, **look)
 
 
 def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
-    contenders = [each for one in cases for each in one.contenders]
-    solver_of = {each.name: each.solver for each in contenders}
+    families = [each for one in cases for each in one.families]
+    solver_of = {each.name: each.solver for each in families}
     entries = {name: entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()}
-    if any(each.alone for each in contenders):
+    if any(each.alone for each in families):
         entries["one size alone"] = mark_entry(markersize=BIG, markeredgecolor="black")
-    return entries | failed_entry(any(not point.sound for each in contenders for point in each.family.points))
+    return entries | failed_entry(any(not point.sound for each in families for point in each.points))

@@ -7,13 +7,14 @@ from typing import Any
 
 import pandas as pd
 
-from shellbench.bench import catalog
 from shellbench.bench.reference import KnownValue
+from shellbench.engine import ENGINE
+from shellbench.report.accuracy import Family
 from shellbench.report.columns import Column, Line, Way, column, error, present
 from shellbench.report.digits import duration, rounded
-from shellbench.report.engines_cases import CheckedCase, Contender
+from shellbench.report.engines_cases import CheckedCase
 from shellbench.report.notation import TEXT, Notation
-from shellbench.report.solutions import Known, theory_words
+from shellbench.report.solutions import Known, heading, theory_words
 from shellbench.report.table import Note, Table
 
 LEVELS = (1e-3, 1e-4, 1e-5)
@@ -34,9 +35,9 @@ CAPTION = (
 )
 
 
-def cross_check_table(cases: Sequence[CheckedCase], known: Known = catalog.known_values) -> Table:
+def cross_check_table(cases: Sequence[CheckedCase], known: Known) -> Table:
     """Return the table of all cases."""
-    lines = [line for one in cases for line in (_known(one), *(_solver(one, each) for each in one.contenders))]
+    lines = [line for one in cases for line in (_known(one), *(_solver(one, each) for each in one.families))]
     bases = list(dict.fromkeys(one.base for one in cases if one.base))
     return Table(
         name="cross_check",
@@ -53,7 +54,7 @@ def cross_check_table(cases: Sequence[CheckedCase], known: Known = catalog.known
             *(column(f"seconds_{level:g}", f"{100 * level:g} % (s)", _seconds(level)) for level in LEVELS),
             *_if_any(lines, "engine", "engine"),
         ),
-        notes=(*_origins(cases, known), *_runs(cases)),
+        notes=(*_origins(cases, known), *_withheld(cases), *(note for one in cases for note in one.failures())),
         sources=tuple(dict.fromkeys(str(line["source"]) for line in lines if present(line.get("source")))),
     )
 
@@ -78,9 +79,9 @@ def _extrapolation(lines: Sequence[Line]) -> str:
 
 
 def _known(one: CheckedCase) -> dict[str, Any]:
-    row = one.known
+    row = one.first
     return {
-        "block": one.heading,
+        "block": heading(row),
         "case": one.case,
         "kind": "known",
         "name": "Known value" if row.reference is not None else "Best answer",
@@ -92,9 +93,10 @@ def _known(one: CheckedCase) -> dict[str, Any]:
     }
 
 
-def _solver(one: CheckedCase, each: Contender) -> dict[str, Any]:
+def _solver(one: CheckedCase, each: Family) -> dict[str, Any]:
+    engines = dict.fromkeys(row.settings.get(ENGINE) for point in each.points for row in point.rows)
     line = {
-        "block": one.heading,
+        "block": heading(one.first),
         "case": one.case,
         "kind": "solver",
         "name": each.name,
@@ -105,7 +107,7 @@ def _solver(one: CheckedCase, each: Contender) -> dict[str, Any]:
         "reference_uncertainty": one.yardstick.floor * one.yardstick.scale,
         "doubtful": False,
         "alone": each.alone,
-        "engine": each.engine,
+        "engine": ", ".join(str(engine) for engine in engines if engine is not None),
     }
     value, extrapolated, base = each.mean("value"), each.mean("extrapolated"), one.base_value
     if value is None or each.finest is None:
@@ -157,7 +159,7 @@ def _origins(cases: Sequence[CheckedCase], known: Known) -> list[Note]:
     """Say of what theory and origin each known value is, and what second derivations confirm it."""
     notes = []
     for one in cases:
-        row, theory = one.known, one.known.reference_theory or ""
+        row, theory = one.first, one.first.reference_theory or ""
         judge = known(one.case).judge(row.quantity, theory) if row.reference is not None else None
         if judge is None:
             if row.reference is None:
@@ -175,17 +177,10 @@ def _origin(value: KnownValue) -> str:
     return f"{value.origin}, {TEXT.number(digits)} [{value.source}]"
 
 
-def _runs(cases: Sequence[CheckedCase]) -> list[Note]:
-    """Say why ratios are withheld, and which runs did not end well."""
-    notes = []
+def _withheld(cases: Sequence[CheckedCase]) -> list[Note]:
+    """Say why ratios are withheld."""
     reasons: dict[str, list[str]] = {}
     for one in cases:
         if one.incomparable:
             reasons.setdefault(one.incomparable, []).append(one.title)
-    for reason, titles in reasons.items():
-        notes.append(Note("; ".join(titles), f"no ratios of seconds, for {reason}."))
-    for one in cases:
-        for solver, clauses in one.failed.items():
-            runs = f"{len(clauses)} runs failed; the first" if len(clauses) > 1 else "one run failed"
-            notes.append(Note(f"{one.title}, {solver}", f"{runs}, {clauses[0]}"))
-    return notes
+    return [Note("; ".join(titles), f"no ratios of seconds, for {reason}.") for reason, titles in reasons.items()]

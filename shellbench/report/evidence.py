@@ -19,7 +19,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.palette import Ink, inks
-from shellbench.report.runs import table_of_runs
+from shellbench.report.runs import in_order_of_cases, table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.suites import compared
 from shellbench.report.table import Table
@@ -137,6 +137,17 @@ class Evidence:
         """The rows that hold solvers against known values."""
         return compared(self.rows)
 
+    @cached_property
+    def headline(self) -> list[Row]:
+        """Those of them that are about headline quantities."""
+        return [row for row in self.compared if row.primary]
+
+    @cached_property
+    def made(self) -> pd.DataFrame:
+        """The runs of these that left a record, each once, case by case."""
+        found = self.runs[self.runs["primary"] & self.runs["compared"]].dropna(subset="record")
+        return in_order_of_cases(found.drop_duplicates(["case", "own_case", "run_id"]), [])
+
     def figures(self, *prefixes: str) -> tuple[Exhibit, ...]:
         """Return the figures whose names begin so, in the order of the beginnings."""
         return tuple(one for prefix in prefixes for one in self.drawn if one.name.startswith(prefix))
@@ -146,8 +157,8 @@ Maker = Callable[[Evidence], Section | None]
 
 
 def given(*tables: Table | None) -> tuple[Table, ...]:
-    """Return the tables that there are."""
-    return tuple(table for table in tables if table is not None)
+    """Return the tables that there are and that have lines."""
+    return tuple(table for table in tables if table is not None and len(table.data))
 
 
 def all_tables(sections: Iterable[Section]) -> list[Table]:

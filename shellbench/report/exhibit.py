@@ -54,7 +54,7 @@ class Exhibit:
     description: str
     figure: Figure
     run_ids: tuple[str, ...]
-    drawing: bool
+    drawing: bool = True
 
     @property
     def file(self) -> str:

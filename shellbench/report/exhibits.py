@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Sequence
 
-from shellbench.bench import catalog
-from shellbench.bench.record import Record
-from shellbench.bench.row import Row
 from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure
 from shellbench.report.courses import Abscissa, Course, courses
+from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.newton import newton_exhibits
-from shellbench.report.palette import inks, style
+from shellbench.report.palette import style
 from shellbench.report.rates import fitted_rate
 from shellbench.report.scene import lead_shells, pictured
 from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure
-from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title
 from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
@@ -25,36 +21,23 @@ AXES: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
 COMPOSITE, PICTURE, CONVERGENCE = "course_", "shell_", "convergence_"  # how names of figures begin
 
 
-def exhibits(
-    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known = catalog.known_values
-) -> list[Exhibit]:
-    """Return the figures of the report.
-
-    Parameters
-    ----------
-    records
-        By run id.
-    rows
-        That compare them.
-    folder
-        Where the records' files are.
-    known
-        Known values by name of case.
-    """
+def exhibits(evidence: Evidence) -> list[Exhibit]:
+    """Return the figures of the report that compare solvers, case by case."""
     with style():
         return [
-            *_pictures(records, rows, folder),
-            *path_exhibits(records, rows, folder, known),
-            *motion_exhibits(records, rows, folder, known),
-            *newton_exhibits(records, rows),
-            *_convergence(records, rows),
+            *_pictures(evidence),
+            *path_exhibits(evidence),
+            *motion_exhibits(evidence),
+            *newton_exhibits(evidence),
+            *_convergence(evidence),
         ]
 
 
-def _pictures(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[Exhibit]:
+def _pictures(evidence: Evidence) -> Iterator[Exhibit]:
     drawn: dict[str, Shell] = {}
-    for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
-        shells = lead_shells(pictured(records, [row for row in of_suite if row.default_settings]), folder)
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        candidates = pictured(evidence.records, [row for row in of_suite if row.default_settings])
+        shells = lead_shells(candidates, evidence.folder)
         drawn |= {one.case: one for one in shells if one.case not in drawn}
         if len(shells) > 1:
             shown = shells[:MOST_TOGETHER]
@@ -86,12 +69,11 @@ def _solved_by(shells: Sequence[Shell]) -> str:
     return f"Solved by {' and '.join(dict.fromkeys(shell.solver for shell in shells))}."
 
 
-def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
-    colours = inks(row.solver for row in rows)
-    for suite, of_suite in rows_at_home([row for row in rows if row.primary]).items():
-        shown = [course for course in courses(records, of_suite) if not course.variant]
+def _convergence(evidence: Evidence) -> Iterator[Exhibit]:
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        shown = [course for course in courses(evidence.records, of_suite) if not course.variant]
         refining = [course for course in shown if not course.is_field]
-        refinement = refinement_figure(shown, colours)
+        refinement = refinement_figure(shown, evidence.inks)
         if refinement is not None:
             yield Exhibit(
                 name=f"{CONVERGENCE}{suite}_refinement",
@@ -102,10 +84,9 @@ def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator
                 description=f"Errors fall with refinement. {_rates(refining)}",
                 figure=refinement,
                 run_ids=tuple(course.run_id for course in refining),
-                drawing=True,
             )
         for abscissa in AXES:
-            figure = iteration_figure(shown, colours, abscissa)
+            figure = iteration_figure(shown, evidence.inks, abscissa)
             if figure is None:
                 continue
             solvers = ", ".join(dict.fromkeys(course.solver for course in shown))
@@ -119,7 +100,6 @@ def _convergence(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator
                 description=f"Error and gap of {solvers} against {against}, case by case",
                 figure=figure,
                 run_ids=tuple(course.run_id for course in shown),
-                drawing=True,
             )
 
 

@@ -7,7 +7,7 @@ against the field of a deterministic solver if there is exactly one, and of no o
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,31 +17,29 @@ from numpy.typing import NDArray
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import code, column
+from shellbench.report.columns import code, column, frame
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import grouped, solution_name
-from shellbench.report.table import Table, frame
+from shellbench.report.table import Table
 
 Array = NDArray[np.float64]
 
 
 def section(found: Evidence) -> Section:
     """Return the section of differences between fields."""
-    tables = given(field_table(found.records, found.compared, found.folder))
+    tables = given(field_table(found))
     return Section("fields", "Whole fields", tables=tables, place="its suites")
 
 
-def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
-    """Return the table of differences between fields; None if there are no two to compare."""
+def field_table(evidence: Evidence) -> Table:
+    """Return the table of differences between fields."""
     headline = [
         row
-        for row in rows
-        if row.primary and row.default_settings and row.status == "ok" and row.run_id in records  # the same load
+        for row in evidence.headline
+        if row.default_settings and row.status == "ok" and row.run_id in evidence.records  # the same load
     ]
     cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
-    lines = [line for of_case in cases for line in _lines(records, of_case, folder)]
-    if not lines:
-        return None
+    lines = [line for of_case in cases for line in _lines(evidence, of_case)]
     return Table(
         name="fields",
         title="Differences between fields",
@@ -52,9 +50,9 @@ def field_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path
     )
 
 
-def _lines(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Iterator[dict[str, Any]]:
+def _lines(evidence: Evidence, rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
     """Yield a line for each solution of a case that has a field beside that of the only deterministic one."""
-    kept = {row.run_id: read_fields(records[row.run_id or ""], folder) for row in rows}
+    kept = {row.run_id: read_fields(evidence.records[row.run_id or ""], evidence.folder) for row in rows}
     certain = {row.run_id: row.solver for row in rows if row.seed is None}
     theirs = kept[next(iter(certain))] if len(certain) == 1 else None
     if theirs is None or not np.any(theirs.displacement):
@@ -98,21 +96,29 @@ class Fields:
 
 def read_fields(record: Record, folder: Path) -> Fields | None:
     """Return the fields that a run kept; None if it kept none, or they are lost, damaged or not finite."""
-    if record.fields_file is None:
+    kept = kept_arrays(record, folder, "xi", "position", "displacement", optional=("marks", "displacements"))
+    if kept is None:
         return None
+    xi, position, displacement, *states = kept
+    fields = Fields(xi, position, displacement, *(states if states and len(states[0]) else ()))
+    fits = position.shape == displacement.shape
+    if len(fields.marks):
+        fits &= fields.displacements.shape == (len(fields.marks), *displacement.shape)
+    return fields if fits else None
+
+
+def kept_arrays(record: Record, folder: Path, *names: str, optional: Sequence[str] = ()) -> list[Array] | None:
+    """Return arrays that a run kept, the optional ones only if the first of them is there.
+
+    None if it kept none, or they are lost, damaged or not finite.
+    """
     try:
-        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
-            xi, position, displacement = (
-                np.asarray(stored[name], dtype=float) for name in ("xi", "position", "displacement")
-            )
-            marks = np.asarray(stored.get("marks", []), dtype=float)
-            states = stored["displacements"] if len(marks) else np.empty((0, *displacement.shape))
-            fields = Fields(xi, position, displacement, marks, np.asarray(states, dtype=float))
+        with np.load(folder / (record.fields_file or ""), allow_pickle=False) as stored:
+            wanted = (*names, *(optional if optional and optional[0] in stored else ()))
+            arrays = [np.asarray(stored[name], dtype=float) for name in wanted]
     except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
         return None
-    fits = position.shape == displacement.shape and fields.displacements.shape == (len(marks), *displacement.shape)
-    whole = fits and all(np.all(np.isfinite(a)) for a in (xi, position, displacement, marks, fields.displacements))
-    return fields if whole else None
+    return arrays if all(np.all(np.isfinite(one)) for one in arrays) else None
 
 
 def differences(ours: Fields, theirs: Fields) -> tuple[float, float]:

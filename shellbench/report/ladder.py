@@ -8,7 +8,6 @@ Between levels the resolution differs in earnest.
 from __future__ import annotations
 
 import math
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,9 +21,9 @@ from numpy.typing import NDArray
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
+from shellbench.report.fields import kept_arrays
 from shellbench.report.runs import groups_alike, in_study
 from shellbench.report.solutions import variant_name
-from shellbench.report.suites import compared, leading_rows
 
 Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]
@@ -75,18 +74,12 @@ class Difference:
 
 def read_probes(record: Record, folder: Path) -> Probes | None:
     """Return what a run answered at its probes; None if it kept none, or they are lost, damaged or not finite."""
-    if record.fields_file is None:
+    kept = kept_arrays(record, folder, "probes", "probe_marks", "probe_displacements")
+    if kept is None:
         return None
-    try:
-        with np.load(folder / record.fields_file, allow_pickle=False) as stored:
-            points, marks, displacements = (
-                np.asarray(stored[name], dtype=float) for name in ("probes", "probe_marks", "probe_displacements")
-            )
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
-        return None
-    whole = displacements.size > 0 and displacements.shape == (len(marks), len(points), 3)
-    finite = all(np.all(np.isfinite(a)) for a in (points, marks, displacements))
-    return Probes(points, marks, displacements) if whole and finite else None
+    probes = Probes(*kept)
+    whole = probes.displacements.size and probes.displacements.shape == (len(probes.marks), len(probes.points), 3)
+    return probes if whole else None
 
 
 def difference(ours: Probes | None, theirs: Probes | None) -> Difference | None:
@@ -274,8 +267,7 @@ def leader(level: Sequence[Run]) -> Run:
 def case_runs(evidence: Evidence) -> list[CaseRuns]:
     """Return the runs of each case with default settings, and those of studies of the resolution."""
     headline = evidence.runs[evidence.runs["primary"]]
-    leading = {id(row) for row in leading_rows(compared(list(headline["row"])))}
-    chosen = headline[headline["row"].map(id).isin(leading) | in_study(headline, "resolution")]
+    chosen = headline[headline["leading"] | in_study(headline, "resolution")]
     found = []
     for (case, _), of_case in chosen.groupby(["case", "own_case"], sort=False):
         solvers = of_case.groupby("solver", sort=False)

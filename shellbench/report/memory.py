@@ -19,10 +19,10 @@ from shellbench.report.answers import (
     field_is_known,
     headline_is_known,
 )
-from shellbench.report.columns import Line, column, error, present, words
+from shellbench.report.columns import Column, Line, Show, column, error, frame, present, words
 from shellbench.report.consistency import yardstick_words
 from shellbench.report.digits import byte_size, percent, quoted
-from shellbench.report.evidence import Evidence, Section
+from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation
@@ -30,7 +30,7 @@ from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
 from shellbench.report.resolution import of_largest
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Column, Show, Table, frame
+from shellbench.report.table import Table
 
 NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"
 OWN, MESH = "its own numbers", "a mesh"
@@ -70,7 +70,7 @@ def section(evidence: Evidence) -> Section | None:
     """Return the section; None if no run says how many bytes it takes."""
     found = evidence.once(case_runs)
     cases = [one for one in found if any(run.record.storage_bytes for ladder in one.ladders for run in ladder.runs)]
-    tables = tuple(t for t in (level_table(cases), rounding_table(cases), solve_table(cases)) if t is not None)
+    tables = given(level_table(cases), rounding_table(cases), solve_table(cases))
     if not tables:
         return None
     studied = [case for case in cases if any(len(ladder.levels) > 1 for ladder in case.ladders)]
@@ -80,14 +80,8 @@ def section(evidence: Evidence) -> Section | None:
         words=(*WORDS, *remarks_on(evidence.rows, "resolution")),
         tables=tables,
         exhibits=tuple(one for case in studied or cases if (one := _exhibit(case, evidence.inks)) is not None),
-        details=details(cases),
+        details=given(solve_table(cases, finest_only=False)),
     )
-
-
-def details(cases: Sequence[CaseRuns]) -> tuple[Table, ...]:
-    """Return the long table behind the section: the memory of all runs."""
-    table = solve_table(cases, finest_only=False)
-    return () if table is None else (table,)
 
 
 def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
@@ -117,7 +111,6 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         description="; ".join(said) or "no level is reached",
         figure=memory_figure(case, kept, inks),
         run_ids=tuple(run.record.run_id for ladder in case.ladders for run in ladder.runs),
-        drawing=True,
     )
 
 
@@ -126,11 +119,9 @@ def percents(level: float) -> str:
     return f"{quoted(float(f'{100 * level:.6g}')).mantissa} %"
 
 
-def level_table(cases: Sequence[CaseRuns]) -> Table | None:
-    """Return the fewest bytes for each case, solver, way of keeping and level; None if nothing is known of any."""
+def level_table(cases: Sequence[CaseRuns]) -> Table:
+    """Return the fewest bytes for each case, solver, way of keeping and level."""
     lines = [line for case in cases for ladder in case.ladders for line in _level_lines(case, ladder)]
-    if not lines:
-        return None
     data = frame(lines)
     kinds = [(kind, level) for kind in (FIELD, HEADLINE) for level in LEVELS]
     return Table(
@@ -198,8 +189,8 @@ def _runs(line: Line, notation: Notation) -> str:
     return notation.escape("; ".join(name for name in names if name)) or notation.missing
 
 
-def rounding_table(cases: Sequence[CaseRuns]) -> Table | None:
-    """Return what shorter numbers do to each solver's finest run; None if none was rounded."""
+def rounding_table(cases: Sequence[CaseRuns]) -> Table:
+    """Return what shorter numbers do to each solver's finest run."""
     lines = [
         {
             "block": case.title,
@@ -219,8 +210,6 @@ def rounding_table(cases: Sequence[CaseRuns]) -> Table | None:
         for ladder in case.ladders
         for step in ladder.finest.record.precision
     ]
-    if not lines:
-        return None
     return Table(
         name="memory_rounding",
         title="Shorter numbers",
@@ -243,8 +232,8 @@ def _not_finite(line: Line, notation: Notation) -> str:
     return notation.escape("not finite")
 
 
-def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table | None:
-    """Return the memory of the solve, of each solver's finest run or of all; None if it was never measured."""
+def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table:
+    """Return the memory of the solve, of each solver's finest run or of all."""
     lines = [
         {
             "block": case.title,
@@ -263,8 +252,6 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
         for run in ((ladder.finest,) if finest_only else ladder.runs)
         if (peak := run.record.peak_memory_bytes) is not None
     ]
-    if not lines:
-        return None
     return Table(
         name="memory_solve" if finest_only else "memory_runs",
         title="Memory of the solve" if finest_only else "Memory of all runs",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -21,19 +20,21 @@ from shellbench.report.columns import (
     code,
     column,
     error,
+    frame,
     in_its_unit,
     present,
     significant,
     words,
 )
 from shellbench.report.digits import rounded
+from shellbench.report.effort import effort
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation
-from shellbench.report.solutions import BAD, EXPECTED, by_solution, grouped, verdict
+from shellbench.report.solutions import BAD, EXPECTED, grouped, verdict
 from shellbench.report.suites import leading_rows
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH
-from shellbench.report.traces import Apart, apart, motion_steps, runs_by_case
+from shellbench.report.traces import Apart, apart, portrayed, steps_of
 
 TIMES = "times_"  # how names of tables by time begin
 GLANCE = significant(2)  # how an error, a drift and a difference are written
@@ -41,7 +42,7 @@ GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 def section(found: Evidence) -> Section:
     """Return the section of cloth in motion, with a part for each case."""
-    by_time = {table.name: table for table in by_time_tables(found.records, found.compared)}
+    by_time = {table.name: table for table in by_time_tables(found)}
     titles = {row.case: row.case_title or row.case for row in found.compared}
     figures = {one.name: one for one in found.figures(*CLOTH)}
     parts = [
@@ -56,33 +57,30 @@ def section(found: Evidence) -> Section:
     return Section(
         name="cloth",
         title="Cloth in motion",
-        tables=given(motion_table(found.records, found.compared, found.folder)),
+        tables=given(motion_table(found)),
         parts=tuple(part for part in parts if part.shows),
         place="its suites",
     )
 
 
-def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Path) -> Table | None:
+def motion_table(evidence: Evidence) -> Table:
     """Return how far each motion came, what it took, what energy it lost and how far it is from the others."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
     against: dict[str, None] = {}
-    headline = leading_rows([row for row in rows if row.primary])
-    for runs in runs_by_case(records, headline).values():
-        case = portrait_of(runs[0][1])
-        if case is None or case.ends is None:
+    for case, of_case in portrayed(evidence.made[evidence.made["leading"]]):
+        if case.ends is None:
             continue
-        found = apart(runs, folder)
+        found = apart(of_case, evidence.folder)
         against |= dict.fromkeys(one.against for one in found.values())
-        for name, made in by_solution(runs).items():
+        for name, of_solution in of_case.groupby("solution", sort=False):
+            made = list(of_solution["record"])
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
             notes += [
                 Note(f"{case.title}, {name}{'' if r.identity.seed is None else f', seed {r.identity.seed}'}", r.reason)
                 for r in made
                 if r.status != "ok" and r.reason
             ]
-    if not lines:
-        return None
     standard = f" from that of {' or '.join(against)}" if against else ""
     return Table(
         name="motions",
@@ -108,8 +106,7 @@ def motion_table(records: Mapping[str, Record], rows: Sequence[Row], folder: Pat
 
 
 def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) -> dict[str, Any]:
-    steps = [motion_steps(record) for record in made]
-    counted = [step.iterations for of_run in steps for step in of_run if step.iterations is not None]
+    steps, took = [steps_of(record, "time") for record in made], effort(made, "time")
     differences = [found[record.run_id] for record in made if record.run_id in found]
     worst = max(differences, key=lambda one: one.largest[1], default=None)
     asked: dict[float, float] = {}
@@ -117,27 +114,25 @@ def _course(made: Sequence[Record], case: Portrait, found: Mapping[str, Apart]) 
         values = [value for one in differences if (value := one.rms.at(t)) is not None]
         asked |= {t: max(values)} if values else {}
     ends = [of_run[-1].at for of_run in steps if of_run]
-    ends += [record.series[0].marks[-1] for record in made if record.series and not motion_steps(record)]
+    ends += [record.series[0].marks[-1] for record in made if record.series and not steps_of(record, "time")]
     return {
         "reached": min(ends, default=None),
-        "steps": max(map(len, steps)) or None,
-        "iterations": max((sum(step.iterations or 0 for step in of_run) for of_run in steps if of_run), default=None)
-        if counted
-        else None,
+        "steps": took["states"] or None,
+        "iterations": took["iterations"],
         "drift": max((abs(step.energy) for of_run in steps for step in of_run), default=None),
         "largest": worst.largest[1] if worst else None,
         "largest_at": worst.largest[0] if worst else None,
         "asked_times": " ".join(f"{t:g}" for t in asked),
         "asked_differences": " ".join(repr(value) for value in asked.values()),
-        "seconds": fmean(record.seconds for record in made),
-        "run_ids": " ".join(record.run_id for record in made),
+        "seconds": took["seconds"],
+        "run_ids": took["run_ids"],
     }
 
 
-def by_time_tables(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Table]:
+def by_time_tables(evidence: Evidence) -> list[Table]:
     """Return, for each case in motion, its quantities grouped by time with a pair of columns for each solver."""
-    tables = []
-    for (name, _), of_case in grouped(leading_rows(rows), lambda row: (row.case, row.own_case)).items():
+    tables, records = [], evidence.records
+    for (name, _), of_case in grouped(leading_rows(evidence.compared), lambda row: (row.case, row.own_case)).items():
         record = next((records[row.run_id] for row in of_case if row.run_id and row.run_id in records), None)
         case = portrait_of(record) if record is not None else None
         if case is not None and case.ends is not None:

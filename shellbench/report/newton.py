@@ -22,7 +22,6 @@ from shellbench.report.columns import Line, Show, column, present, significant
 from shellbench.report.evidence import Evidence, Formula, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation
-from shellbench.report.palette import inks
 from shellbench.report.solutions import STATUS_WORDS, grouped, variant_name
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
@@ -141,11 +140,12 @@ def shown_cases() -> dict[str, str]:
     return {case: series for name in catalog.suite_names() for case, series in catalog.find_suite(name).newton.items()}
 
 
-def findings(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Finding]:
+def findings(evidence: Evidence) -> list[Finding]:
     """Return the cases of the finding that anybody was asked to solve, each with what is known of it."""
-    headline = grouped(leading_rows([row for row in rows if row.primary and not row.own_case]), lambda row: row.case)
+    own = [row for row in evidence.headline if not row.own_case]
+    headline = grouped(leading_rows(own), lambda row: row.case)
     asked = ((series, headline[case]) for case, series in shown_cases().items() if case in headline)
-    found = (_finding(records, of_case, series) for series, of_case in asked)
+    found = (_finding(evidence.records, of_case, series) for series, of_case in asked)
     return [one for one in found if one is not None]
 
 
@@ -153,9 +153,9 @@ def _finding(records: Mapping[str, Record], rows: Sequence[Row], series: str) ->
     case = _portrait(rows, records)
     if case is None or case.ends is None:
         return None
-    made = [
-        (row, run) for row in rows if (run := _run(records.get(row.run_id or ""), case, row)) and series in run.traces
-    ]
+    kept = ((row, record) for row in rows if (record := records.get(row.run_id or "")) is not None)
+    left = ((row, traced(record, case, row.solver)) for row, record in kept)
+    made = [(row, run) for row, run in left if run is not None and series in run.traces]
     forms = free_fall(case, series) or ()
     standard = yardstick([row for row, _ in made])
     newton, by = None, NOT_RUN
@@ -163,8 +163,9 @@ def _finding(records: Mapping[str, Record], rows: Sequence[Row], series: str) ->
         newton, by = forms[0], "closed form"
     elif standard is not None:
         newton, by = next(run.traces[series] for row, run in made if row is standard), standard.solver
-    status = dict.fromkeys(declared_solvers(case), NOT_RUN) | {row.solver: _status(row) for row in rows}
-    left = {run.name for _, run in made}
+    why = {"missing": NOT_RUN, "ok": "left no motion"}
+    status = dict.fromkeys(declared_solvers(case), NOT_RUN)
+    status |= {row.solver: why.get(row.status) or STATUS_WORDS[row.status] for row in rows}
     return Finding(
         case=case,
         series=series,
@@ -173,13 +174,9 @@ def _finding(records: Mapping[str, Record], rows: Sequence[Row], series: str) ->
         newton=newton,
         newton_by=by,
         runs=tuple(run for _, run in made),
-        status={solver: words for solver, words in status.items() if solver not in left},
+        status={solver: words for solver, words in status.items() if solver not in {run.name for _, run in made}},
         variants={row.solver: words for row, _ in made if (words := variant_name(row))},
     )
-
-
-def _run(record: Record | None, case: Portrait, row: Row) -> TracedRun | None:
-    return None if record is None else traced(record, case, row.solver)
 
 
 def declared_solvers(case: Portrait) -> list[str]:
@@ -198,25 +195,21 @@ def _portrait(rows: Sequence[Row], records: Mapping[str, Record]) -> Portrait | 
     return portrait_of_named(catalog.named_case(name)) if name in catalog.case_names() else None
 
 
-def _status(row: Row) -> str:
-    return NOT_RUN if row.status == "missing" else STATUS_WORDS.get(row.status, "left no motion")
-
-
 def section(found: Evidence) -> Section:
     """Return the section of the finding, with its derivation."""
     return Section(
         name=NEWTON,
         title=TITLE,
-        tables=given(newton_table(found.records, found.compared)),
+        tables=given(newton_table(found)),
         exhibits=found.figures(NEWTON),
         parts=(Section("why", "Why", words=DERIVATION),),
         place="one suite",
     )
 
 
-def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Iterator[Exhibit]:
+def newton_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
     """Yield the figure that sets the cases of the finding side by side."""
-    shown = [one for one in findings(records, rows) if one.runs or one.forms]
+    shown = [one for one in findings(evidence) if one.runs or one.forms]
     if not shown:
         return
     runs = [
@@ -240,21 +233,19 @@ def newton_exhibits(records: Mapping[str, Record], rows: Sequence[Row]) -> Itera
         caption="How far the napkin has fallen in free fall, and the height of the centre of mass of the strip and of"
         " the napkin, over time. Black dashes: Newton’s law; grey dots: where the published functional is stationary;"
         " both in closed form." + (f" {'; '.join(missing)}." if missing else ""),
-        description="; ".join(_told(one) for one in shown),
-        figure=trace_figure(panels, runs, inks(row.solver for row in rows)),
+        description="; ".join(
+            f"{one.name}, at the end: "
+            + (", ".join(f"{r.name} {r.traces[one.series].values[-1]:.3g} {one.unit}" for r in one.runs) or NOT_RUN)
+            for one in shown
+        ),
+        figure=trace_figure(panels, runs, evidence.inks),
         run_ids=tuple(dict.fromkeys(run.run_id for run in runs)),
-        drawing=True,
     )
 
 
-def _told(one: Finding) -> str:
-    ends = [f"{run.name} {run.traces[one.series].values[-1]:.3g} {one.unit}" for run in one.runs]
-    return f"{one.name}, at the end: {', '.join(ends) or NOT_RUN}"
-
-
-def newton_table(records: Mapping[str, Record], rows: Sequence[Row]) -> Table | None:
+def newton_table(evidence: Evidence) -> Table | None:
     """Return how far each solver's cloth has moved at half of the time and at its end, beside Newton's law."""
-    cases = findings(records, rows)
+    cases = findings(evidence)
     if not cases:
         return None
     solvers = list(dict.fromkeys(name for one in cases for name in (*(run.name for run in one.runs), *one.status)))

@@ -76,7 +76,7 @@ def write_report(
     """
     found, stored, sections = gather(store, rows, known, whole, say)
     shown, drawn = found.compared, [exhibit for section in sections for exhibit in section.all_exhibits]
-    turned = views(dict(found.records), shown, store.folder, pictured_runs(drawn))
+    turned = views(found, pictured_runs(drawn))
     leaves = leaves_of(shown, sections)
     try:
         figures = out / "figures"

@@ -89,6 +89,17 @@ def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
     return {solver: Ink(COLOURS[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
 
 
+def dashes_of(solutions: Iterable[str]) -> dict[str, Dashes]:
+    """Return the dashes of solutions by name: those of one solver have different ones."""
+    seen: Counter[str] = Counter()
+    found: dict[str, Dashes] = {}
+    for name in solutions:
+        solver = name.partition(", ")[0]
+        found[name] = DASHES[seen[solver] % len(DASHES)]
+        seen[solver] += 1
+    return found
+
+
 def declared_solvers() -> tuple[str, ...]:
     """Return the solvers of the suites, those of comparisons before those of studies, those of engines last."""
     found = map(catalog.find_suite, catalog.suite_names())

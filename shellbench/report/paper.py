@@ -21,6 +21,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
+from shellbench.report.columns import present
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit
 from shellbench.report.latex import PACKAGES, with_letters_of_latex
@@ -31,7 +32,7 @@ from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import gather
 from shellbench.report.solutions import Known, theory_words
 from shellbench.report.summary import overall
-from shellbench.report.table import Table, present
+from shellbench.report.table import Table
 
 DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
 OWN = "shellbench"  # source of known values that were computed here, by independent programs

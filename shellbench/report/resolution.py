@@ -13,13 +13,12 @@ from typing import Any
 import pandas as pd
 
 from shellbench.account import FrameRateStep, ResolutionStep
-from shellbench.report.columns import Line, code, column, present, share, words
+from shellbench.report.columns import Line, code, column, frame, present, share, words
 from shellbench.report.digits import byte_size, rounded
 from shellbench.report.evidence import Evidence
 from shellbench.report.notation import Notation
 from shellbench.report.runs import groups_alike, in_order_of_cases
-from shellbench.report.suites import compared
-from shellbench.report.table import Note, Table, frame
+from shellbench.report.table import Note, Table
 
 MESH_BYTES_A_POINT = 3 * 8  # displacement of a vertex in double precision; connectivity not counted
 MESH_DIFFERENCES = "mesh_differences"
@@ -35,10 +34,10 @@ def representatives(evidence: Evidence) -> pd.DataFrame:
     """
     runs = evidence.runs
     runs = runs[runs["primary"] & runs["sound"]].dropna(subset="record")
-    plain = runs["row"].map(id).isin({id(row) for row in compared(list(runs["row"]))})
-    led = plain.groupby([runs["case"], runs["solver"]]).transform("any")
+    led = runs["compared"].groupby([runs["case"], runs["solver"]]).transform("any")
     largest = runs[~led].fillna({"unknowns": 0.0}).groupby(["case", "solver"])["unknowns"].idxmax()
-    return in_order_of_cases(runs[plain | runs.index.isin(largest)].drop_duplicates(["case", "solution"]), [])
+    shown = runs[runs["compared"] | runs.index.isin(largest)]
+    return in_order_of_cases(shown.drop_duplicates(["case", "solution"]), [])
 
 
 def _common(evidence: Evidence) -> Iterator[tuple[dict[str, Any], Any]]:
@@ -47,8 +46,8 @@ def _common(evidence: Evidence) -> Iterator[tuple[dict[str, Any], Any]]:
         yield {"block": run.title, "case": run.case, "solution": run.solution, "run_id": run.run_id}, run.record
 
 
-def resolution_table(evidence: Evidence) -> Table | None:
-    """Return the table of bytes and of differences between grids; None if no run was seen through grids."""
+def resolution_table(evidence: Evidence) -> Table:
+    """Return the table of bytes and of differences between grids."""
     seen = [(common, record) for common, record in _common(evidence) if record.resolution]
     grids = sorted({step.points for _, record in seen for step in record.resolution})
     lines = [
@@ -61,8 +60,6 @@ def resolution_table(evidence: Evidence) -> Table | None:
         }
         for common, record in seen
     ]
-    if not lines:
-        return None
     said = ", ".join(map(str, grids))
     memory = "; ".join(f"{n}×{n} points: {byte_size(MESH_BYTES_A_POINT * n * n)}" for n in grids)
     return Table(
@@ -82,8 +79,8 @@ def resolution_table(evidence: Evidence) -> Table | None:
     )
 
 
-def frame_rate_table(evidence: Evidence) -> Table | None:
-    """Return the table of motions seen at many frame rates; None if no run was."""
+def frame_rate_table(evidence: Evidence) -> Table:
+    """Return the table of motions seen at many frame rates."""
     seen = [(common, record) for common, record in _common(evidence) if record.frame_rates]
     rates = nominal_rates([step.frames_per_second for _, record in seen for step in record.frame_rates])
     lines = [
@@ -98,8 +95,6 @@ def frame_rate_table(evidence: Evidence) -> Table | None:
         }
         for common, record in seen
     ]
-    if not lines:
-        return None
     shown = sorted(set(rates.values()))
     return Table(
         name="frame_rates",
@@ -127,8 +122,8 @@ def nominal_rates(rates: Sequence[float]) -> dict[float, int]:
     return {rate: round(math.sqrt(group[0] * group[-1])) for group in groups for rate in group}
 
 
-def mesh_table(evidence: Evidence) -> Table | None:
-    """Return the table of differences between successive meshes of one solver; None if no solver reports them."""
+def mesh_table(evidence: Evidence) -> Table:
+    """Return the table of differences between successive meshes of one solver."""
     lines: list[dict[str, Any]] = []
     for common, record in _common(evidence):
         reported = record.diagnostics.get(MESH_DIFFERENCES)
@@ -138,8 +133,6 @@ def mesh_table(evidence: Evidence) -> Table | None:
                 mesh = "×".join(str(n) for n in step.get("cells", ()))
                 difference = float(step["largest_difference"])
                 lines.append(common | {"mesh": mesh, "difference": difference, "largest_displacement": largest})
-    if not lines:
-        return None
     return Table(
         name="meshes",
         title="Differences between meshes",

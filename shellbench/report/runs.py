@@ -16,7 +16,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.suite import Study
 from shellbench.report.solutions import same_but_for_seed, solution_name, variant_name
-from shellbench.report.suites import studies_of
+from shellbench.report.suites import compared, leading_rows, studies_of
 
 GIVEN = ("case", "solver", "quantity", "unit", "status", "label")
 GIVEN_NUMBERS = (
@@ -24,11 +24,12 @@ GIVEN_NUMBERS = (
     *("energy_gap", "seconds", "storage_bytes", "seed"),
 )
 GIVEN_FLAGS = ("own_case", "primary", "default_settings", "declared")
+FLAGS = ("sound", "compared", "leading")
 T = TypeVar("T")
 COLUMNS = {
     **dict.fromkeys((*GIVEN, "title", "solution", "variant", "alike", "studies", "reason", "run_id"), object),
     **dict.fromkeys((*GIVEN_NUMBERS, "unknowns", "solve_memory_bytes", "floor"), float),
-    **dict.fromkeys((*GIVEN_FLAGS, "sound"), bool),
+    **dict.fromkeys((*GIVEN_FLAGS, *FLAGS), bool),
     **dict.fromkeys(("row", "record"), object),
 }
 
@@ -50,10 +51,17 @@ def table_of_runs(records: Mapping[str, Record], rows: Sequence[Row]) -> pd.Data
         Relative uncertainty of the known value, 0 where there is none.
     sound
         Whether the run ended well.
+    compared, leading
+        Whether it holds its solver against a known value; and whether it is the solver's own, not a variant's.
     run_id, record
         Empty, and None, of a run that is missing.
     """
-    lines = [_line(row, records.get(row.run_id or "")) for row in rows]
+    held = compared(rows)
+    flags = {"compared": set(map(id, held)), "leading": set(map(id, leading_rows(held)))}
+    lines = [
+        _line(row, records.get(row.run_id or "")) | {flag: id(row) in rows for flag, rows in flags.items()}
+        for row in rows
+    ]
     return pd.DataFrame(lines, columns=list(COLUMNS)).astype(COLUMNS)
 
 

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import Line, column, share
+from shellbench.report.columns import Column, Line, column, share
 from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -19,7 +19,7 @@ from shellbench.report.notation import TEXT, Notation
 from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, failed_entry, finish, open_figure
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.shells import plain
-from shellbench.report.table import Column, Table
+from shellbench.report.table import Table
 
 POINTS = "quadrature_points"  # a solver's own count of the points that it was solved on, if it says one
 CELLS = "cells"  # or the setting for the grid of its samples, one in each cell
@@ -44,7 +44,6 @@ def section(evidence: Evidence) -> Section | None:
         description="; ".join(map(_words, lines)),
         figure=sampling_figure(runs, evidence),
         run_ids=tuple(runs["run_id"]),
-        drawing=True,
     )
     return Section(
         name="sampling",

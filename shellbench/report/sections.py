@@ -75,7 +75,7 @@ def gather(
     rows, records = told_apart(rows, stored)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     found = Evidence(records, rows, store.folder, known, whole)
-    found = replace(found, drawn=exhibits(records, found.compared, store.folder, known))
+    found = replace(found, drawn=exhibits(found))
     return found, stored, sections(found)
 
 

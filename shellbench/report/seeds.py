@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from shellbench.report.columns import Line, column, count, share
+from shellbench.report.columns import Column, Line, column, count, share
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -19,7 +19,7 @@ from shellbench.report.panel import SHADE, SMALLEST, add_legend, draw, entry, fi
 from shellbench.report.runs import run_ids
 from shellbench.report.shells import plain
 from shellbench.report.suites import rows_at_home, suite_title
-from shellbench.report.table import Column, Note, Table
+from shellbench.report.table import Note, Table
 from shellbench.report.yardstick import known_yardstick
 
 WIDTH, LINE, GAP, MARGIN = 6.2, 0.155, 0.1, 1.0  # inches of the figure, a line, between cases, and of axis and legend
@@ -61,7 +61,6 @@ def _exhibit(suite: str, spreads: pd.DataFrame, evidence: Evidence) -> Exhibit:
         ),
         figure=seed_figure(spreads, evidence),
         run_ids=run_ids(spreads),
-        drawing=True,
     )
 
 

@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from shellbench.bench import catalog
-from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.report.columns import frame
@@ -86,12 +85,6 @@ def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
     for one in found:
         groups.setdefault(key(one), []).append(one)
     return groups
-
-
-def by_solution(runs: Iterable[tuple[Row, Record]]) -> dict[str, list[Record]]:
-    """Return the records of runs by the name of their line in a table."""
-    found = grouped(runs, lambda run: solution_name(run[0]))
-    return {name: [record for _, record in of_solution] for name, of_solution in found.items()}
 
 
 def verdict(rows: Sequence[Row]) -> str:

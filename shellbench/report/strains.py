@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
-from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.columns import (
     Column,
@@ -46,9 +45,9 @@ SIZE = (7.2, 2.9)  # inches
 FINE = 181  # points of a closed form
 
 
-def strain_rows(rows: Sequence[Row]) -> list[Row]:
+def strain_rows(evidence: Evidence) -> list[Row]:
     """Return the rows of the ablation, those of each case in the order of their marks; none of the exact alone."""
-    shown = [row for row in rows_of(rows, SUITE) if row.label in STRAINS]
+    shown = [row for row in rows_of(evidence.compared, SUITE) if row.label in STRAINS]
     if {row.label for row in shown} <= {EXACT}:
         return []
     of_cases = grouped(shown, lambda row: row.case).values()
@@ -57,14 +56,14 @@ def strain_rows(rows: Sequence[Row]) -> list[Row]:
 
 def section(found: Evidence) -> Section:
     """Return the section of the ablation."""
-    tables = given(strain_table(found.compared))
-    paragraphs = tuple(findings(found.compared) if tables else ())
+    tables = given(strain_table(found))
+    paragraphs = tuple(findings(found) if tables else ())
     return Section("strains", "Strain measures", paragraphs, tables, found.figures(STRAIN), place="one suite")
 
 
-def strain_table(rows: Sequence[Row]) -> Table | None:
+def strain_table(evidence: Evidence) -> Table | None:
     """Return answers and energies under each strain with their errors; None if there is nothing to compare."""
-    shown = strain_rows(rows)
+    shown = strain_rows(evidence)
     if not shown:
         return None
     notes = [
@@ -118,7 +117,7 @@ def _line(rows: Sequence[Row]) -> dict[str, Any]:
     return line
 
 
-def findings(rows: Sequence[Row]) -> list[str]:
+def findings(evidence: Evidence) -> list[str]:
     """Explain what the ablation shows, in paragraphs of plain words."""
     degrees = math.degrees(VANISHES)
     paragraphs = [
@@ -134,7 +133,7 @@ def findings(rows: Sequence[Row]) -> list[str]:
         " plate's energy, a mean of this over φ from 0 to θ, is 7/8 + (2/3 sin³ θ + 1/32 sin 4θ)/θ times the true one:"
         f" {published_energy(math.pi / 2):.2f} at 90°.",
     ]
-    if turned := _turned(rows):
+    if turned := _turned(evidence):
         paragraphs.append(turned)
     return paragraphs
 
@@ -155,10 +154,10 @@ def linear_energy(theta: float) -> float:
     return 1 / 2 + math.sin(2 * theta) / (4 * theta) if theta else 1.0
 
 
-def _turned(rows: Sequence[Row]) -> str:
+def _turned(evidence: Evidence) -> str:
     """Say what a rigid rotation costs under each strain; empty if no run tells."""
     case = catalog.find_suite(SUITE).turned if SUITE in catalog.suite_names() else None
-    turned = [row for row in strain_rows(rows) if row.case == case and row.primary and row.value is not None]
+    turned = [row for row in strain_rows(evidence) if row.case == case and row.primary and row.value is not None]
     if not turned:
         return ""
     by_strain = {row.label: row for row in turned}
@@ -180,11 +179,11 @@ def _plainly(value: float) -> str:
     return digits.mantissa + (f" · 10{power}" if digits.exponent else "")
 
 
-def bending_energies(records: Mapping[str, Record], rows: Sequence[Row], case: str) -> dict[str, dict[float, float]]:
+def bending_energies(evidence: Evidence, case: str) -> dict[str, dict[float, float]]:
     """Return the bending energy under each strain by mark, J, of the runs of a case in the ablation."""
     found: dict[str, dict[float, float]] = {}
-    for row in strain_rows(rows):
-        record = records.get(row.run_id or "")
+    for row in strain_rows(evidence):
+        record = evidence.records.get(row.run_id or "")
         if row.case == case and record is not None and record.energies:
             found.setdefault(row.label, {state.at: state.bending for state in record.energies})
     return found

@@ -83,38 +83,24 @@ class Cell:
 
 @dataclass(frozen=True)
 class Shortfall:
-    """Runs of one solver on one case that fell short for the same reason."""
+    """Runs of one solver on one case that fell short for the same reason: which seeds, in what, and why."""
 
     case: str
     solution: str
-    seeds: tuple[int, ...]
-    quantities: tuple[str, ...]
-    status: str
-    reason: str
-
-    @property
-    def words(self) -> str:
-        """Which seeds, in what, and why."""
-        seeds = f"seed{'s' if len(self.seeds) > 1 else ''} {', '.join(map(str, self.seeds))}" if self.seeds else ""
-        what = f"{self.status} ({', '.join(self.quantities)})"
-        return ", ".join(part for part in (seeds, what) if part) + (f": {self.reason}" if self.reason else "")
+    words: str
 
 
 def shortfalls(rows: Sequence[Row]) -> list[Shortfall]:
     """Return what did not hold or has no answer, a line for each case, solver and reason."""
     bad = [row for row in rows if row.passed is False or row.status not in ("ok", "declined")]
     groups = grouped(bad, lambda row: (row.case_title or row.case, solution_name(row), row.status, row.reason or ""))
-    return [
-        Shortfall(
-            case=case,
-            solution=solution,
-            seeds=tuple(dict.fromkeys(row.seed for row in of_group if row.seed is not None)),
-            quantities=tuple(dict.fromkeys(row.quantity for row in of_group)),
-            status=STATUS_WORDS.get(status, SHORT),
-            reason=reason,
-        )
-        for (case, solution, status, reason), of_group in groups.items()
-    ]
+    found = []
+    for (case, solution, status, reason), of_group in groups.items():
+        seeds = list(dict.fromkeys(str(row.seed) for row in of_group if row.seed is not None))
+        which = f"seed{'s' if len(seeds) > 1 else ''} {', '.join(seeds)}, " if seeds else ""
+        what = f"{STATUS_WORDS.get(status, SHORT)} ({', '.join(dict.fromkeys(row.quantity for row in of_group))})"
+        found.append(Shortfall(case, solution, f"{which}{what}" + (f": {reason}" if reason else "")))
+    return found
 
 
 def overall(rows: Sequence[Row]) -> Verdict:

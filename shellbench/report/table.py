@@ -16,11 +16,9 @@ from typing import Any, Literal, cast
 
 import pandas as pd
 
-from shellbench.report.columns import Column, Line, Show, column, frame, present
+from shellbench.report.columns import Column, Line, column
 from shellbench.report.latex import write_latex
 from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Notation
-
-__all__ = ["Column", "Line", "Note", "Show", "Table", "frame", "present"]
 
 Format = Literal["text", "markdown", "latex", "csv", "html"]
 Cells = list[str]

@@ -61,7 +61,7 @@ def render(
     """
     if format == "json":
         return as_json(rows) + "\n"
-    checked = [] if store is None else cross_checks(rows, store, known)
+    checked = [] if store is None or not rows_of_study(rows, STUDY) else cross_checks(rows, store, known)
     rest = [row for row in rows if not checked or STUDY not in studies_of(row)]
     tables = displacement_tables(compared(rows) or rest, known, whole=whole)
     if format == "csv":
@@ -70,11 +70,10 @@ def render(
     return "\n".join(table.write(format) for table in (*tables, *checked))
 
 
-def cross_checks(rows: Sequence[Row], store: Store, known: Known = catalog.known_values) -> list[Table]:
-    """Return the cross-check of engines, if a suite of the rows makes one."""
-    if not rows_of_study(rows, STUDY):
-        return []
-    cases = checked_cases({record.run_id: record for record in store.read().records}, rows)
+def cross_checks(rows: Sequence[Row], store: Store, known: Known) -> list[Table]:
+    """Return the cross-check of engines, if the runs make one."""
+    records = {record.run_id: record for record in store.read().records}
+    cases = checked_cases(Evidence(records, rows, store.folder, known))
     return [cross_check_table(cases, known)] if is_cross_check(cases) else []
 
 
@@ -133,24 +132,17 @@ def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], k
 
 def caption(theories: Sequence[str], marked: bool, stated: bool = False) -> str:
     """Say what judges, and how the errors are to be read."""
-    judged = f"Errors are relative to the converged value of {' and '.join(theories)} theory." if theories else ""
-    return " ".join(
-        part
-        for part in (
-            judged,
-            "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
-            " differs.",
-            "A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
-            " brackets are the uncertainty of the last digits.",
-            "The own uncertainty is what a solver states of its answer itself, the largest over its seeds."
-            if stated
-            else "",
-            "An error marked * is smaller than the uncertainty of the known value." if marked else "",
-            "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
-            " of the solving process.",
-        )
-        if part
-    )
+    sentences = {
+        f"Errors are relative to the converged value of {' and '.join(theories)} theory.": bool(theories),
+        "Figures of other theories or origins stand beside it and do not judge; below is said where their theory"
+        " differs. A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
+        " brackets are the uncertainty of the last digits.": True,
+        "The own uncertainty is what a solver states of its answer itself, the largest over its seeds.": stated,
+        "An error marked * is smaller than the uncertainty of the known value.": marked,
+        "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
+        " of the solving process.": True,
+    }
+    return " ".join(sentence for sentence, told in sentences.items() if told)
 
 
 def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note]:

@@ -17,17 +17,17 @@ from matplotlib.figure import Figure
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
-from shellbench.report.columns import Line, column, error, share
+from shellbench.report.columns import Column, Line, column, error, present, share
 from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import MARKDOWN, Notation, anchor
-from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.palette import Dashes, Ink, dashes_of
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known
 from shellbench.report.suites import remarks_on
-from shellbench.report.table import Column, Note, Table, present
+from shellbench.report.table import Note, Table
 
 STUDY: Study = "thinness"
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
@@ -62,7 +62,6 @@ def section(evidence: Evidence) -> Section | None:
                 description=" ".join(findings(table.data)),
                 figure=thinness_figure(table.data, evidence.inks),
                 run_ids=tuple(runs["run_id"]),
-                drawing=True,
             )
         )
         words += [f"{title}. {sentence}" if not i else sentence for i, sentence in enumerate(findings(table.data))]
@@ -247,7 +246,7 @@ def thinness_figure(data: pd.DataFrame, inks: Mapping[str, Ink]) -> Figure:
     """Draw the table of one shell, thinner to the right; variants of a solver differ in their dashes."""
     figure, panels = open_figure(SIZE, 2, 2, sharex=True)
     solutions = data.groupby("solution", sort=False)
-    dashes = {name: _dashes(name, list(solutions.groups)) for name, _ in solutions}
+    dashes = dashes_of(solutions.groups)
     for axes, (label, columns) in zip(panels.flat, PANELS.items(), strict=True):
         linear = columns[0] == "share"
         for place, (name, lines) in enumerate(solutions):
@@ -291,10 +290,3 @@ def _known(errors: Axes, shares: Axes, known: pd.DataFrame) -> None:
         errors.set_ylim(bottom=bottom)
     share = known[known["known_share"].notna()]
     shares.plot(share["ratio"], 100 * share["known_share"], color=KNOWN, linewidth=3, zorder=0)
-
-
-def _dashes(solution: str, solutions: list[str]) -> Dashes:
-    """Return the dashes of a solution: the variants of one solver have different ones."""
-    solver = solution.partition(", ")[0]
-    alike = [name for name in solutions if name.partition(", ")[0] == solver]
-    return DASHES[alike.index(solution) % len(DASHES)]

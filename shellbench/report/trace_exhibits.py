@@ -9,26 +9,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
-from shellbench.bench.row import Row
 from shellbench.portrait import Along, Portrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.fields import Fields, read_fields
-from shellbench.report.palette import Ink, inks
+from shellbench.report.palette import Ink
 from shellbench.report.scene import drawn, spread, states
 from shellbench.report.shells import scale_words, shapes_figure
-from shellbench.report.solutions import Known
 from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
-from shellbench.report.suites import leading_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure
 from shellbench.report.traces import (
     BALANCE,
-    Runs,
     TracedRun,
     apart,
     frame_at,
@@ -36,9 +34,9 @@ from shellbench.report.traces import (
     known_points,
     limit_loads,
     path_run,
+    portrayed,
     readable,
     reason,
-    runs_by_case,
     shown_marks,
     traced,
 )
@@ -58,41 +56,48 @@ def is_cloth(case: Portrait) -> bool:
     return case.ends is not None or case.buckles
 
 
-def path_exhibits(records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known) -> Iterator[Exhibit]:
-    """Yield the figures of all paths that runs left; see `shellbench.report.exhibits.exhibits`."""
-    colours = inks(row.solver for row in rows)
-    default = list(_cases(records, [row for row in rows if row.primary and row.default_settings], known))
-    for name, case, runs, values in default:
-        yield from _curves(f"{CURVE}{name}", case, [(record, row.solver) for row, record in runs], values, colours)
-    for _, case, runs, _ in default:
+def path_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the figures of all paths that runs left."""
+    default = list(_cases(evidence, evidence.made[evidence.made["default_settings"]]))
+    for case, runs, values in default:
+        made = list(zip(runs["record"], runs["solver"], strict=True))
+        yield from _curves(f"{CURVE}{_name(runs)}", case, made, values, evidence.inks)
+    for case, runs, _ in default:
         if not is_cloth(case):
-            yield from _states(runs, folder)
-    yield from _strains(records, rows, known)
+            yield from _states(runs, evidence.folder)
+    yield from _strains(evidence)
 
 
-def motion_exhibits(
-    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, known: Known
-) -> Iterator[Exhibit]:
-    """Yield the figures of all motions, and of paths through buckling; see `shellbench.report.exhibits.exhibits`."""
-    colours = inks(row.solver for row in rows)
-    for name, case, runs, values in _cases(records, leading_rows([row for row in rows if row.primary]), known):
+def motion_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the figures of all motions, and of paths through buckling."""
+    colours = evidence.inks
+    for case, runs, values in _cases(evidence, evidence.made[evidence.made["leading"]]):
         if is_cloth(case):
-            left = [run for row, record in runs if (run := traced(record, case, row.solver)) is not None]
+            name, made = _name(runs), zip(runs["record"], runs["solver"], strict=True)
+            left = [run for record, solver in made if (run := traced(record, case, solver)) is not None]
             if left and case.ends is not None:
                 yield from _motion(name, case, left, values, colours)
-                yield from _apart(name, case, runs, folder, colours)
+                yield from _apart(name, case, runs, evidence)
             elif left:
                 yield from _buckling(name, case, left, values, colours)
-            yield from _frames(name, case, runs, folder)
+            yield from _frames(name, case, runs, evidence.folder)
 
 
-def _cases(
-    records: Mapping[str, Record], rows: Sequence[Row], known: Known
-) -> Iterator[tuple[str, Portrait, Runs, KnownValues]]:
-    """Yield name, portrait, runs and known values of each case; of a user's own nothing is known."""
-    for (name, own), runs in runs_by_case(records, rows).items():
-        if (case := portrait_of(runs[0][1])) is not None:
-            yield name, case, runs, KnownValues() if own else known(name)
+def _cases(evidence: Evidence, made: pd.DataFrame) -> Iterator[tuple[Portrait, pd.DataFrame, KnownValues]]:
+    """Yield portrait, runs and known values of each case; of a user's own nothing is known."""
+    for case, runs in portrayed(made):
+        yield case, runs, KnownValues() if runs["own_case"].iloc[0] else evidence.known(_name(runs))
+
+
+def _name(runs: pd.DataFrame) -> str:
+    return str(runs["case"].iloc[0])
+
+
+def _ranked(runs: pd.DataFrame, *first: str) -> pd.DataFrame:
+    """Return runs in the order in which they are worth being shown: good ones, then by columns, then of small error."""
+    size = runs["relative_error"].abs().fillna(0.0)
+    ranked = runs.assign(failed=~runs["sound"], drawn=runs["seed"].notna(), seed=runs["seed"].fillna(0), size=size)
+    return ranked.sort_values(["failed", *first, "size"], kind="stable")
 
 
 def _curves(
@@ -135,24 +140,23 @@ def _curves(
     )
 
 
-def _states(runs: Runs, folder: Path) -> Iterator[Exhibit]:
+def _states(runs: pd.DataFrame, folder: Path) -> Iterator[Exhibit]:
     """Draw the states of the best run that kept some: a good one, a certain one, one of small error."""
-    ranked = sorted(
-        runs, key=lambda run: (run[1].status != "ok", run[0].seed is not None, abs(run[0].relative_error or 0.0))
-    )
-    kept = ((row, record, found) for row, record in ranked if len(found := states(record, folder)) >= FEWEST)
+    ranked = _ranked(runs, "drawn")["record"]
+    kept = ((record, found) for record in ranked if len(found := states(record, folder)) >= FEWEST)
     if (best := next(kept, None)) is None:
         return
-    row, record, found = best
+    record, found = best
     shown = spread(found)
     words, shells = [words for words, _ in shown], [shell for _, shell in shown]
     columns = len(shells) if len(shells) <= MOST_IN_A_ROW else MANY_IN_A_ROW
     left_out = f" {len(shown)} of {len(found)} kept states." if len(shown) < len(found) else ""
+    failed = f", which failed later: {record.reason}" if record.status != "ok" else ""
     yield Exhibit(
         name=f"{STATES}{record.case_name}",
         title=f"{shells[0].title}: shapes along the path",
         caption=f"The deformed shell, {scale_words(shells[0])}, with the reference surface as a wire.{left_out}"
-        f" Solved by {row.solver}{'' if record.status == 'ok' else f', which failed later: {record.reason}'}.",
+        f" Solved by {record.identity.solver}{failed}.",
         description="; ".join(f"{mark}: {shell.words}" for mark, shell in shown),
         figure=shapes_figure([shells[at : at + columns] for at in range(0, len(shells), columns)], words),
         run_ids=(record.run_id,),
@@ -160,10 +164,10 @@ def _states(runs: Runs, folder: Path) -> Iterator[Exhibit]:
     )
 
 
-def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -> Iterator[Exhibit]:
-    shown = strain_rows(rows)
+def _strains(evidence: Evidence) -> Iterator[Exhibit]:
+    shown, records = strain_rows(evidence), evidence.records
     rolled = catalog.find_suite(SUITE).rolled if SUITE in catalog.suite_names() else None
-    energies = bending_energies(records, rows, rolled or "")
+    energies = bending_energies(evidence, rolled or "")
     ids = tuple(dict.fromkeys(row.run_id for row in shown if row.case == rolled and row.run_id))
     plate = portrait_of(records[ids[0]]) if ids and ids[0] in records else None
     stiffness = plate.rolling_stiffness if plate is not None else None
@@ -180,12 +184,13 @@ def _strains(records: Mapping[str, Record], rows: Sequence[Row], known: Known) -
             ),
             figure=figure,
             run_ids=ids,
-            drawing=True,
         )
-    for name, case, runs, values in _cases(records, [row for row in shown if row.primary], known):
+    made = evidence.made[evidence.made["run_id"].isin({row.run_id for row in shown})]
+    for case, runs, values in _cases(evidence, made):
         if len(runs) > 1:
-            paths = [(record, row.label) for row, record in sorted(runs, key=lambda run: STRAINS.index(run[0].label))]
-            yield from _curves(f"{STRAIN}{name}", case, paths, values, INKS, "the strain measures")
+            ordered = runs.sort_values("label", key=lambda labels: labels.map(STRAINS.index), kind="stable")
+            paths = list(zip(ordered["record"], ordered["label"], strict=True))
+            yield from _curves(f"{STRAIN}{_name(runs)}", case, paths, values, INKS, "the strain measures")
 
 
 def _motion(
@@ -220,15 +225,15 @@ def _motion(
     )
 
 
-def _apart(name: str, case: Portrait, runs: Runs, folder: Path, colours: Mapping[str, Ink]) -> Iterator[Exhibit]:
-    found = apart(runs, folder)
+def _apart(name: str, case: Portrait, runs: pd.DataFrame, evidence: Evidence) -> Iterator[Exhibit]:
+    found = apart(runs, evidence.folder)
     if not found:
         return
     against = next(iter(found.values())).against
     shown = [
-        TracedRun(row.solver, row.seed, record.run_id, reason(record), {"rms": found[record.run_id].rms})
-        for row, record in runs
-        if record.run_id in found
+        TracedRun(record.identity.solver, record.identity.seed, record.run_id, reason(record), {"rms": one.rms})
+        for record in runs["record"]
+        if (one := found.get(record.run_id)) is not None
     ]
     largest = [(run.words, *found[run.run_id].largest) for run in shown]
     words = [f"{name}: at most {value:.2g} m, at {at:.3g} s" for name, at, value in largest]
@@ -238,7 +243,7 @@ def _apart(name: str, case: Portrait, runs: Runs, folder: Path, colours: Mapping
         caption=f"Root of the mean square, over the surface, of the difference between a solver's displacement and that"
         f" of {against}, at each kept frame. {'. '.join(words)}.",
         description="; ".join(words),
-        figure=trace_figure([TracePanel(("rms",), "difference (m)", logarithmic=True)], shown, colours),
+        figure=trace_figure([TracePanel(("rms",), "difference (m)", logarithmic=True)], shown, evidence.inks),
         runs=shown,
     )
 
@@ -267,14 +272,14 @@ def _buckling(
     )
 
 
-def _frames(name: str, case: Portrait, runs: Runs, folder: Path) -> Iterator[Exhibit]:
+def _frames(name: str, case: Portrait, runs: pd.DataFrame, folder: Path) -> Iterator[Exhibit]:
     """Draw a row of shapes for each solver: of its runs a good one, of the lowest seed, of small error."""
     best: dict[str, tuple[Record, Fields]] = {}
-    ranked = sorted(runs, key=lambda run: (run[1].status != "ok", run[0].seed or 0, abs(run[0].relative_error or 0.0)))
-    for row, record in ranked:
-        fields = read_fields(record, folder) if row.solver not in best else None
+    for record in _ranked(runs, "seed")["record"]:
+        solver = record.identity.solver
+        fields = read_fields(record, folder) if solver not in best else None
         if fields is not None and len(fields.marks):
-            best[row.solver] = record, fields
+            best[solver] = record, fields
     marks = shown_marks(case, {solver: fields for solver, (_, fields) in best.items()}, MOST_FRAMES)
     together, words = [fields for _, fields in best.values()], [case.mark_words(mark) for mark in marks]
     strips = {
@@ -310,7 +315,7 @@ def _frames(name: str, case: Portrait, runs: Runs, folder: Path) -> Iterator[Exh
 def _drawing(
     name: str, title: str, caption: str, description: str, figure: Figure, runs: Sequence[TracedRun]
 ) -> Exhibit:
-    return Exhibit(name, title, caption, description, figure, tuple(run.run_id for run in runs), drawing=True)
+    return Exhibit(name, title, caption, description, figure, tuple(run.run_id for run in runs))
 
 
 def _left(series: Sequence[Along], runs: Sequence[TracedRun]) -> list[Along]:

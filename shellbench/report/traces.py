@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.account import HistoryStep
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues, Role
 from shellbench.bench.row import Row
@@ -24,8 +27,8 @@ from shellbench.report.fields import Fields, areas, read_fields
 from shellbench.report.solutions import theory_words
 
 Array = NDArray[np.float64]
-Runs = Sequence[tuple[Row, Record]]
 Point = tuple[float, float]
+Phase = Literal["path", "time"]
 Key = tuple[str, bool]  # what a legend calls known points, and whether they judge
 
 BALANCE = "energy_balance"  # a trace of the solver's own: see `shellbench.problem.Step.energy` of a step in time
@@ -108,16 +111,16 @@ class KnownPoints:
     uncertainties: Array
 
 
-def runs_by_case(
-    records: Mapping[str, Record], rows: Sequence[Row]
-) -> dict[tuple[str, bool], list[tuple[Row, Record]]]:
-    """Return the runs of rows by case (and whether it is a user's own), each run once."""
-    found: dict[tuple[str, bool], dict[str, tuple[Row, Record]]] = {}
-    for row in rows:
-        record = records.get(row.run_id or "")
-        if record is not None:
-            found.setdefault((row.case, row.own_case), {}).setdefault(record.run_id, (row, record))
-    return {case: list(runs.values()) for case, runs in found.items()}
+def steps_of(record: Record, phase: Phase) -> list[HistoryStep]:
+    """Return the steps of a run along its path, or in time."""
+    return [step for step in record.history if step.phase == phase]
+
+
+def portrayed(made: pd.DataFrame) -> Iterator[tuple[Portrait, pd.DataFrame]]:
+    """Yield the portrait of each case that has one, with its runs."""
+    for _, runs in made.groupby(["case", "own_case"], sort=False):
+        if (case := portrait_of(runs["record"].iloc[0])) is not None:
+            yield case, runs
 
 
 def readable(name: str) -> str:
@@ -132,17 +135,12 @@ def words_of(label: str, source: str, theory: str) -> str:
     return f"{label or source}, {theory_words(theory)}"
 
 
-def motion_steps(record: Record) -> list[HistoryStep]:
-    """Return the steps in time of a run."""
-    return [step for step in record.history if step.phase == "time"]
-
-
 def traced(record: Record, case: Portrait, name: str) -> TracedRun | None:
     """Return the traces that a run left; None if it left none."""
     traces = {one.name: Trace(np.array(one.marks), np.array(one.values)) for one in record.series}
     if not traces:
         return None
-    if steps := motion_steps(record):
+    if steps := steps_of(record, "time"):
         traces[BALANCE] = _from_rest([step.at for step in steps], [step.energy for step in steps])
     if case.ends is None:  # a path starts at rest, where there is no force
         traces = {key: _from_rest(one.marks, one.values) for key, one in traces.items()}
@@ -154,7 +152,7 @@ def traced(record: Record, case: Portrait, name: str) -> TracedRun | None:
 
 def path_run(record: Record, case: Portrait, name: str) -> TracedRun | None:
     """Return the displacements along the path that a run left, by load factor; None if it left none."""
-    steps = [step for step in record.history if step.phase == "path"]
+    steps = steps_of(record, "path")
     traces = {}
     for one in case.paths:
         names = {quantity.name for quantity in one.quantities}
@@ -296,10 +294,10 @@ def yardstick(rows: Sequence[Row]) -> Row | None:
     return next(iter(certain.values())) if len(certain) == 1 else None
 
 
-def apart(runs: Runs, folder: Path) -> dict[str, Apart]:
+def apart(runs: pd.DataFrame, folder: Path) -> dict[str, Apart]:
     """Return, by run id, how far the runs of one case are from the one that they are held against."""
-    standard = yardstick([row for row, _ in runs])
-    fields = {record.run_id: read_fields(record, folder) for _, record in runs} if standard is not None else {}
+    standard = yardstick(list(runs["row"]))
+    fields = {record.run_id: read_fields(record, folder) for record in runs["record"]} if standard is not None else {}
     theirs = fields.pop(standard.run_id or "") if standard is not None else None
     found: dict[str, Apart] = {}
     for run_id, ours in fields.items():

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.bench.kinds import portrait_of
-from shellbench.report.columns import Line, column
+from shellbench.report.columns import Column, Line, column
 from shellbench.report.digits import duration, percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
@@ -23,7 +23,7 @@ from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, ent
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.scene import drawn
 from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row
-from shellbench.report.table import Column, Table
+from shellbench.report.table import Table
 
 ITERATIONS = "iterations"  # the setting that stops a training
 ENERGY = "certified_energy"  # a solver's own word for its energy on a finer rule than it was trained on, J

@@ -11,7 +11,6 @@ import base64
 import gzip
 import hashlib
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -27,9 +26,9 @@ from numpy.typing import NDArray
 
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
-from shellbench.bench.row import Row
 from shellbench.errors import ShellbenchError
-from shellbench.report.fields import Fields, read_fields
+from shellbench.report.evidence import Evidence
+from shellbench.report.fields import Fields, kept_arrays, read_fields
 from shellbench.report.scene import picture_scale, pictured, spread
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
@@ -67,26 +66,18 @@ class View:
     dense: bool
 
 
-def views(
-    records: Mapping[str, Record], rows: Sequence[Row], folder: Path, first: Mapping[str, str] | None = None
-) -> dict[str, View]:
+def views(evidence: Evidence, first: Mapping[str, str] | None = None) -> dict[str, View]:
     """Return a view of each case of which a run kept its field, by name of case.
 
     Parameters
     ----------
-    records
-        By run id.
-    rows
-        That compare them.
-    folder
-        Where the records' files are.
     first
         By name of case the run that is seen first: the one that the still picture shows.
     """
     found: dict[str, View] = {}
-    for case, of_case in pictured(records, rows).items():
+    for case, of_case in pictured(evidence.records, evidence.compared).items():
         lead = (first or {}).get(case)
-        made = view(sorted(of_case, key=lambda record: record.run_id != lead), folder)
+        made = view(sorted(of_case, key=lambda record: record.run_id != lead), evidence.folder)
         found |= {} if made is None else {case: made}
     return found
 
@@ -141,12 +132,10 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
 
 def energy_density(record: Record, fields: Fields, folder: Path) -> Array | None:
     """Return the strain energy per area (n1, n2) that a run kept; None if it kept none or it is not finite."""
-    try:
-        with np.load(folder / (record.fields_file or ""), allow_pickle=False) as stored:
-            density = np.sum([np.asarray(stored[name], dtype=float) for name in ENERGY_PARTS], axis=0)
-    except (OSError, EOFError, KeyError, TypeError, ValueError, zipfile.BadZipFile):
+    parts = kept_arrays(record, folder, *ENERGY_PARTS)
+    if parts is None or any(part.shape != fields.xi.shape[:2] for part in parts):
         return None
-    return density if density.shape == fields.xi.shape[:2] and np.all(np.isfinite(density)) else None
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def states_of(fields: Fields) -> dict[float, Array]:

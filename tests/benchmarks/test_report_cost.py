@@ -11,6 +11,7 @@ import pytest
 
 from shellbench.bench import store as bench
 from shellbench.problems.shell.sampling import PICTURE
+from shellbench.report.evidence import Evidence
 from shellbench.report.exhibits import PICTURE as SHELL
 from shellbench.report.exhibits import exhibits
 from shellbench.report.page import write_report
@@ -39,7 +40,7 @@ def test_a_report_of_the_course(benchmark, tmp_path, monkeypatch):
         return write_report(bench.Store(made.folder), rows, tmp_path / "out", made.known_values, for_print=False)
 
     def figure():
-        drawn = exhibits(records, plate, made.folder, made.known_values)
+        drawn = exhibits(Evidence(records, plate, made.folder, made.known_values))
         return next(one for one in drawn if one.name == f"{SHELL}square_plate").save(figures, for_print=False)
 
     assert report().is_file()

@@ -82,12 +82,12 @@ def course_page(dense, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cloth_page(motion, tmp_path_factory):
-    def pictures(records, rows, folder, known):
+    def pictures(evidence):
         return [
             exhibits.Exhibit(
                 f"{exhibits.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
             )
-            for one in lead_shells(pictured(records, rows), folder)
+            for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]
 
     return written(motion, tmp_path_factory.mktemp("cloth"), "cloth", pictures)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.report.consistency import consistency_table, details, section, yardstick_words
+from shellbench.report.consistency import consistency_table, section, yardstick_words
 from shellbench.report.ladder import Probes, case_runs, difference, read_probes
 from shellbench.report.resolution import nominal_rates
 from tests.report.resolutions import (
@@ -50,7 +50,7 @@ def line(table, solver):
 
 
 def pairs(shown, kind, solver):
-    data = details(case_runs(shown))[0].data
+    data = section(shown).details[0].data
     found = data[(data["pair"] == kind) & (data["solver"] == solver)]
     return {(one["run"], one["other"]): one for one in found.to_dict("records")}
 
@@ -110,7 +110,7 @@ def test_the_slope_is_that_of_the_formula(plate):
 def test_drift_is_the_change_of_the_quantity(plate):
     table = consistency_table(case_runs(plate))
     assert line(table, "shells")["drift"] == pytest.approx(64**-2 - 1e-7, rel=1e-6)
-    drifts = details(case_runs(plate))[1].data
+    drifts = section(plate).details[1].data
     coarse = drifts[(drifts["run"] == "cells 4×4")].to_dict("records")
     assert [one["drift"] for one in coarse] == pytest.approx([(1 + 1 / 16) / (1 + 1e-7) - 1])
 
@@ -242,7 +242,7 @@ def test_without_probes_only_the_queries_are_shown(tmp_path):
     assert [table.name for table in made.tables] == ["resolution"]
     assert not made.exhibits
     assert case_runs(shown)[0].yardstick is None
-    assert [table.name for table in details(case_runs(shown))] == ["consistency_drift"]
+    assert [table.name for table in section(shown).details] == ["consistency_drift"]
 
 
 def test_one_resolution_alone_is_compared_with_other_solvers(tmp_path):
@@ -308,7 +308,7 @@ def test_the_figure_shows_what_the_table_says(request, which):
 
 @pytest.mark.parametrize("format", ["text", "markdown", "latex", "html", "csv"])
 def test_all_tables_are_written_in_all_formats(plate, format):
-    for table in (*section(plate).tables, *details(case_runs(plate))):
+    for table in (*section(plate).tables, *section(plate).details):
         assert table.write(format)
 
 

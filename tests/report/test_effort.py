@@ -9,13 +9,14 @@ import pytest
 
 from shellbench.report.digits import byte_size
 from shellbench.report.effort import effort_table
+from shellbench.report.evidence import Evidence
 from tests.report.nonlinear import REASON
 from tests.report.test_tables import MARKUP_FORMATS, lines, number
 
 
 @pytest.fixture(scope="module")
 def table(nonlinear):
-    return effort_table({record.run_id: record for record in nonlinear.records}, nonlinear.rows)
+    return effort_table(Evidence({record.run_id: record for record in nonlinear.records}, nonlinear.rows, None))
 
 
 def records_of(nonlinear, line):
@@ -78,11 +79,11 @@ def test_iterations_that_nobody_counted_are_no_number(nonlinear):
         )
         for record in nonlinear.records
     }
-    found = effort_table(bare, nonlinear.rows)
+    found = effort_table(Evidence(bare, nonlinear.rows, None))
     assert found.data["iterations"].isna().all()
     assert " nan " not in found.write("text").lower()
     assert "<NA>" not in found.write("markdown")
 
 
 def test_without_paths_there_is_no_table(store):
-    assert effort_table({record.run_id: record for record in store.records}, store.rows) is None
+    assert effort_table(Evidence({record.run_id: record for record in store.records}, store.rows, None)).data.empty

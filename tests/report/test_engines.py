@@ -61,8 +61,7 @@ def seconds_of(n):
 
 
 def table_of(folder, runs):
-    held = evidence(folder, runs)
-    return cross_check_table(checked_cases(held.records, held.rows), synthetic_known)
+    return cross_check_table(checked_cases(evidence(folder, runs)), synthetic_known)
 
 
 def line(folder, runs, name):
@@ -289,7 +288,7 @@ def test_a_panel_for_each_case_and_a_line_for_each_settings(tmp_path):
         alone(tmp_path, OURS, 1e-6, case="scordelis_lo"),
     ]
     held = evidence(tmp_path, runs)
-    cases = checked_cases(held.records, held.rows)
+    cases = checked_cases(held)
     colours = inks([OURS, PEER])
     (axes,) = cross_check_figure(cases, colours).axes  # the roof has no curve
     curves = {}
@@ -319,7 +318,8 @@ def test_its_rows_are_kept_out_of_the_tables_of_displacements(tmp_path):
 def test_the_terminal_shows_the_cross_check_instead(tmp_path):
     runs = both(tmp_path)
     rows = [of for _, of in runs]
-    store = SimpleNamespace(read=lambda: SimpleNamespace(records=tuple(made for made, _ in runs)))
+    stored = SimpleNamespace(records=tuple(made for made, _ in runs))
+    store = SimpleNamespace(read=lambda: stored, folder=tmp_path)
     text = tables.render(rows, "text", synthetic_known, store)
     assert text.splitlines()[0] == "Solvers and engines, cross-checked"
     assert text.count("Unknowns") == 1  # no second table

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import Fields, areas, differences, field_table
 from tests.report.conftest import Store
 
@@ -23,7 +24,7 @@ def test_a_scaled_field_differs_by_its_factor():
 
 def test_the_table_holds_each_solver_against_the_certain_one(store: Store):
     by_id = {record.run_id: record for record in store.records}
-    table = field_table(by_id, store.rows, store.folder)
+    table = field_table(Evidence(by_id, store.rows, store.folder))
     plate = table.data[table.data["case"] == "square_plate"].set_index("solution")
     assert set(plate.index) == {"ndf", "ndf-ritz"}
     assert set(plate["against"]) == {"fem"}
@@ -34,4 +35,4 @@ def test_the_table_holds_each_solver_against_the_certain_one(store: Store):
 def test_without_a_certain_solver_nothing_is_compared(store: Store):
     by_id = {record.run_id: record for record in store.records}
     fields_only = [row for row in store.rows if row.solver != "fem"]
-    assert field_table(by_id, fields_only, store.folder) is None
+    assert field_table(Evidence(by_id, fields_only, store.folder)).data.empty

@@ -12,7 +12,6 @@ from shellbench.report.memory import (
     NOT_KNOWN,
     NOT_REACHED,
     REACHED,
-    details,
     level_table,
     rounding_table,
     section,
@@ -234,7 +233,7 @@ def test_rounding_is_shown_for_the_finest_run(sharp):
 
 
 def test_memory_of_the_solve_is_the_peak_less_what_was_held_before(sharp):
-    short, whole = solve_table(case_runs(sharp)), details(case_runs(sharp))[0]
+    short, whole = solve_table(case_runs(sharp)), section(sharp).details[0]
     assert len(short.data) == 2
     assert len(whole.data) == 7
     for one in whole.data.to_dict("records"):
@@ -260,7 +259,7 @@ def test_smallest_of_the_candidates(sharp):
 
 def test_nothing_at_all_is_no_section(tmp_path):
     assert section(evidence(tmp_path, [])) is None
-    assert details(()) == ()
+    assert solve_table((), finest_only=False).data.empty
 
 
 @pytest.mark.parametrize("which", ["plate", "napkin"])
@@ -279,5 +278,5 @@ def test_figures_have_axes_with_units_and_fit_the_page(request, which):
 
 @pytest.mark.parametrize("format", ["text", "markdown", "latex", "html", "csv"])
 def test_all_tables_are_written_in_all_formats(napkin, format):
-    for table in (*section(napkin).tables, *details(case_runs(napkin))):
+    for table in (*section(napkin).tables, *section(napkin).details):
         assert table.write(format)

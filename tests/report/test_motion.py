@@ -5,6 +5,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import read_fields
 from shellbench.report.motion_tables import by_time_tables, motion_table
 from shellbench.report.palette import inks, style
@@ -20,7 +21,6 @@ from shellbench.report.traces import (
     frame_at,
     known_points,
     rms_difference,
-    runs_by_case,
     shown_marks,
     traced,
     yardstick,
@@ -38,7 +38,9 @@ def by_id(motion):
 @pytest.fixture(scope="module")
 def exhibits(motion, by_id):
     with style():
-        return {one.name: one for one in motion_exhibits(by_id, motion.rows, motion.folder, motion.known_values)}
+        return {
+            one.name: one for one in motion_exhibits(Evidence(by_id, motion.rows, motion.folder, motion.known_values))
+        }
 
 
 def record_of(motion, case, solver):
@@ -46,8 +48,7 @@ def record_of(motion, case, solver):
 
 
 def runs_of(motion, by_id, case):
-    primary = [row for row in motion.rows if row.primary and row.case == case]
-    return runs_by_case(by_id, primary)[case, False]
+    return Evidence(by_id, [row for row in motion.rows if row.case == case], motion.folder).made
 
 
 def test_a_run_is_traced_as_it_was_recorded(motion):
@@ -143,7 +144,8 @@ def test_frames_are_found_by_their_mark(motion):
 
 def test_shown_marks_are_common_and_evenly_spread(motion, by_id):
     case = ShellPortrait(catalog.named_case("pendulum_strip"))
-    kept = {row.solver: read_fields(record, motion.folder) for row, record in runs_of(motion, by_id, case.name)}
+    runs = runs_of(motion, by_id, case.name)["record"]
+    kept = {record.identity.solver: read_fields(record, motion.folder) for record in runs}
     assert shown_marks(case, kept, 5) == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     sleeve = ShellPortrait(catalog.named_case("sleeve_twist"))
     kept = {"fem": read_fields(record_of(motion, "sleeve_twist", "fem"), motion.folder)}
@@ -266,14 +268,14 @@ def test_a_run_that_a_suite_declares_stands_for_its_solver_where_it_has_no_other
 
 def test_cloth_is_not_drawn_as_a_path_too(motion, by_id):
     with style():
-        found = [one.name for one in path_exhibits(by_id, motion.rows, motion.folder, motion.known_values)]
+        found = [one.name for one in path_exhibits(Evidence(by_id, motion.rows, motion.folder, motion.known_values))]
     assert found == []
     assert is_cloth(ShellPortrait(catalog.named_case("sleeve_compression")))
     assert not is_cloth(ShellPortrait(catalog.named_case("cantilever_shear")))
 
 
 def test_the_table_of_motions_says_how_each_run_went(motion, by_id):
-    table = motion_table(by_id, motion.rows, motion.folder)
+    table = motion_table(Evidence(by_id, motion.rows, motion.folder))
     lines = {(line["case"], line["solution"]): line for line in table.data.to_dict("records")}
     assert set(lines) == {(r.case_name, r.identity.solver) for r in motion.records if r.case_name != "sleeve_twist"}
     failed = lines["pendulum_strip", "ndf"]
@@ -298,7 +300,7 @@ def test_the_table_of_motions_says_how_each_run_went(motion, by_id):
 
 
 def test_quantities_are_grouped_by_time_with_solvers_side_by_side(motion, by_id):
-    tables = {table.name: table for table in by_time_tables(by_id, motion.rows)}
+    tables = {table.name: table for table in by_time_tables(Evidence(by_id, motion.rows, None))}
     assert set(tables) == {"times_free_fall", "times_pendulum_strip", "times_napkin_plane"}
     fall = tables["times_free_fall"]
     assert list(dict.fromkeys(fall.data["block"])) == ["t = 0.5 s", "t = 1 s"]

@@ -11,7 +11,7 @@ from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
-from shellbench.report.evidence import Formula
+from shellbench.report.evidence import Evidence, Formula
 from shellbench.report.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
 from shellbench.report.palette import style
@@ -71,7 +71,7 @@ def test_only_what_falls_freely_has_a_closed_form(name):
 
 
 def test_each_case_stands_beside_newton(motion, by_id):
-    found = {one.case.name: one for one in findings(by_id, motion.rows)}
+    found = {one.case.name: one for one in findings(Evidence(by_id, motion.rows, None))}
     assert list(found) == list(shown_cases())
     assert found["free_fall"].newton_by == "closed form"
     assert found["napkin_plane"].newton_by == "fem"
@@ -80,7 +80,10 @@ def test_each_case_stands_beside_newton(motion, by_id):
 
 
 def test_the_ratio_at_half_of_the_time_is_three(motion, by_id):
-    lines = {(line["case"], line["when"]): line for line in newton_table(by_id, motion.rows).data.to_dict("records")}
+    lines = {
+        (line["case"], line["when"]): line
+        for line in newton_table(Evidence(by_id, motion.rows, None)).data.to_dict("records")
+    }
     half, end = lines["free_fall", "T/2 = 0.5 s"], lines["free_fall", "T = 1 s"]
     assert half["newton"] == pytest.approx(G / 8)
     assert half["stationary"] / half["newton"] == pytest.approx(3.0)
@@ -89,13 +92,13 @@ def test_the_ratio_at_half_of_the_time_is_three(motion, by_id):
     assert end["ndf-published"] / end["newton"] == pytest.approx(1.0)
     napkin = lines["napkin_plane", "T = 0.5 s"]
     assert napkin["newton"] == pytest.approx(napkin["fem"])
-    text = newton_table(by_id, motion.rows).write("text")
+    text = newton_table(Evidence(by_id, motion.rows, None)).write("text")
     assert "3.675 (3.00)" in text
     assert "not run" in text
 
 
 def test_a_way_that_was_not_reached_is_not_made_up(motion, by_id):
-    table = newton_table(by_id, motion.rows)
+    table = newton_table(Evidence(by_id, motion.rows, None))
     lines = {(line["case"], line["at"]): line for line in table.data.to_dict("records")}
     assert lines["pendulum_strip", 0.5]["ndf"] == pytest.approx(lines["pendulum_strip", 0.5]["fem"])
     assert np.isnan(lines["pendulum_strip", 1.0]["ndf"])
@@ -104,7 +107,7 @@ def test_a_way_that_was_not_reached_is_not_made_up(motion, by_id):
 
 def test_the_figure_has_the_three_cases_and_both_closed_forms(motion, by_id):
     with style():
-        (one,) = newton_exhibits(by_id, motion.rows)
+        (one,) = newton_exhibits(Evidence(by_id, motion.rows, None))
     assert [axes.get_ylabel() for axes in one.figure.axes] == ["fall (m)", "centre z (m)", "centre y (m)"]
     labels = [text.get_text() for text in one.figure.legends[0].get_texts()]
     assert sum("published functional" in label for label in labels) == 1
@@ -112,24 +115,24 @@ def test_the_figure_has_the_three_cases_and_both_closed_forms(motion, by_id):
 
 
 def test_nobody_who_asked_for_none_of_its_cases_gets_the_finding(store):
-    assert newton_table({}, store.rows) is None
-    assert list(newton_exhibits({}, store.rows)) == []
+    assert newton_table(Evidence({}, store.rows, None)) is None
+    assert list(newton_exhibits(Evidence({}, store.rows, None))) == []
 
 
 def test_a_run_that_departs_from_the_defaults_says_so(motion, by_id):
     change = {"overrides": {"iterations": 9}, "default_settings": False, "declared": True, "label": "reduced: 9"}
     rows = [row.model_copy(update=change) if row.solver == "ndf-published" else row for row in motion.rows]
-    notes = {(note.about, note.text) for note in newton_table(by_id, rows).notes}
+    notes = {(note.about, note.text) for note in newton_table(Evidence(by_id, rows, None)).notes}
     assert ("Free fall, ndf-published", "reduced: 9") in notes
-    assert "3.675 (3.00)" in newton_table(by_id, rows).write("text")
+    assert "3.675 (3.00)" in newton_table(Evidence(by_id, rows, None)).write("text")
 
 
 def test_a_solver_that_a_suite_declares_is_missed(motion, by_id):
     """The suites of free fall declare the published recipe: where it has no record, the table says so."""
     rows = [row for row in motion.rows if row.solver == "fem"]
-    (fall, *_) = findings(by_id, rows)
+    (fall, *_) = findings(Evidence(by_id, rows, None))
     assert fall.status == {"ndf": "not run", "ndf-published": "not run"}
-    assert "not run" in newton_table(by_id, rows).write("text")
+    assert "not run" in newton_table(Evidence(by_id, rows, None)).write("text")
 
 
 def test_where_nothing_was_run_it_is_said(motion):
@@ -139,11 +142,11 @@ def test_where_nothing_was_run_it_is_said(motion):
         for case in shown_cases()
         for solver in ("fem", "ndf")
     ]
-    table = newton_table({}, rows)
+    table = newton_table(Evidence({}, rows, None))
     assert table.write("text").count("not run") >= 8
     assert "3.00" in table.write("text")  # the closed forms need no run
     with style():
-        (one,) = newton_exhibits({}, rows)
+        (one,) = newton_exhibits(Evidence({}, rows, None))
     assert len(one.figure.axes) == 1
     assert "Free fall: fem not run" in one.caption
 

@@ -11,6 +11,7 @@ import pytest
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
 from shellbench.report.effort import effort_table
+from shellbench.report.evidence import Evidence
 from shellbench.report.page import write_report
 from shellbench.report.strains import strain_table
 from tests.report.conftest import Store
@@ -77,7 +78,10 @@ def test_markdown_shows_every_figure_and_table(report):
 
 def test_each_table_stands_in_every_file_with_the_same_cells(nonlinear, report):
     by_id = {record.run_id: record for record in nonlinear.records}
-    for table in (effort_table(by_id, nonlinear.rows), strain_table(nonlinear.rows)):
+    for table in (
+        effort_table(Evidence(by_id, nonlinear.rows, None)),
+        strain_table(Evidence({}, nonlinear.rows, None)),
+    ):
         assert table.write("markdown") in (report.parent / "report.md").read_text(encoding="utf-8")
         assert table.write("html") in "".join(pages_of(report).values())
         assert table.write("latex") in (report.parent / "table.tex").read_text(encoding="utf-8")

@@ -10,6 +10,7 @@ from shellbench.bench.task import case_data
 from shellbench.portrait import LoadAxis
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.portrait import ShellPortrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.palette import inks, style
 from shellbench.report.trace_exhibits import path_exhibits
 from shellbench.report.trace_figure import TracePanel, trace_figure
@@ -41,7 +42,7 @@ def series(case: str):
 def figure_of(store: Store, name: str):
     by_id = {record.run_id: record for record in store.records}
     with style():
-        shown = {one.name: one for one in path_exhibits(by_id, store.rows, store.folder, store.known_values)}
+        shown = {one.name: one for one in path_exhibits(Evidence(by_id, store.rows, store.folder, store.known_values))}
     return shown[name]
 
 
@@ -193,7 +194,9 @@ def test_variants_are_no_part_of_the_solvers_curves(nonlinear):
 
 def test_prescribed_motion_has_no_curve(nonlinear):
     by_id = {record.run_id: record for record in nonlinear.records}
-    names = {one.name for one in path_exhibits(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values)}
+    names = {
+        one.name for one in path_exhibits(Evidence(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values))
+    }
     assert not {"curve_rolled_plate", "curve_rigid_rotation"} & names
 
 
@@ -224,7 +227,9 @@ def test_a_case_that_can_not_be_read_any_more_draws_nothing(nonlinear):
         for record in nonlinear.records
     ]
     by_id = {record.run_id: record for record in broken}
-    names = {one.name for one in path_exhibits(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values)}
+    names = {
+        one.name for one in path_exhibits(Evidence(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values))
+    }
     assert "curve_hinged_roof_thick" not in names
     assert "curve_cantilever_shear" in names
 

@@ -51,8 +51,8 @@ def test_meshes_stand_in_order_with_their_differences(evidence):
 
 def test_nothing_reported_is_no_table(store, by_id):
     silent = {name: record.model_copy(update={"diagnostics": {}, "resolution": ()}) for name, record in by_id.items()}
-    assert resolution_table(Evidence(silent, store.rows, store.folder)) is None
-    assert mesh_table(Evidence(silent, store.rows, store.folder)) is None
+    assert resolution_table(Evidence(silent, store.rows, store.folder)).data.empty
+    assert mesh_table(Evidence(silent, store.rows, store.folder)).data.empty
 
 
 @pytest.mark.parametrize("odd", [None, "text", [1, 2], [{"cells": [8]}], [{"largest_difference": "x"}]])
@@ -60,4 +60,4 @@ def test_a_plug_ins_own_words_do_no_harm(store, by_id, odd):
     strange = {
         name: record.model_copy(update={"diagnostics": {"mesh_differences": odd}}) for name, record in by_id.items()
     }
-    assert mesh_table(Evidence(strange, store.rows, store.folder)) is None
+    assert mesh_table(Evidence(strange, store.rows, store.folder)).data.empty

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import field_table, read_fields
 from shellbench.report.palette import style
 from shellbench.report.scene import MOST_SHOWN, spread, states
@@ -55,7 +56,7 @@ def test_spread_keeps_order_and_the_last_state(count):
 def test_the_best_run_is_shown_a_failed_one_only_where_no_other_kept_states(nonlinear):
     def shown(records):
         by_id = {record.run_id: record for record in records}
-        found = path_exhibits(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values)
+        found = path_exhibits(Evidence(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values))
         return next(one for one in found if one.name == f"states_{BEAM}")
 
     best = shown(nonlinear.records)
@@ -70,7 +71,7 @@ def test_the_best_run_is_shown_a_failed_one_only_where_no_other_kept_states(nonl
 def test_the_field_of_a_failed_run_is_held_against_no_other(nonlinear):
     """It belongs to another load."""
     by_id = {record.run_id: record for record in nonlinear.records}
-    assert field_table(by_id, nonlinear.rows, nonlinear.folder) is None
+    assert field_table(Evidence(by_id, nonlinear.rows, nonlinear.folder)).data.empty
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
+from shellbench.report.evidence import Evidence
 from shellbench.report.palette import style
 from shellbench.report.strains import (
     CURVATURE,
@@ -33,14 +34,14 @@ ANGLES = [math.radians(degrees) for degrees in (1e-3, 30, 45, 90, 128.17, 135, 1
 
 @pytest.fixture(scope="module")
 def table(nonlinear):
-    return strain_table(nonlinear.rows)
+    return strain_table(Evidence({}, nonlinear.rows, None))
 
 
 @pytest.fixture(scope="module")
 def figures(nonlinear):
     by_id = {record.run_id: record for record in nonlinear.records}
     with style():
-        shown = path_exhibits(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values)
+        shown = path_exhibits(Evidence(by_id, nonlinear.rows, nonlinear.folder, nonlinear.known_values))
         return {one.name: one for one in shown if one.name.startswith("strain_")}
 
 
@@ -74,7 +75,7 @@ def test_the_exact_energy_is_that_of_the_case():
 
 def test_energies_are_the_records(nonlinear):
     by_id = {record.run_id: record for record in nonlinear.records}
-    found = bending_energies(by_id, nonlinear.rows, "rolled_plate")
+    found = bending_energies(Evidence(by_id, nonlinear.rows, None), "rolled_plate")
     assert set(found) == set(STRAINS)
     for strain, by_mark in found.items():
         assert list(by_mark) == list(catalog.named_case("rolled_plate").states)
@@ -152,7 +153,7 @@ def test_the_table_as_csv_has_every_digit(nonlinear, table):
 
 
 def test_the_words_have_the_records_figures(nonlinear):
-    text = " ".join(findings(nonlinear.rows))
+    text = " ".join(findings(Evidence({}, nonlinear.rows, None)))
     assert "128.17°" in text
     assert "1.30 at 90°" in text
     assert "7.5 J in the published measure" in text
@@ -167,7 +168,7 @@ def test_a_strain_that_failed_is_said_and_one_that_is_missing_too(nonlinear):
         for row in nonlinear.rows
         if not (row.label == "linear" and row.case == "cantilever_shear")
     ]
-    text = strain_table(broken).write("text")
+    text = strain_table(Evidence({}, broken, None)).write("text")
     line = next(line for line in text.splitlines() if "along the force 4" in line)
     assert "missing" in line
     assert "run failed" in line
@@ -176,15 +177,15 @@ def test_a_strain_that_failed_is_said_and_one_that_is_missing_too(nonlinear):
 
 def test_without_the_ablation_there_is_no_table_and_no_figure(nonlinear):
     others = [row for row in nonlinear.rows if "strain_ablation" not in row.suites]
-    assert strain_rows(others) == []
-    assert strain_table(others) is None
+    assert strain_rows(Evidence({}, others, None)) == []
+    assert strain_table(Evidence({}, others, None)) is None
     by_id = {record.run_id: record for record in nonlinear.records}
-    names = [one.name for one in path_exhibits(by_id, others, nonlinear.folder, nonlinear.known_values)]
+    names = [one.name for one in path_exhibits(Evidence(by_id, others, nonlinear.folder, nonlinear.known_values))]
     assert not any(name.startswith("strain_") for name in names)
 
 
 def test_the_exact_measure_alone_is_no_ablation(nonlinear):
     exact = [row for row in nonlinear.rows if row.label in ("", "exact")]
     assert any("strain_ablation" in row.suites for row in exact)
-    assert strain_rows(exact) == []
-    assert strain_table(exact) is None
+    assert strain_rows(Evidence({}, exact, None)) == []
+    assert strain_table(Evidence({}, exact, None)) is None

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.report.evidence import Evidence
 from shellbench.report.fields import read_fields
 from shellbench.report.scene import pictured
 from shellbench.report.view import (
@@ -51,7 +52,7 @@ def unpacked(kept):
 
 def kept_views(store):
     by_id = {record.run_id: record for record in store.records}
-    return {name: json.loads(one.json) for name, one in views(by_id, store.rows, store.folder).items()}
+    return {name: json.loads(one.json) for name, one in views(Evidence(by_id, store.rows, store.folder)).items()}
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +146,7 @@ def test_energy_density_is_the_sum_of_its_parts(tmp_path):
     x = arrays["xi"][..., 0]
     arrays |= {"membrane_energy_density": (x**2).astype(np.float32), "bending_energy_density": (3 * x).astype("f4")}
     np.savez_compressed(tmp_path / made.fields_file, **arrays)
-    kept = json.loads(views({made.run_id: made}, [row(made)], tmp_path)["square_plate"].json)
+    kept = json.loads(views(Evidence({made.run_id: made}, [row(made)], tmp_path))["square_plate"].json)
     _, (answer,) = unpacked(kept)
     thin = len(x) // (kept["shape"][0] - 1)
     density = (x**2 + 3 * x)[::thin, ::thin]
@@ -161,7 +162,7 @@ def test_a_density_that_is_not_finite_is_not_shown(tmp_path, spoilt):
     bad = whole.copy()
     bad[0, 0] = spoilt
     np.savez(tmp_path / made.fields_file, membrane_energy_density=bad, bending_energy_density=whole, **arrays)
-    shown = views({made.run_id: made}, [row(made)], tmp_path)["square_plate"]
+    shown = views(Evidence({made.run_id: made}, [row(made)], tmp_path))["square_plate"]
     assert json.loads(shown.json)["answers"][0]["density"] is None
     assert not shown.dense
 
@@ -169,7 +170,7 @@ def test_a_density_that_is_not_finite_is_not_shown(tmp_path, spoilt):
 def test_runs_without_fields_have_no_view(tmp_path):
     made = record(tmp_path, catalog.named_case("square_plate"), "fem")
     (tmp_path / made.fields_file).write_bytes(b"not an archive")
-    assert views({made.run_id: made}, [row(made)], tmp_path) == {}
+    assert views(Evidence({made.run_id: made}, [row(made)], tmp_path)) == {}
 
 
 @pytest.mark.parametrize(
@@ -192,7 +193,7 @@ def test_no_word_of_a_case_ends_the_script_that_holds_it(store):
     evil = {
         run_id: record.model_copy(update={"case": record.case | {"title": title}}) for run_id, record in plates.items()
     }
-    (one,) = views(evil, store.rows, store.folder).values()
+    (one,) = views(Evidence(evil, store.rows, store.folder)).values()
     assert "<" not in one.json
     assert json.loads(one.json)["title"] == title
 
@@ -200,7 +201,7 @@ def test_no_word_of_a_case_ends_the_script_that_holds_it(store):
 def test_the_run_of_the_still_picture_comes_first(store, course):
     by_id = {record.run_id: record for record in store.records}
     for answer in course["square_plate"]["answers"]:
-        shown = views(by_id, store.rows, store.folder, {"square_plate": answer["run"]})["square_plate"]
+        shown = views(Evidence(by_id, store.rows, store.folder), {"square_plate": answer["run"]})["square_plate"]
         assert shown.run_ids[0] == answer["run"]
         assert [one["run"] for one in json.loads(shown.json)["answers"]] == list(shown.run_ids)
 
