@@ -17,6 +17,7 @@ from shellbench.report.evidence import Evidence
 from shellbench.report.notation import TEXT
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import headlines
+from shellbench.report.solutions import seed_words
 from shellbench.report.table import Note
 from shellbench.report.yardstick import Yardstick, yardstick_of
 
@@ -298,7 +299,6 @@ def failed_runs(rows: Sequence[Row]) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for row in rows:
         if row.status != "ok":
-            seed = "" if row.seed is None else f", seed {row.seed}"
             words = row.label if row.overrides and row.label else "default settings"
-            found.setdefault(row.solver, []).append(f"{words}{seed}: {row.reason or row.status}")
+            found.setdefault(row.solver, []).append(f"{words}{seed_words(row.seed)}: {row.reason or row.status}")
     return found

@@ -25,7 +25,7 @@ def effort_table(evidence: Evidence) -> Table:
     """Return the table of path states, iterations and seconds."""
     lines: list[dict[str, Any]] = []
     notes: list[Note] = []
-    walked = [bool(steps_of(record, "path")) for record in evidence.made["record"]]
+    walked = evidence.made["record"].map(lambda record: bool(steps_of(record, "path"))).astype(bool)
     for (case, _, name), runs in evidence.made[walked].groupby(["case", "own_case", "solution"], sort=False):
         title, followed = runs["title"].iloc[0], list(runs["record"])
         lines.append({"block": title, "case": case, "solution": name} | effort(followed, "path"))

@@ -23,7 +23,7 @@ from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
 from shellbench.report.fields import kept_arrays
 from shellbench.report.runs import groups_alike, in_study
-from shellbench.report.solutions import variant_name
+from shellbench.report.solutions import seed_words, variant_name
 
 Array = NDArray[np.float64]
 Finer = Literal["unknowns", "time steps"]
@@ -123,8 +123,7 @@ class Run:
     @property
     def name(self) -> str:
         """How it departs from its solver's defaults, and its seed."""
-        seed = "" if self.row.seed is None else f", seed {self.row.seed}"
-        return f"{variant_name(self.row) or 'default settings'}{seed}"
+        return f"{variant_name(self.row) or 'default settings'}{seed_words(self.row.seed)}"
 
     @property
     def largest(self) -> float:

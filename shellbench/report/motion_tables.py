@@ -30,7 +30,7 @@ from shellbench.report.digits import rounded
 from shellbench.report.effort import effort
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation
-from shellbench.report.solutions import BAD, EXPECTED, grouped, verdict
+from shellbench.report.solutions import BAD, EXPECTED, grouped, seed_words, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH
@@ -77,7 +77,7 @@ def motion_table(evidence: Evidence) -> Table:
             made = list(of_solution["record"])
             lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
             notes += [
-                Note(f"{case.title}, {name}{'' if r.identity.seed is None else f', seed {r.identity.seed}'}", r.reason)
+                Note(f"{case.title}, {name}{seed_words(r.identity.seed)}", r.reason)
                 for r in made
                 if r.status != "ok" and r.reason
             ]

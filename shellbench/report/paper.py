@@ -6,7 +6,7 @@ into another document as it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -95,7 +95,7 @@ def _draw(exhibit: Exhibit, folder: Path) -> None:
 
 def _stated(table: Table, found: Evidence) -> Table:
     """Return the table with a caption that says what theory its cases ask for, and whose figures judge them."""
-    cases = _cases(table)
+    cases = list(dict.fromkeys(map(str, table.data["case"]))) if "case" in table.data else []
     theories = dict.fromkeys(
         theory_words(case.theory)
         for record in found.records.values()
@@ -104,17 +104,9 @@ def _stated(table: Table, found: Evidence) -> Table:
     unsaid = [theory for theory in theories if theory not in table.caption]
     caption = f"{table.caption} Theory: {' and '.join(unsaid)}." if unsaid else table.caption
     judged = any(str(name).endswith((ERROR, REFERENCE)) for name in table.data.columns)
-    sources = table.sources or (tuple(dict.fromkeys(_judges(cases, found.known))) if judged else ())
+    values = (value for case in cases for value in found.known(case).values if value.role == "judge" and judged)
+    sources = table.sources or tuple(dict.fromkeys(value.source for value in values if present(value.source)))
     return replace(table, caption=caption, sources=sources)
-
-
-def _cases(table: Table) -> list[str]:
-    return list(dict.fromkeys(map(str, table.data["case"]))) if "case" in table.data else []
-
-
-def _judges(cases: Iterable[str], known: Known) -> Iterable[str]:
-    for case in cases:
-        yield from (value.source for value in known(case).values if value.role == "judge" and present(value.source))
 
 
 def _document(chapters: Sequence[Section], records: Mapping[str, Record], found: Evidence) -> str:

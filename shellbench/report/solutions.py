@@ -71,6 +71,11 @@ def variant_name(row: Row) -> str:
     return (row.label or settings) if settings else ""
 
 
+def seed_words(seed: int | None) -> str:
+    """Return a seed as the end of a run's name; nothing if the run has none."""
+    return "" if seed is None else f", seed {seed}"
+
+
 def same_but_for_seed(row: Row) -> str:
     """Return what the runs of one line have in common.
 

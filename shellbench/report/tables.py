@@ -19,7 +19,7 @@ from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
 from shellbench.report.engines_table import cross_check_table
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
-from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, theory_words
+from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
 from shellbench.report.suites import (
     compared,
     is_study,
@@ -168,8 +168,7 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
     for row in rows:
         if row.reference is None and row.disagreement is not None and row.disagreement_with:
             difference = f"{100 * row.disagreement:+.2g} % from {row.disagreement_with}"
-            seed = "" if row.seed is None else f", seed {row.seed}"
-            what = f"{titles[row.case]}, {row.quantity}, {row.solver}{seed}"
+            what = f"{titles[row.case]}, {row.quantity}, {row.solver}{seed_words(row.seed)}"
             remarks.append(Note(what, f"no known value; differs by {difference}"))
     return list(dict.fromkeys(remarks))
 

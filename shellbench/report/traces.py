@@ -24,7 +24,7 @@ from shellbench.bench.row import Row
 from shellbench.load_curve import Curve
 from shellbench.portrait import Along, PathSeries, Portrait
 from shellbench.report.fields import Fields, areas, read_fields
-from shellbench.report.solutions import theory_words
+from shellbench.report.solutions import seed_words, theory_words
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -89,7 +89,7 @@ class TracedRun:
     @property
     def words(self) -> str:
         """What a caption calls it."""
-        return self.name if self.seed is None else f"{self.name}, seed {self.seed}"
+        return f"{self.name}{seed_words(self.seed)}"
 
 
 @dataclass(frozen=True)
