@@ -13,7 +13,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
@@ -26,6 +26,8 @@ from shellbench.sample import Sample
 
 Device = Literal["cpu", "cuda"]
 NumberFormat = Literal["float64", "float32", "float16"]
+VARIANT = "@"  # between a case's name and its variant's
+CaseName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*(@[a-z]+)?$", max_length=80)]
 FULL = 1.0  # the mark of a figure of which nothing else is said
 
 FIELDS = ("membrane_strain", "bending_strain", "membrane_energy_density", "bending_energy_density")
@@ -59,6 +61,9 @@ class Quantity(Model):
         Whether an error relative to the known value would say nothing, so that it is given in the unit.
     at
         Mark of the state that it belongs to, such as a time in s or a load factor.
+    factor
+        What its measured value is multiplied by before it is recorded: 0.001 of a displacement in a case in
+        millimetres whose known values are in metres.
     """
 
     name: Name
@@ -66,6 +71,7 @@ class Quantity(Model):
     unit: str = "m"
     primary: bool = False
     at: Finite = FULL
+    factor: Positive = 1.0
     tolerance: dict[str, Positive] = Field(default_factory=dict)
     absolute: bool = False
     open_finding: dict[str, str] = Field(default_factory=dict)
@@ -121,7 +127,7 @@ class Problem(Model):
         {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
     )
 
-    name: Name
+    name: CaseName
     kind: str
     title: str = Field(max_length=LONGEST_TITLE)
     description: str = ""
@@ -152,11 +158,18 @@ class Problem(Model):
         """Make a problem of parsed data; `where` stands at the start of error messages."""
         if "name" in data:
             raise InputError(f"{where}: field 'name' is not known here; a case is named by its file")
+        if VARIANT in name:
+            raise InputError(f"{where}: a case's name can't contain '{VARIANT}', which stands before a variant's")
         whole = {**data, "name": name}
         try:
             return cls.model_validate(whole)
         except ValidationError as error:
             raise InputError(f"{where}: {one_sentence(error, whole)}") from None
+
+    @property
+    def base(self) -> str:
+        """Name of the case as declared: its own, unless it is a variant."""
+        return self.name.partition(VARIANT)[0]
 
     @property
     def primary(self) -> Quantity:
@@ -191,6 +204,8 @@ class Problem(Model):
         for quantity in data["quantities"]:
             for name in self.not_physics_of_a_quantity:
                 quantity.pop(name, None)
+            if quantity["factor"] == 1.0:  # as in every case that was recorded before there were factors
+                del quantity["factor"]
         return data
 
     def digest(self) -> str:
@@ -399,6 +414,23 @@ Account = Callable[[Any, Any, Mapping[str, float]], Sequence[Model]]
 
 
 @dataclass(frozen=True)
+class Variant:
+    """A way to ask the same question otherwise.
+
+    Attributes
+    ----------
+    words
+        What titles say of it.
+    make
+        Takes a problem; returns the data of the variant. It may raise InputError with the reason, as a clause, why
+        the problem can't be asked so.
+    """
+
+    words: str
+    make: Callable[[Any], dict[str, Any]]
+
+
+@dataclass(frozen=True)
 class Kind:
     """A kind of problem, as its entry point names it.
 
@@ -415,6 +447,8 @@ class Kind:
         What stands beside the answer, by the record's field: a study that fails is left out.
     portrait
         Takes a problem; returns what a report can ask it.
+    variants
+        The same question asked otherwise, by name: known values carry over.
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
@@ -425,4 +459,5 @@ class Kind:
     accounts: Mapping[str, Account] = field(default_factory=dict)
     studies: Mapping[str, Account] = field(default_factory=dict)
     portrait: Callable[[Any], Portrait] = Portrait
+    variants: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None

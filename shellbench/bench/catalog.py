@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 
-from shellbench.bench.kinds import read_problem
+from pydantic import ValidationError
+
+from shellbench.bench.kinds import find_kind, read_problem
 from shellbench.bench.reference import FOLDER, KnownValues, Tolerance, Tolerances, read_known_values, read_tolerances
 from shellbench.bench.suite import Suite, read_suite
 from shellbench.errors import InputError
-from shellbench.model import read_toml
-from shellbench.problem import Problem
+from shellbench.model import LONGEST_TITLE, one_sentence, read_toml
+from shellbench.problem import VARIANT, Problem
 
 PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -37,15 +40,25 @@ def suites_named_by(name: str) -> tuple[str, ...]:
     return tuple(map(str, read_toml(data_folder("cases") / f"{name}.toml").get("suites", ())))
 
 
+def has_case(name: str) -> bool:
+    """Whether a name is one of the suite's own cases or a variant of one."""
+    base, _, variant = name.partition(VARIANT)
+    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
+
+
 @cache
 def named_case(name: str) -> Problem:
-    """Return one of the suite's own cases.
+    """Return one of the suite's own cases, or a variant of one, such as ``scordelis_lo@oblique``.
 
     Raises
     ------
     InputError
-        If it is malformed, or states a tolerance: what our cases allow is frozen in references/tolerances/.
+        If it is malformed, or states a tolerance: what our cases allow is frozen in references/tolerances/. If there
+        is no such variant of the case.
     """
+    base, _, variant = name.partition(VARIANT)
+    if variant:
+        return variant_of(named_case(base), variant)
     path = data_folder("cases") / f"{name}.toml"
     case = read_problem(path)
     for number, quantity in enumerate(case.quantities):
@@ -55,16 +68,54 @@ def named_case(name: str) -> Problem:
     return case
 
 
-def find_case(text: str) -> Problem:
-    """Return the case of this name, or of this path to a TOML file.
+def variant_of(case: Problem, name: str) -> Problem:
+    """Return a variant of a case: the same question asked otherwise.
 
     Raises
     ------
     InputError
-        If there is no such case or file, or it is malformed.
+        If its kind of problem has no such variant, or the case can't be asked so.
     """
-    if text in case_names():
+    kind = find_kind(case.kind)
+    if name not in kind.variants:
+        known = f"variants are {', '.join(kind.variants)}" if kind.variants else f"problems of kind '{case.kind}' have none"
+        raise InputError(f"unknown variant '{name}' of case '{case.name}': {known}")
+    variant, full = kind.variants[name], f"{case.name}{VARIANT}{name}"
+    try:
+        data = variant.make(case)
+        title = f"{case.title[: LONGEST_TITLE - len(variant.words) - 2]}, {variant.words}"
+        return kind.problem.model_validate(data | {"name": full, "title": title, "suites": _suites_that_ask(full)})
+    except InputError as error:
+        raise InputError(f"case '{case.name}' has no variant '{name}': {error}") from None
+    except ValidationError as error:
+        raise InputError(f"variant '{full}': {one_sentence(error)}") from None
+
+
+def variants_of(case: Problem) -> dict[str, str | None]:
+    """Return the variants of a case by name; with each why the case can't be asked so, None if it can."""
+    found: dict[str, str | None] = {}
+    for name in find_kind(case.kind).variants:
+        try:
+            variant_of(case, name) if is_own(case) else named_case(f"{case.name}{VARIANT}{name}")
+            found[name] = None
+        except InputError as error:
+            found[name] = str(error)
+    return found
+
+
+def find_case(text: str) -> Problem:
+    """Return the case of this name, or of this path to a TOML file; of either a variant, if ``@NAME`` follows.
+
+    Raises
+    ------
+    InputError
+        If there is no such case, variant or file, or it is malformed.
+    """
+    name, _, variant = text.rpartition(VARIANT)
+    if text.partition(VARIANT)[0] in case_names():
         return named_case(text)
+    if name.endswith(".toml"):
+        return variant_of(read_problem(Path(name)), variant)
     path = Path(text)
     if path.suffix == ".toml":
         return read_problem(path)
@@ -73,7 +124,7 @@ def find_case(text: str) -> Problem:
 
 def is_own(case: Problem) -> bool:
     """Whether a case is a user's own: none of the suite's has its name and its physics."""
-    return case.name not in case_names() or named_case(case.name).digest() != case.digest()
+    return not has_case(case.name) or named_case(case.name).digest() != case.digest()
 
 
 @cache
@@ -85,16 +136,63 @@ def find_suite(name: str) -> Suite:
 
 
 def cases_of(suite: str) -> list[Problem]:
-    """Return the suite's own cases that belong to a suite, in the order of its file."""
+    """Return the suite's own cases that belong to a suite, in the order of its file, each before its variants."""
+    return _in_order(suite, [*members(suite), *map(named_case, variants_asked(suite))])
+
+
+def members(suite: str) -> list[Problem]:
+    """Return the suite's own cases that belong to a suite, without variants, in the order of its file."""
+    return _in_order(suite, [case for case in map(named_case, case_names()) if suite in case.suites])
+
+
+def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:
     order = find_suite(suite).order
-    members = [case for case in map(named_case, case_names()) if suite in case.suites]
-    return sorted(members, key=lambda case: order.index(case.name) if case.name in order else len(order))
+    return sorted(cases, key=lambda case: order.index(case.base) if case.base in order else len(order))
+
+
+def cases_named(suite: str, name: str) -> list[Problem]:
+    """Return the cases of a suite that a name stands for: the case and the variants of it that the suite asks."""
+    return [case for case in cases_of(suite) if name in (case.name, case.base)]
+
+
+@cache
+def variants_asked(suite: str) -> tuple[str, ...]:
+    """Return the names of the variants that a suite asks: all, or so many of each case, drawn by its seed."""
+    asked = find_suite(suite).variants
+    if asked is None:
+        return ()
+    cases = {case.name: case for source in asked.suites or (suite,) for case in members(source)}
+    return tuple(name for case in cases.values() for name in _drawn(case, asked.drawn, asked.seed))
+
+
+def _drawn(case: Problem, count: int | None, seed: int) -> Iterator[str]:
+    """Yield the variants of a case in the order of the draw, `count` of them or all."""
+
+    # A hash draws the same on every machine and in every version of Python.
+    def lot(name: str) -> str:
+        return hashlib.sha256(f"{seed} {case.name} {name}".encode()).hexdigest()
+
+    variants = find_kind(case.kind).variants
+    found = 0
+    for name in sorted(variants, key=lot) if count else variants:
+        if found == count:
+            return
+        try:
+            variants[name].make(case)
+        except InputError:  # it can't be asked so
+            continue
+        found += 1
+        yield f"{case.name}{VARIANT}{name}"
+
+
+def _suites_that_ask(variant: str) -> tuple[str, ...]:
+    return tuple(name for name in suite_names() if variant in variants_asked(name))
 
 
 @cache
 def known_values(case_name: str) -> KnownValues:
-    """Return the known values of a case; none for a case that the suite has not seen."""
-    path = data_folder("references") / f"{case_name}.toml"
+    """Return the known values of a case, or of that which it is a variant of; none for one that is not the suite's."""
+    path = data_folder("references") / f"{case_name.partition(VARIANT)[0]}.toml"
     return read_known_values(path) if path.is_file() else KnownValues()
 
 
@@ -112,5 +210,5 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
-    """Return what one of the suite's own cases allows a solver; None if nothing is frozen."""
-    return tolerances().get(solver, {}).get(case_name, {}).get(quantity)
+    """Return what one of the suite's own cases, or a variant of it, allows a solver; None if nothing is frozen."""
+    return tolerances().get(solver, {}).get(case_name.partition(VARIANT)[0], {}).get(quantity)

@@ -75,11 +75,15 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
         If a suite or case is unknown, or a case is in none of the suites.
     """
     found = [catalog.find_case(text) for text in cases]
-    members = {case.name for suite in suites for case in catalog.cases_of(suite)}
-    for case in found if suites else ():
-        if catalog.is_own(case) or case.name not in members:
+    if not suites:
+        return {(case.name, catalog.is_own(case)) for case in found}
+    asked: set[tuple[str, bool]] = set()
+    for case in found:
+        named = [] if catalog.is_own(case) else [m for suite in suites for m in catalog.cases_named(suite, case.name)]
+        if not named:
             raise InputError(f"case '{case.name}' is not in suite {' or '.join(map(repr, suites))}")
-    return {(case.name, catalog.is_own(case)) for case in found}
+        asked |= {(member.name, False) for member in named}
+    return asked
 
 
 def beyond(found: Sequence[Row]) -> str:
@@ -92,8 +96,8 @@ def beyond(found: Sequence[Row]) -> str:
         lines = [
             run
             for run in catalog.find_suite(name).runs
-            for case in members
-            if name in members[case] and (not run.cases or case in run.cases)
+            for case in (*(case for case in members if name in members[case]), *catalog.variants_asked(name))
+            if run.is_for(case)
         ]
         left = sum(len(run.seeds) for run in lines) - sum(row.declared and name in row.suites for row in runs.values())
         more += [f"suite '{name}' declares {left} more"] if left > 0 else []
@@ -194,6 +198,7 @@ def _about_quantity(case: Problem, quantity: Quantity) -> dict[str, Any]:
     """Return the fields of a row that say what was asked."""
     return {
         "case": case.name,
+        "kind": case.kind,
         "case_title": case.title,
         "quantity": quantity.name,
         "primary": quantity.primary,
@@ -338,5 +343,6 @@ def _yardstick(peers: Sequence[Row]) -> tuple[float, str]:
 
 
 def as_json(found: Iterable[Row]) -> str:
-    """Return rows as a JSON list of objects, figures that are not finite as null."""
-    return json.dumps([json.loads(row.model_dump_json()) for row in found], indent=1, allow_nan=False)
+    """Return rows as a JSON list of objects, figures that are not finite as null; case and variant apart."""
+    rows = [json.loads(row.model_dump_json()) | {"case": row.base, "variant": row.variant} for row in found]
+    return json.dumps(rows, indent=1, allow_nan=False)

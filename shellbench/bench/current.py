@@ -204,7 +204,7 @@ def _runs(count: int) -> str:
 
 
 def _todays_case(record: Record | Task) -> Problem:
-    if not record.own_case and record.case_name in catalog.case_names():
+    if not record.own_case and catalog.has_case(record.case_name):
         return catalog.named_case(record.case_name)
     return problem_of(record.case)
 

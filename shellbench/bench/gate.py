@@ -136,7 +136,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
     return Verdict(
-        accuracy=tuple(row.finding() for row in rows),
+        accuracy=tuple(_finding(row) for row in rows),
         regression=tuple(f for row in rows if baseline and (f := regression_finding(baseline, row))),
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
@@ -146,6 +146,13 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         beyond=more,
         claims=tuple(claims),
     )
+
+
+def _finding(row: Row) -> Finding:
+    # A solver that answers the question as it is declared need not take every other way to ask it: that is shown.
+    if row.variant and row.status == "declined":
+        return Finding(row, "not judged", row.reason or "")
+    return row.finding()
 
 
 def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
@@ -213,7 +220,7 @@ def stale_rows(current: CurrentRuns) -> list[Row]:
     for record, reason in current.stale.values():
         solver, seed = record.identity.solver, record.identity.seed
         # Only what can be gated: cases of the suites that are still there, with default settings.
-        if record.own_case or record.case_name not in catalog.case_names() or overrides_of(record):
+        if record.own_case or not catalog.has_case(record.case_name) or overrides_of(record):
             continue
         case = catalog.named_case(record.case_name)
         suites = tuple(declared_by(record, case)) or case.suites

@@ -64,7 +64,8 @@ def _suite(name: str) -> dict[str, Any]:
     return {
         "name": name,
         "title": suite.title,
-        "cases": [case.name for case in catalog.cases_of(name)],
+        "cases": [case.name for case in catalog.members(name)],
+        "variants": list(catalog.variants_asked(name)),
         "runs": [run.model_dump(mode="json") for run in suite.runs],
     }
 
@@ -123,7 +124,8 @@ def as_text() -> str:
     suites = _table("Suites", "name", "title", "cases", "runs")
     for suite in found["suites"]:
         runs = ", ".join(_run(run) for run in suite["runs"])
-        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(suite["cases"]), runs)))
+        asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
+        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(asked), runs)))
     solvers = _table("Solvers", "name", "what it is", "engine", "devices", "theories", "seeds")
     for solver in found["solvers"]:
         if solver["available"]:

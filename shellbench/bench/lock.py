@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from shellbench.bench import catalog
 from shellbench.bench.reference import FOLDER, Tolerance
@@ -67,10 +67,11 @@ class LockedCase(Model):
 
 
 class Lock(Model):
-    """All that is gated, by name of the case."""
+    """All that is gated, by name of the case; and by suite the digests of the variants that it asks."""
 
     schema_version: Literal[1] = 1
     cases: dict[str, LockedCase]
+    variants: dict[str, dict[str, str]] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,15 @@ def lock_path() -> Path:
 def todays_lock() -> Lock:
     """Return the lock of today's cases, suites, known values and tolerances."""
     gated = {name for held in catalog.tolerances().values() for name in held}
-    return Lock(cases={name: _locked(catalog.named_case(name)) for name in sorted(gated & set(catalog.case_names()))})
+    asked = {suite: catalog.variants_asked(suite) for suite in catalog.suite_names()}
+    return Lock(
+        cases={name: _locked(catalog.named_case(name)) for name in sorted(gated & set(catalog.case_names()))},
+        variants={
+            suite: {name: catalog.named_case(name).digest() for name in sorted(names)}
+            for suite, names in asked.items()
+            if names
+        },
+    )
 
 
 def _locked(case: Problem) -> LockedCase:
@@ -126,7 +135,7 @@ def _seeds(runs: tuple[SuiteRun, ...], case: Problem, solvers: set[str]) -> dict
     """Return the seeds of the runs of a suite that a case gates, by solver."""
     found: dict[str, set[int]] = {}
     for run in runs:
-        if run.solver in solvers and not run.settings and (not run.cases or case.name in run.cases):
+        if run.solver in solvers and not run.settings and run.is_for(case.name):
             found.setdefault(run.solver, set()).update(run.seeds)
     return {solver: tuple(sorted(seeds)) for solver, seeds in sorted(found.items())}
 
@@ -159,7 +168,8 @@ def write_lock() -> None:
         head = f'   "digest": {json.dumps(case["digest"])},\n   "suites": {json.dumps(case["suites"])},\n'
         cases.append(f'  {json.dumps(name)}: {{\n{head}   "figures": {{\n{figures}\n   }}\n  }}')
     joined = ",\n".join(cases)
-    text = f'{{\n "schema_version": {data["schema_version"]},\n "cases": {{\n{joined}\n }}\n}}\n'
+    variants = json.dumps(data["variants"], indent=1)
+    text = f'{{\n "schema_version": {data["schema_version"]},\n "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
     lock_path().write_text(text, encoding="utf-8")
 
 
@@ -197,6 +207,19 @@ def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
             yield from _of_case(name, then, now.cases[name])
         else:
             yield "broken", f"{name} is no gated case any more"
+    for suite, variants in locked.variants.items():
+        yield from _of_variants(suite, variants, now.variants.get(suite, {}))
+    for suite, variants in now.variants.items():
+        if more := sorted(variants.keys() - locked.variants.get(suite, {}).keys()):
+            yield "unlocked", f"{len(more)} more variants in suite {suite}: {', '.join(more)}"
+
+
+def _of_variants(suite: str, then: dict[str, str], now: dict[str, str]) -> Iterator[Found]:
+    for name, digest in then.items():
+        if name not in now:
+            yield "broken", f"{name} is not asked any more in suite {suite}"
+        elif now[name] != digest:
+            yield "broken", f"{name} is another problem: its digest is {now[name][:SHOWN]}, not {digest[:SHOWN]}"
 
 
 def _of_case(name: str, then: LockedCase, now: LockedCase) -> Iterator[Found]:

@@ -92,15 +92,22 @@ def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     cases = [catalog.find_case(text) for text in request.cases]
     for name in dict.fromkeys(request.suites):
         suite = catalog.find_suite(name)
-        members = catalog.cases_of(name)
-        strangers = [c.name for c in cases if c not in members and not catalog.is_own(c)]
-        if strangers:
-            raise InputError(f"case '{strangers[0]}' is not in suite '{name}': {_names(members)}")
-        for case in cases or members:
+        for case in _of_suite(name, cases):
             yield from ((case, run) for run in _narrowed(suite.runs_for(case.name), request.solvers))
     if not request.suites:
         for case in cases:
             yield from ((case, run) for run in _runs_of(case, request.solvers))
+
+
+def _of_suite(name: str, cases: Sequence[Problem]) -> Iterator[Problem]:
+    """Yield the cases of a suite, or those that named ones stand for; a user's own stands for itself."""
+    if not cases:
+        yield from catalog.cases_of(name)
+    for case in cases:
+        found = [case] if catalog.is_own(case) else catalog.cases_named(name, case.name)
+        if not found:
+            raise InputError(f"case '{case.name}' is not in suite '{name}': {_names(catalog.cases_of(name))}")
+        yield from found
 
 
 def _runs_of(case: Problem, solvers: Sequence[str]) -> tuple[SuiteRun, ...]:

@@ -11,6 +11,7 @@ from pydantic import Field
 from shellbench.bench.identity import GATED_DTYPE
 from shellbench.bench.reference import Tolerance
 from shellbench.model import Model
+from shellbench.problem import VARIANT
 
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
 RowStatus = Literal["ok", "failed", "timeout", "missing", "declined"]
@@ -24,8 +25,8 @@ class Row(Model):
 
     Attributes
     ----------
-    case, suite
-        Names; the suite is the first that declares the run, or else the first that the case belongs to; None for
+    case, suite, kind
+        Names; of a variant with ``@`` and its own behind the case's. The suite is the first that declares the run, or else the first that the case belongs to; None for
         a user's own case.
     settings
         All settings of the run, defaults included; `overrides` are those that differ from the defaults.
@@ -78,6 +79,7 @@ class Row(Model):
 
     case: str
     suite: str | None
+    kind: str = ""
     solver: str
     settings: dict[str, Any]
     seed: int | None
@@ -128,6 +130,16 @@ class Row(Model):
     energy_gap: float | None = None
     idle_memory_bytes: int | None = None
     reason: str | None = None
+
+    @property
+    def base(self) -> str:
+        """Name of the case as declared."""
+        return self.case.partition(VARIANT)[0]
+
+    @property
+    def variant(self) -> str | None:
+        """Name of the variant; None of the question as declared."""
+        return self.case.partition(VARIANT)[2] or None
 
     @property
     def gated(self) -> bool:

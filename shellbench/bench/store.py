@@ -22,6 +22,7 @@ from pathlib import Path
 from shellbench.bench import catalog
 from shellbench.bench.record import LARGEST_RECORD, Record, document, read_document, readable, too_large
 from shellbench.errors import InputError, ShellbenchError
+from shellbench.problem import VARIANT
 
 try:
     import fcntl
@@ -81,7 +82,7 @@ class Store:
         """
         records: list[Record] = []
         damaged: list[str] = []
-        cases = catalog.case_names()
+        cases = set(catalog.case_names())
         for name in self._names():
             try:
                 records.append(_of_a_case(self._read(name), cases))
@@ -283,10 +284,10 @@ class Store:
                 path.unlink(missing_ok=True)
 
 
-def _of_a_case(record: Record, cases: Sequence[str]) -> Record:
+def _of_a_case(record: Record, cases: Collection[str]) -> Record:
     """Return a record of one of the suite's cases, or of a user's own; InputError, as a clause, if it is neither."""
     found, named = record.case_name[:60], str(record.case.get("name"))[:60]
-    if not record.own_case and record.case_name not in cases:
+    if not record.own_case and record.case_name.partition(VARIANT)[0] not in cases:
         raise InputError(f"there is no case {found!r}")
     if record.case.get("name") != record.case_name:
         raise InputError(f"field 'case_name': found {found!r}, but its case is {named!r}")

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from shellbench.errors import InputError
 from shellbench.model import Model, Name, one_sentence, read_toml
+from shellbench.problem import VARIANT
 
 Study = Literal["resolution", "sampling", "training", "thinness", "engines"]
 """What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
@@ -26,6 +27,8 @@ class SuiteRun(Model):
     ----------
     cases
         Names of the cases it is for; all cases of the suite if empty.
+    variants
+        Whether it is for the suite's variants too.
     label
         What tables call it beside the solver's name, such as "GELU".
     """
@@ -34,7 +37,31 @@ class SuiteRun(Model):
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)] = (0,)
     settings: dict[str, Any] = Field(default_factory=dict)
     cases: tuple[Name, ...] = ()
+    variants: bool = True
     label: str = ""
+
+    def is_for(self, case: str) -> bool:
+        """Whether it is for a case, or variant, of this name."""
+        base, _, variant = case.partition(VARIANT)
+        return (not self.cases or base in self.cases) and (self.variants or not variant)
+
+
+class AskedVariants(Model):
+    """Variants that a suite asks beside its cases: the same questions asked otherwise.
+
+    Attributes
+    ----------
+    suites
+        Suites whose cases are meant; the suite's own cases if empty.
+    drawn
+        How many of each case are drawn; all if it is left out.
+    seed
+        Of the draw.
+    """
+
+    suites: tuple[Name, ...] = ()
+    drawn: Annotated[int, Field(ge=1)] | None = None
+    seed: int = 0
 
 
 class Suite(Model):
@@ -46,6 +73,8 @@ class Suite(Model):
         Names of cases in the order of tables and figures; the others follow by name.
     study
         What it studies; its runs are shown in the section of that study, not in the tables of displacements.
+    variants
+        The variants that it asks; none if it is left out.
     remarks
         What a reader must know of its solvers or cases, sentences for the sections that show them.
     newton
@@ -57,6 +86,7 @@ class Suite(Model):
     name: Name
     title: str
     study: Study | None = None
+    variants: AskedVariants | None = None
     remarks: tuple[str, ...] = ()
     order: tuple[Name, ...] = ()
     newton: dict[Name, Name] = Field(default_factory=dict)
@@ -66,7 +96,7 @@ class Suite(Model):
 
     def runs_for(self, case: str) -> tuple[SuiteRun, ...]:
         """Return the lines that are for a case."""
-        return tuple(run for run in self.runs if not run.cases or case in run.cases)
+        return tuple(run for run in self.runs if run.is_for(case))
 
 
 def read_suite(path: Path) -> Suite:

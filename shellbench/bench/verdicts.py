@@ -9,7 +9,13 @@ from shellbench.bench.gate import Verdict
 from shellbench.bench.lock import LockCheck
 from shellbench.bench.row import Finding, Row
 
-MARKS = {"red": "RED", "green": "ok", "expected failure": "expected failure", "not compared": "not compared"}
+MARKS = {
+    "red": "RED",
+    "green": "ok",
+    "expected failure": "expected failure",
+    "not compared": "not compared",
+    "not judged": "declined",
+}
 
 
 def as_text(
@@ -38,7 +44,7 @@ def _gate(
     counts = {mark: sum(finding.colour == colour for finding in findings) for colour, mark in marks.items()}
     said = ", ".join(f"{count} {mark}" for mark, count in counts.items() if count) or "nothing to compare"
     yield f"{name}{'' if judged else ' (reported only)'}: {said}"
-    shown = [f for f in findings if verbose or f.colour in {"red", "expected failure"}]
+    shown = [f for f in findings if verbose or f.colour in {"red", "expected failure", "not judged"}]
     alike: dict[tuple[str, str, str, str], list[Row]] = {}
     for finding in sorted(shown, key=lambda f: list(marks).index(f.colour)):
         key = (marks[finding.colour], finding.row.case, finding.row.solver, finding.sentence)

@@ -93,10 +93,13 @@ def values_of(solution: Solution, case: Problem) -> tuple[dict[str, Measured], d
             if value is None:
                 lost[name] = ""
                 continue
+            uncertainty = finite(solution.uncertainty.get(name))
+            extrapolated = finite(solution.extrapolated.get(name))
+            factor = quantity.factor
             values[name] = Measured(
-                value=value,
-                uncertainty=finite(solution.uncertainty.get(name)),
-                extrapolated=finite(solution.extrapolated.get(name)),
+                value=value * factor,
+                uncertainty=None if uncertainty is None else uncertainty * factor,
+                extrapolated=None if extrapolated is None else extrapolated * factor,
             )
         except Exception as error:
             pass_on_full_disk(error)

@@ -20,6 +20,7 @@ from shellbench.problems.shell.sampling import (
     resolution_study,
 )
 from shellbench.problems.shell.series import series_of
+from shellbench.problems.shell.variants import VARIANTS
 from shellbench.sample import Sample
 
 Values = Mapping[str, float]
@@ -96,5 +97,6 @@ SHELL = Kind(
     accounts={"energies": energies, "series": series, "resolution": resolution},
     studies={"frame_rates": frame_rates, "precision": precision},
     portrait=ShellPortrait,
+    variants=VARIANTS,
     sample=sample,
 )

@@ -47,15 +47,23 @@ class ShellQuantity(Quantity):
         Where it is followed all along the way: "motion", "path" (both), or nowhere.
     of_field
         Whether the displacement field at its state defines it.
+    powers
+        Of length and of force in its unit, where these are the same in every case.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = "motion"
     of_field: ClassVar[bool] = False
 
+    powers: ClassVar[tuple[int, int]] = (1, 0)
+
     @property
     def places(self) -> tuple[str, ...]:
         """Names of the places that it is measured at."""
         return ()
+
+    def dimension(self, shell: Any) -> tuple[int, int]:
+        """Return the powers of length and of force in its unit."""
+        return self.powers
 
     def check(self, shell: Any) -> None:
         """Raise ValueError if it does not fit the shell that it is asked of."""
@@ -187,6 +195,7 @@ class EnergyQuantity(ShellQuantity):
     """Strain energy of the whole shell, or its membrane or bending part, J."""
 
     of_field: ClassVar[bool] = True
+    powers: ClassVar[tuple[int, int]] = (1, 1)
     kind: Literal["strain_energy", "membrane_energy", "bending_energy"]
     unit: str = "J"
 
@@ -203,6 +212,7 @@ class MotionEnergy(ShellQuantity):
     are constant in time: what starts from rest keeps it at zero.
     """
 
+    powers: ClassVar[tuple[int, int]] = (1, 1)
     kind: Literal["kinetic_energy", "total_energy"]
     unit: str = "J"
 
@@ -252,6 +262,7 @@ class ReactionQuantity(SupportQuantity):
         Direction along which the force is taken, of any length.
     """
 
+    powers: ClassVar[tuple[int, int]] = (0, 1)
     kind: Literal["reaction"]
     direction: Vector
     unit: str = "N"
@@ -273,6 +284,7 @@ class TorqueQuantity(SupportQuantity):
         Point through which the axis goes, m.
     """
 
+    powers: ClassVar[tuple[int, int]] = (1, 1)
     kind: Literal["torque"]
     axis: Vector
     centre: Vector = (0.0, 0.0, 0.0)
@@ -294,6 +306,7 @@ class PathQuantity(ShellQuantity):
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
+    powers: ClassVar[tuple[int, int]] = (0, 0)  # a load is given by `scale`, in whatever unit that is
     scale: Finite = 1.0
     unit: str = "N"
 
@@ -344,6 +357,10 @@ class LimitPoint(Unmarked):
     number: int = Field(1, ge=1)
     gives: Literal["load", "displacement"] = "load"
 
+    def dimension(self, shell: Any) -> tuple[int, int]:
+        """Return the powers of length and of force in its unit."""
+        return (0, 0) if self.gives == "load" else (1, 0)
+
     def measure(self, solution: DisplacementField) -> float:
         """Return the load, N, or the displacement, m."""
         factor, displacement = curve(solution).turning(self.turning, self.number)
@@ -372,6 +389,11 @@ class CriticalPoint(Unmarked):
         """Raise ValueError if the path is not controlled by its load, or there is none."""
         if shell.linear or shell.path.control != "load":
             raise ValueError(f"quantity '{self.name}' needs the non-linear theory and a path with control = 'load'")
+
+    def dimension(self, shell: Any) -> tuple[int, int]:
+        """Return the powers of length and of force in its unit."""
+        given: tuple[int, int] = (0, 0) if self.gives == "load" else shell.quantity(self.gives).dimension(shell)
+        return given
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the load factor of the first critical state, or the value there of the quantity that is named."""

@@ -1,0 +1,258 @@
+"""The same shell in other curvilinear coordinates: reversed, exchanged, stretched, graded, oblique, helical.
+
+A chart says what the old coordinates are as functions of the new ones. Formulas of the case are composed with it, and
+points are carried back through it. The midsurface, and all that acts on it, stay where they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from shellbench.errors import InputError
+from shellbench.problems.formula_text import Formula, substituted, times
+from shellbench.problems.shell.shell import Shell
+from shellbench.problems.shell.surface import COORDINATES, Domain
+
+Pair = tuple[float, float]
+DIGITS = 12  # of a point's coordinates; sines of other libraries differ in later ones, and digests must not
+HALVINGS = 200  # at most, of the interval in which a coordinate is sought
+GRADED = 0.4  # how much a graded coordinate departs from an even one; below 1, or it would fold
+OBLIQUE = 0.3  # the same of oblique ones; below 1/2
+PITCH = 0.8  # radians that a helix turns by along the shell
+STRETCH: tuple[Pair, Pair] = ((0.4, -1.3), (2.5, 0.7))  # factor and offset of each coordinate
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Old coordinates as functions of new ones, angles in radians.
+
+    Attributes
+    ----------
+    formulas
+        xi1 and xi2 of the case, as formulas in the new xi1 and xi2.
+    lower, upper, periodic
+        Of the new parametric rectangle.
+    to_new
+        Takes a point of the case; returns its new coordinates.
+    edges
+        What edges of the case are called in the new rectangle; those that keep their names may be left out.
+    turned_over
+        Whether a1 x a2 points to the other side.
+    """
+
+    formulas: tuple[str, str]
+    lower: Pair
+    upper: Pair
+    periodic: tuple[bool, bool]
+    to_new: Callable[[Pair], Pair]
+    edges: tuple[tuple[str, str], ...] = ()
+    turned_over: bool = False
+
+
+MakeChart = Callable[[Domain], Chart]
+
+
+def flipped(domain: Domain) -> Chart:
+    """Reverse the first coordinate; the normal points to the other side."""
+    return Chart(
+        formulas=("-(xi1)", "xi2"),
+        lower=(-domain.upper[0], domain.lower[1]),
+        upper=(-domain.lower[0], domain.upper[1]),
+        periodic=domain.periodic,
+        to_new=lambda xi: (-xi[0], xi[1]),
+        edges=(("xi1_min", "xi1_max"), ("xi1_max", "xi1_min")),
+        turned_over=True,
+    )
+
+
+def swapped(domain: Domain) -> Chart:
+    """Exchange the coordinates; the normal points to the other side."""
+    return Chart(
+        formulas=("xi2", "xi1"),
+        lower=domain.lower[::-1],
+        upper=domain.upper[::-1],
+        periodic=domain.periodic[::-1],
+        to_new=lambda xi: (xi[1], xi[0]),
+        edges=tuple((f"xi{i}_{side}", f"xi{3 - i}_{side}") for i in (1, 2) for side in ("min", "max")),
+        turned_over=True,
+    )
+
+
+def stretched(domain: Domain) -> Chart:
+    """Stretch and shift each coordinate by other numbers."""
+
+    def to_new(xi: Pair) -> Pair:
+        first, second = ((x - offset) / factor for x, (factor, offset) in zip(xi, STRETCH, strict=True))
+        return first, second
+
+    return Chart(
+        formulas=_pair(f"{factor!r}*{name} + ({offset!r})" for name, (factor, offset) in zip(COORDINATES, STRETCH)),
+        lower=to_new(domain.lower),
+        upper=to_new(domain.upper),
+        periodic=domain.periodic,
+        to_new=to_new,
+    )
+
+
+def warped(domain: Domain) -> Chart:
+    """Grade each coordinate: x = l + L (s + a sin(2 pi s)/(2 pi)), s = (xi - l)/L."""
+
+    def old(axis: int) -> Callable[[float], float]:
+        low, length = domain.lower[axis], domain.size[axis]
+        turn = 2 * math.pi / length
+        return lambda x: x + GRADED / turn * math.sin(turn * (x - low))
+
+    return Chart(
+        formulas=_pair(
+            f"{name} + {GRADED * length / (2 * math.pi)!r}*sin({2 * math.pi / length!r}*({name} - ({low!r})))"
+            for name, low, length in zip(COORDINATES, domain.lower, domain.size, strict=True)
+        ),
+        lower=domain.lower,
+        upper=domain.upper,
+        periodic=domain.periodic,
+        to_new=lambda xi: _pair(_solved(old(axis), xi[axis], domain, axis) for axis in (0, 1)),
+    )
+
+
+def oblique(domain: Domain) -> Chart:
+    """Shear one coordinate along the other, none at the edges where it is fixed, so that the metric has a_12.
+
+    x1 = xi1 + 4 a (xi1 - l1)(u1 - xi1)(xi2 - m2)/(L1 L2), m2 the middle. Where xi1 is periodic, xi2 is sheared
+    instead, by the sine of xi1.
+    """
+    (l1, l2), (u1, u2), (size1, size2) = domain.lower, domain.upper, domain.size
+    if all(domain.periodic):
+        raise InputError("both coordinates close on themselves")
+    if not domain.periodic[0]:
+        factor, middle = 4 * OBLIQUE / (size1 * size2), (l2 + u2) / 2
+        formulas = (f"xi1 + {factor!r}*(xi1 - ({l1!r}))*({u1!r} - xi1)*(xi2 - ({middle!r}))", "xi2")
+
+        def to_new(xi: Pair) -> Pair:
+            shear = factor * (xi[1] - middle)
+            return _solved(lambda x: x + shear * (x - l1) * (u1 - x), xi[0], domain, 0), xi[1]
+    else:
+        factor, turn = 2 * OBLIQUE / size2, 2 * math.pi / size1
+        formulas = ("xi1", f"xi2 + {factor!r}*(xi2 - ({l2!r}))*({u2!r} - xi2)*sin({turn!r}*(xi1 - ({l1!r})))")
+
+        def to_new(xi: Pair) -> Pair:
+            shear = factor * math.sin(turn * (xi[0] - l1))
+            return xi[0], _solved(lambda x: x + shear * (x - l2) * (u2 - x), xi[1], domain, 1)
+
+    return Chart(formulas, domain.lower, domain.upper, domain.periodic, to_new)
+
+
+def helical(domain: Domain) -> Chart:
+    """Let the lines of a closed coordinate's start wind along the shell: x1 = xi1 + c xi2, everywhere oblique."""
+    if domain.periodic == (True, False):
+        around, along = 0, 1
+    elif domain.periodic == (False, True):
+        around, along = 1, 0
+    else:
+        raise InputError("no coordinate closes on itself" if not any(domain.periodic) else "both close on themselves")
+    slope = PITCH / (2 * math.pi) * domain.size[around] / domain.size[along]
+    formulas = list(COORDINATES)
+    formulas[around] = f"{COORDINATES[around]} + {slope!r}*{COORDINATES[along]}"  # type: ignore[call-overload]
+
+    def to_new(xi: Pair) -> Pair:
+        turned = list(xi)
+        low, size = domain.lower[around], domain.size[around]
+        turned[around] = low + (xi[around] - slope * xi[along] - low) % size
+        return _pair(turned)
+
+    return Chart(_pair(formulas), domain.lower, domain.upper, domain.periodic, to_new)
+
+
+def _pair(items: Any) -> Any:
+    first, second = items
+    return first, second
+
+
+def _solved(old: Callable[[float], float], wanted: float, domain: Domain, axis: int) -> float:
+    """Return where an increasing function of a coordinate has a value: halving, for it can't miss."""
+    low, high = domain.lower[axis], domain.upper[axis]
+    for end in (low, high, (low + high) / 2):  # exact where the chart is the identity
+        if old(end) == wanted:
+            return end
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if old(middle) < wanted else (low, middle)
+    return (low + high) / 2
+
+
+def in_chart(case: Shell, make: MakeChart) -> dict[str, Any]:
+    """Return the data of a case in the coordinates of a chart.
+
+    Raises
+    ------
+    InputError
+        If the chart does not fit the case's domain, as one clause.
+    """
+    return _Reparametrisation(case, make(case.surface.domain)).data()
+
+
+class _Reparametrisation:
+    def __init__(self, case: Shell, chart: Chart) -> None:
+        self.case, self.chart = case, chart
+        constants = {name: repr(value) for name, value in case.surface.named_constants.items()}
+        # Constants first: a chart's formula knows none, and names of the case must not meet the new coordinates.
+        self.names = constants | dict(zip(COORDINATES, chart.formulas, strict=True))
+
+    def formula(self, formula: Formula) -> Formula:
+        return substituted(formula, self.names)
+
+    def vector(self, vector: Sequence[Formula]) -> list[Formula]:
+        return [self.formula(f) for f in vector]
+
+    def place(self, name: str) -> str:
+        """Return what an edge, a corner or a point is called in the chart."""
+        edges = dict(self.chart.edges)
+        return ",".join(sorted(edges.get(part, part) for part in name.split(",")))
+
+    def data(self) -> dict[str, Any]:
+        case, chart = self.case, self.chart
+        data = case.model_dump(mode="json", exclude_unset=True)
+        data["surface"] = {
+            "kind": "expression",
+            **{c: str(self.formula(f)) for c, f in zip("xyz", case.surface.formulas, strict=True)},
+            "xi1": [chart.lower[0], chart.upper[0]],
+            "xi2": [chart.lower[1], chart.upper[1]],
+            "periodic": [name for name, closed in zip(COORDINATES, chart.periodic, strict=True) if closed],
+        }
+        data["points"] = {
+            name: [float(f"{x:.{DIGITS}g}") for x in chart.to_new(case.surface.domain.internal(xi))]
+            for name, xi in data.get("points", {}).items()
+        }
+        data["supports"] = [self._support(s) for s in data.get("supports", [])]
+        data["springs"] = [{**s, "stiffness": self.formula(s["stiffness"])} for s in data.get("springs", [])]
+        data["loads"] = [self._load(load) for load in data.get("loads", [])]
+        data["focus"] = [self.place(name) for name in data.get("focus", [])]
+        for quantity in data["quantities"]:
+            if "points" in quantity:
+                quantity["points"] = [self.place(name) for name in quantity["points"]]
+        return data
+
+    def _support(self, support: dict[str, Any]) -> dict[str, Any]:
+        result = support | {"on": [self.place(name) for name in support["on"]]}
+        motion = dict(support.get("motion") or {})
+        for name in ("x", "y", "z", "angle"):
+            if name in motion:
+                motion[name] = self.formula(motion[name])
+        if "vector" in motion:
+            motion["vector"] = self.vector(motion["vector"])
+        return result | ({"motion": motion} if motion else {})
+
+    def _load(self, load: dict[str, Any]) -> dict[str, Any]:
+        result = dict(load)
+        if "on" in load:
+            result["on"] = [self.place(name) for name in load["on"]]
+        for name in ("vector", "force", "acceleration"):
+            if name in load:
+                result[name] = self.vector(load[name])
+        if "value" in load:
+            # A pressure acts along the normal. A moment turns about an axis in space, whatever the normal's side.
+            over = load["kind"] == "pressure" and self.chart.turned_over
+            result["value"] = times(self.formula(load["value"]), -1.0 if over else 1.0)
+        return result
