@@ -297,7 +297,8 @@ def gate_command(
     """
     from shellbench.bench import verdicts
     from shellbench.bench.baseline import read_baseline
-    from shellbench.bench.gate import Scope, gate
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.gate import gate
     from shellbench.bench.store import Store
 
     scope = Scope(
@@ -333,7 +334,8 @@ def baseline_command(
     """
     from shellbench.bench import baseline as baselines
     from shellbench.bench import verdicts
-    from shellbench.bench.gate import Scope, move_baseline
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.gate import move_baseline
     from shellbench.bench.store import Store
 
     scope = Scope(tuple(suite or ()), tuple(solver or ()))

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.gate import Scope, gate
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import gate
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.store import Store
 from shellbench.bench.worker import run

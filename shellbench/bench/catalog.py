@@ -78,7 +78,9 @@ def variant_of(case: Problem, name: str) -> Problem:
     """
     kind = find_kind(case.kind)
     if name not in kind.variants:
-        known = f"variants are {', '.join(kind.variants)}" if kind.variants else f"problems of kind '{case.kind}' have none"
+        known = (
+            f"variants are {', '.join(kind.variants)}" if kind.variants else f"problems of kind '{case.kind}' have none"
+        )
         raise InputError(f"unknown variant '{name}' of case '{case.name}': {known}")
     variant, full = kind.variants[name], f"{case.name}{VARIANT}{name}"
     try:

@@ -74,6 +74,8 @@ def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, b
     InputError
         If a suite or case is unknown, or a case is in none of the suites.
     """
+    for name in suites:
+        catalog.find_suite(name)
     found = [catalog.find_case(text) for text in cases]
     if not suites:
         return {(case.name, catalog.is_own(case)) for case in found}

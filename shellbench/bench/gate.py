@@ -9,51 +9,22 @@ compares what they took with what they took then; see `shellbench.bench.baseline
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
-from shellbench.bench.compare import asked_cases, beyond, gated_quantities, row_of, rows_and_notes, without_record
-from shellbench.bench.current import CurrentRun, CurrentRuns, current_runs, declared_by, overrides_of
+from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
+from shellbench.bench.compare import asked_cases, beyond, gated_quantities, rows_and_notes, without_record
+from shellbench.bench.current import CurrentRuns, current_runs, declared_by, overrides_of
+from shellbench.bench.expected import Scope, expected_of_strangers, expected_runs
 from shellbench.bench.lock import LockCheck, check_lock
-from shellbench.bench.plan import declines
 from shellbench.bench.planned import DID_NOT_END, read_planned
 from shellbench.bench.reference import Tolerances, claimed
-from shellbench.bench.registry import find_solver, load_solver, solver_entries
+from shellbench.bench.registry import find_solver, solver_entries
 from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError, ShellbenchError
-from shellbench.problem import Problem
-
-Lack = tuple[Literal["missing", "declined"], str]
-NOTHING_LACKS: Lack = ("missing", "")
-
-
-@dataclass(frozen=True)
-class Scope:
-    """What a gate looks at: what was run, or with suites all that they declare; the others narrow it."""
-
-    suites: tuple[str, ...] = ()
-    solvers: tuple[str, ...] = ()
-    seeds: tuple[int, ...] = ()
-    cases: tuple[str, ...] = ()
-
-    @property
-    def narrowed(self) -> str:
-        """What is left out, in words; empty if nothing is."""
-        parts = [
-            f"{what} {', '.join(map(str, names))} only"
-            for what, names in (
-                ("cases", self.cases),
-                ("suites", self.suites),
-                ("solvers", self.solvers),
-                ("seeds", self.seeds),
-            )
-            if names
-        ]
-        return ", ".join(parts)
 
 
 @dataclass(frozen=True)
@@ -76,6 +47,8 @@ class Verdict:
         Whether plug-ins hold the tolerances that they claim of themselves; this is no verdict.
     beyond
         What there is beside what was run, in one sentence; empty if suites were named.
+    grades
+        The classes that solvers without frozen tolerances hold.
     """
 
     accuracy: tuple[Finding, ...]
@@ -87,6 +60,7 @@ class Verdict:
     warnings: tuple[str, ...] = ()
     beyond: str = ""
     claims: tuple[Finding, ...] = ()
+    grades: tuple[Grade, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
@@ -109,6 +83,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     # 2. What was run or planned, and what plug-ins claim of it.
     # 3. What has to be judged. With suites it is all that they declare, with a record or without one. Without, it is
     #    all that was run, stale records included.
+    #    Solvers without frozen tolerances are judged by class.
     # 4. Runs that were planned and did not end stand for themselves, before anything else about the same run.
     # 5. Narrow to the scope, and refuse one of which any part judges nothing.
     # 6. Accuracy, regression and cost of the same rows, and the lock.
@@ -122,12 +97,15 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     more = "" if scope.suites else beyond(found)
     claims, bad_claims = _claims(row for row in found if _in_scope(row, scope, cases))
     unfinished = [row for row in found if _is_unfinished(row)]
+    graded = strangers(scope.solvers)
     if scope.suites:
-        others = [row for expected in _expected(scope, current) for row in expected.rows()]
+        others = [row for expected in expected_runs(scope, current) for row in expected.rows()]
+        others += [row for expected in expected_of_strangers(scope, graded, current) for row in expected.rows()]
     else:
         # Records of a solver that is not installed may be of other code: they are shown, and never judged.
         known = {run.record.run_id for run in current.runs if run.installed}
-        others = [row for row in found if row.gated and row.run_id in known]
+        counted = [row for row in found if row.run_id in known]
+        others = [row for row in (_by_class(row, graded) for row in counted) if row.gated]
         # A record that does not count any more is no reason to forget that its run was gated.
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
@@ -136,7 +114,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
     return Verdict(
-        accuracy=tuple(_finding(row) for row in rows),
+        accuracy=tuple(_finding(row, graded) for row in rows),
         regression=tuple(f for row in rows if baseline and (f := regression_finding(baseline, row))),
         cost=tuple(cost_findings(baseline, records) if baseline else ()),
         scope=scope,
@@ -145,14 +123,23 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         warnings=(*notes, *bad_claims),
         beyond=more,
         claims=tuple(claims),
+        grades=tuple(grades(rows, graded & {row.solver for row in rows})),
     )
 
 
-def _finding(row: Row) -> Finding:
-    # A solver that answers the question as it is declared need not take every other way to ask it: that is shown.
-    if row.variant and row.status == "declined":
+def _finding(row: Row, graded: Collection[str]) -> Finding:
+    # A solver of ours that answers the question as declared need not take every other way to ask it, and a stranger
+    # need not take every case: that is shown.
+    if row.status == "declined" and (row.variant or row.solver in graded):
         return Finding(row, "not judged", row.reason or "")
     return row.finding()
+
+
+def _by_class(row: Row, solvers: Collection[str]) -> Row:
+    """Return the row of a stranger's answer to one of the suite's cases with its verdict; others as they are."""
+    if row.solver not in solvers or row.own_case or not row.default_settings:
+        return row
+    return judged_by_class(row)
 
 
 def _claims(rows: Iterable[Row]) -> tuple[list[Finding], list[str]]:
@@ -261,7 +248,7 @@ def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]
             raise InputError(f"{begin} of case '{name}': it gates no solver that was asked for or run")
     for suite in scope.suites:
         members = {case.name for case in catalog.cases_of(suite)}
-        solvers = {run.solver for run in catalog.find_suite(suite).runs}
+        solvers = {run.solver for run in catalog.find_suite(suite).runs} | set(scope.solvers)
         if not any(row.case in members and row.solver in solvers for row in rows):
             raise InputError(f"{begin} of suite '{suite}': it gates nothing that was asked for")
     for seed in scope.seeds:
@@ -280,7 +267,7 @@ def missing_rows(store: Store, rows: Sequence[Row], suites: Sequence[str] = (), 
     if suites:
         begun = {(name, row.solver, row.seed) for row in rows for name in row.suites}
         names = tuple(dict.fromkeys(name for name, _, _ in sorted(begun, key=str)))
-        lacking = [e for e in _expected(Scope(names), current, ask=False) if e.run is None] if names else []
+        lacking = [e for e in expected_runs(Scope(names), current, ask=False) if e.run is None] if names else []
         wanted = [e for e in lacking if {(e.suite, e.solver, e.seed), (e.suite, e.solver, None)} & begun]
         missing = [row for expected in wanted for row in expected.rows()]
     else:
@@ -300,7 +287,7 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
     """
     check_filled(store)
     # All or nothing: a baseline of the green part of a red store would pass for one of the whole.
-    runs = list(_expected(scope, current_runs(store.read())))
+    runs = list(expected_runs(scope, current_runs(store.read())))
     rows = [row for expected in runs for row in expected.rows()]
     red = [finding for row in rows if (finding := row.finding()).colour == "red"]
     if red:
@@ -309,72 +296,8 @@ def move_baseline(store: Store, old: Baseline | None, scope: Scope, like: Sequen
             f"the baseline is not moved, for {len(red)} of {len(rows)} gated rows are red: "
             f"first {first.case}, {first.solver}, {first.quantity} ({red[0].sentence})"
         )
-    elsewhere = [row for other in like for e in _expected(scope, current_runs(other.read())) for row in e.rows()]
+    elsewhere = [row for other in like for e in expected_runs(scope, current_runs(other.read())) for row in e.rows()]
     gated = {row.run_id for row in rows}
     records = [e.run.record for e in runs if e.run and e.run.record.run_id in gated]
     good = [row for row in rows if row.status == "ok"]
     return make_baseline(good, [r for r in records if r.status == "ok"], old, elsewhere)
-
-
-@dataclass(frozen=True)
-class _Expected:
-    """A declared run with default settings, and its record if there is one that counts."""
-
-    suite: str
-    case: Problem
-    solver: str
-    seed: int
-    run: CurrentRun | None
-    lack: Lack = NOTHING_LACKS
-
-    def rows(self) -> Iterator[Row]:
-        status, reason = self.lack
-        for quantity in gated_quantities(self.case, self.solver):
-            if self.run:
-                yield row_of(self.run, quantity)
-            else:
-                yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
-
-
-def _expected(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[_Expected]:
-    """Yield what a scope should have; with `ask`, solvers have to be there, and say what they decline."""
-    for solver in scope.solvers:
-        find_solver(solver)
-    # A case may be in several suites, and a deterministic solver answers for every seed: each run counts once.
-    seen: set[tuple[str, str, int | None]] = set()
-    for suite in scope.suites or _suites_that_compare():
-        for case in catalog.cases_of(suite):
-            for run in catalog.find_suite(suite).runs_for(case.name):
-                # Tolerances hold for the default settings only.
-                if run.settings or (scope.solvers and run.solver not in scope.solvers):
-                    continue
-                for seed in scope.seeds or run.seeds:
-                    found = current.find(case.name, run.solver, {}, seed, installed=ask)
-                    known_seed = found.record.identity.seed if found else seed
-                    if (case.name, run.solver, known_seed) in seen:
-                        continue
-                    seen.add((case.name, run.solver, known_seed))
-                    why = _lack if ask else _absence
-                    lack = NOTHING_LACKS if found else why(current, case, run.solver, seed)
-                    yield _Expected(suite, case, run.solver, seed, found, lack)
-
-
-def _suites_that_compare() -> list[str]:
-    """Return the suites that are judged unless some are named: a study may need what is not installed."""
-    return [name for name in catalog.suite_names() if catalog.find_suite(name).study is None]
-
-
-def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
-    """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
-    try:
-        reason = declines(load_solver(find_solver(solver)), case)
-    except InputError as error:
-        return "missing", f"no record: {error}"
-    if reason is not None:
-        return "declined", f"the solver declines the case: {reason}"
-    return _absence(current, case, solver, seed)
-
-
-def _absence(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
-    stale = current.why_not(case.name, solver, seed)
-    return "missing", f"no record that counts: {stale}" if stale else "no record"

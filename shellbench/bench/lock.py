@@ -169,7 +169,9 @@ def write_lock() -> None:
         cases.append(f'  {json.dumps(name)}: {{\n{head}   "figures": {{\n{figures}\n   }}\n  }}')
     joined = ",\n".join(cases)
     variants = json.dumps(data["variants"], indent=1)
-    text = f'{{\n "schema_version": {data["schema_version"]},\n "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
+    text = (
+        f'{{\n "schema_version": {data["schema_version"]},\n "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
+    )
     lock_path().write_text(text, encoding="utf-8")
 
 
@@ -211,7 +213,7 @@ def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
         yield from _of_variants(suite, variants, now.variants.get(suite, {}))
     for suite, variants in now.variants.items():
         if more := sorted(variants.keys() - locked.variants.get(suite, {}).keys()):
-            yield "unlocked", f"{len(more)} more variants in suite {suite}: {', '.join(more)}"
+            yield "unlocked", f"suite {suite} asks {len(more)} more variants, {more[0]} the first"
 
 
 def _of_variants(suite: str, then: dict[str, str], now: dict[str, str]) -> Iterator[Found]:

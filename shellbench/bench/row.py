@@ -26,8 +26,8 @@ class Row(Model):
     Attributes
     ----------
     case, suite, kind
-        Names; of a variant with ``@`` and its own behind the case's. The suite is the first that declares the run, or else the first that the case belongs to; None for
-        a user's own case.
+        Names; a variant's stands behind that of its case and ``@``. The suite is the first that declares the run, or
+        else the first that the case belongs to; None for a user's own case.
     settings
         All settings of the run, defaults included; `overrides` are those that differ from the defaults.
     seed

@@ -31,6 +31,7 @@ def as_text(
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
     if verdict.claims:
         lines += _gate("claims", verdict.claims, verbose, judged=False, otherwise="not held")
+    lines += [f"class: {grade}" for grade in verdict.grades]
     lines += _lock(verdict.lock)
     lines += [verdict.beyond] if verdict.beyond else []
     lines.append("every gate holds" if verdict.good(cost, regression) else "a gate fell short")

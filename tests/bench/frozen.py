@@ -16,7 +16,8 @@ import pytest
 
 from shellbench.bench import current
 from shellbench.bench.compare import as_json, rows_and_notes
-from shellbench.bench.gate import Scope, gate
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import gate
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text

@@ -11,8 +11,9 @@ from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline
 from shellbench.bench.compare import rows, rows_and_notes
 from shellbench.bench.current import current_runs
+from shellbench.bench.expected import Scope
 from shellbench.bench.export import stored_run
-from shellbench.bench.gate import Scope, gate, move_baseline
+from shellbench.bench.gate import gate, move_baseline
 from shellbench.bench.store import Store
 from shellbench.errors import InputError, ShellbenchError
 from tests.bench.running import changed, run, run_here

@@ -10,7 +10,8 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.baseline import DEVIATIONS, REPEATS, Baseline, BaselineValue, read_baseline, write_baseline
 from shellbench.bench.compare import rows
-from shellbench.bench.gate import Scope, Verdict, gate, missing_rows, move_baseline
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import Verdict, gate, missing_rows, move_baseline
 from shellbench.bench.lock import write_lock
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.planned import FOLDER, note_planned
@@ -99,7 +100,6 @@ def test_without_a_suite_what_was_run_is_judged(store: Store) -> None:
         Scope(solvers=("toy-noisy",)),
         Scope(solvers=("toy", "toy-noisy")),
         Scope(solvers=("falling",)),
-        Scope(suites=("toys",), solvers=("falling",)),
         Scope(solvers=("toy-noisy",), seeds=(3,)),
     ],
     ids=lambda scope: scope.narrowed,

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.gate import Scope, Verdict, gate
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import Verdict, gate
 from shellbench.bench.lock import FILE, lock_path, main, read_lock, todays_lock, write_lock
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text

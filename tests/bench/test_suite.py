@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.gate import Scope, gate
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import gate
 from shellbench.bench.store import Store
 from shellbench.bench.suite import read_suite
 from shellbench.errors import InputError
@@ -56,7 +57,7 @@ def test_an_unknown_study_is_refused(tmp_path):
 @pytest.mark.parametrize("name", catalog.suite_names())
 def test_a_suite_names_cases_that_belong_to_it(name):
     suite = catalog.find_suite(name)
-    members = {case.name for case in catalog.cases_of(name)}
+    members = {case.base for case in catalog.cases_of(name)}
     assert members
     assert set(suite.order) == members
     for run in suite.runs:

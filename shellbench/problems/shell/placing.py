@@ -25,13 +25,12 @@ ASKEW: Rotation = (
 )
 
 
-def about(axis: int) -> Rotation:
-    """Return the rotation about a coordinate axis (0, 1 or 2)."""
-    rows = [list(row) for row in IDENTITY]
-    first, second = (axis + 1) % 3, (axis + 2) % 3
-    rows[first][first] = rows[second][second] = COSINE
-    rows[first][second], rows[second][first] = -SINE, SINE
-    return tuple(map(tuple, rows))  # type: ignore[arg-type]
+ABOUT: tuple[Rotation, Rotation, Rotation] = (
+    ((1.0, 0.0, 0.0), (0.0, COSINE, -SINE), (0.0, SINE, COSINE)),
+    ((COSINE, 0.0, SINE), (0.0, 1.0, 0.0), (-SINE, 0.0, COSINE)),
+    ((COSINE, -SINE, 0.0), (SINE, COSINE, 0.0), (0.0, 0.0, 1.0)),
+)
+"""Rotations about the coordinate axes."""
 
 
 def turning(case: Shell) -> Rotation:
@@ -43,14 +42,14 @@ def turning(case: Shell) -> Rotation:
     axes = set(_axes(case))
     if not axes:
         return ASKEW
-    return about(axes.pop()) if len(axes) == 1 else IDENTITY
+    return ABOUT[axes.pop()] if len(axes) == 1 else IDENTITY
 
 
 def _axes(case: Shell) -> Iterator[int]:
     """Yield the axes that are unlike the other two for something that holds the shell."""
     motions = {kind: [n[-1] for n in case.remove_rigid_motions if n.startswith(kind)] for kind in ("trans", "rot")}
     for held in (*(s.held for s in case.supports), *(s.components for s in case.springs), *motions.values()):
-        places = {COMPONENTS.index(name) for name in held}  # type: ignore[arg-type]
+        places = {COMPONENTS.index(name) for name in held}
         if len(places) in (1, 2):
             yield (places if len(places) == 1 else {0, 1, 2} - places).pop()
 

@@ -89,7 +89,9 @@ def stretched(domain: Domain) -> Chart:
         return first, second
 
     return Chart(
-        formulas=_pair(f"{factor!r}*{name} + ({offset!r})" for name, (factor, offset) in zip(COORDINATES, STRETCH)),
+        formulas=_pair(
+            f"{factor!r}*{name} + ({offset!r})" for name, (factor, offset) in zip(COORDINATES, STRETCH, strict=True)
+        ),
         lower=to_new(domain.lower),
         upper=to_new(domain.upper),
         periodic=domain.periodic,
@@ -153,14 +155,14 @@ def helical(domain: Domain) -> Chart:
     else:
         raise InputError("no coordinate closes on itself" if not any(domain.periodic) else "both close on themselves")
     slope = PITCH / (2 * math.pi) * domain.size[around] / domain.size[along]
-    formulas = list(COORDINATES)
-    formulas[around] = f"{COORDINATES[around]} + {slope!r}*{COORDINATES[along]}"  # type: ignore[call-overload]
+    formulas: list[str] = list(COORDINATES)
+    formulas[around] = f"{COORDINATES[around]} + {slope!r}*{COORDINATES[along]}"
 
     def to_new(xi: Pair) -> Pair:
         turned = list(xi)
         low, size = domain.lower[around], domain.size[around]
         turned[around] = low + (xi[around] - slope * xi[along] - low) % size
-        return _pair(turned)
+        return turned[0], turned[1]
 
     return Chart(_pair(formulas), domain.lower, domain.upper, domain.periodic, to_new)
 

@@ -45,7 +45,7 @@ def test_every_case_of_the_suite_is_read(name):
 @pytest.mark.parametrize("name", catalog.suite_names())
 def test_every_suite_has_cases_and_names_only_its_own(name):
     suite = catalog.find_suite(name)
-    names = {case.name for case in catalog.cases_of(name)}
+    names = {case.base for case in catalog.cases_of(name)}
     assert names
     assert set(suite.order) <= names
     for run in suite.runs:
