@@ -122,9 +122,11 @@ FAULTS = [
 ]
 
 
-LONG_GREEN = {("fem", PLATE), ("ndf-ritz", ROOF), ("ndf-ritz", SHEAR)}
+LONG_GREEN = {("fem", PLATE), ("fem", ROOF), ("fem", SHEAR), ("ndf-ritz", ROOF), ("ndf-ritz", SHEAR)}
 LONG_FAULTS = {
     ("fem", "halved moments"),
+    ("fem", "linear membrane strains"),
+    ("fem", "loads that grow otherwise"),
     ("ndf-ritz", "halved moments"),
     ("ndf-ritz", "published strains"),
     ("ndf-ritz", "wrong Poisson ratio"),

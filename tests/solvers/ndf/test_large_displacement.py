@@ -199,6 +199,7 @@ def test_the_linear_strain_at_large_loads_is_linear():
     )
 
 
+@pytest.mark.long
 def test_displacement_control_passes_the_limit_points_of_a_thick_roof():
     """Against this suite's own splines (references/hinged_roof_thick.toml), by fifty neurons."""
     solution = solve(named_case("hinged_roof_thick"), neurons=50)
@@ -213,6 +214,7 @@ def test_displacement_control_passes_the_limit_points_of_a_thick_roof():
         assert -at[2] == pytest.approx(mark, rel=1e-9)
 
 
+@pytest.mark.long
 def test_a_roof_under_load_control_fails_at_its_limit_load_and_says_where():
     base = named_case("hinged_roof_thick")
     case = base.model_copy(update={"path": Path(until=4.0, states=(1.0,)), "quantities": ()})
@@ -326,7 +328,7 @@ def test_hidden_layers_stay_as_drawn_where_moments_act(coiled):
     assert sum(deep.energies(at=0.25)) == pytest.approx(sum(coiled.energies(at=0.25)), rel=1e-2)
 
 
-@pytest.mark.parametrize("control", ["load", "displacement", "arc_length"])
+@pytest.mark.parametrize("control", ["load", "displacement", pytest.param("arc_length", marks=pytest.mark.long)])
 def test_consistent_units_give_the_same_path(control):
     """Metres to millimetres and newtons to kilonewtons: the same states, by every control."""
 

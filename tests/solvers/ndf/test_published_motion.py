@@ -129,6 +129,7 @@ def test_a_damaged_file_is_refused_in_one_sentence(tmp_path):
             SOLVER.load(path)
 
 
+@pytest.mark.long
 def test_an_interrupted_training_goes_on_as_if_nothing_had_been(tmp_path):
     settings = few(iterations=3 * RECORD, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     whole = trained(MOVED, settings)

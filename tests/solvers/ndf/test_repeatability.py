@@ -128,7 +128,7 @@ def ndf_answer(case: str) -> Solution:
         pytest.param(ritz_answer, "pinched_cylinder_diaphragm", REPEATS, marks=pytest.mark.long),
         pytest.param(ritz_answer, "pinched_cylinder_free", REPEATS, marks=pytest.mark.long),
         # steps of training are accepted or not, and amplify what differs
-        (ndf_answer, "square_plate", band("square_plate", "ndf")),
+        pytest.param(ndf_answer, "square_plate", band("square_plate", "ndf"), marks=pytest.mark.long),
         pytest.param(ndf_answer, "scordelis_lo", band("scordelis_lo", "ndf"), marks=pytest.mark.long),
     ],
 )

@@ -342,7 +342,7 @@ def test_an_unloaded_shell_rests():
     assert solution.energies() == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("thickness", [0.025, 0.125, 0.5])
+@pytest.mark.parametrize("thickness", [0.025, *(pytest.param(h, marks=pytest.mark.long) for h in (0.125, 0.5))])
 def test_thin_and_thick_roofs_with_the_same_settings(thickness):
     """Refined fields agree with default ones to 1e-3, and the certificate with the training energy."""
     base = named_case("scordelis_lo")

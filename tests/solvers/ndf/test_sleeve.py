@@ -321,6 +321,7 @@ def test_quantities_at_the_critical_point_survive_a_file(tmp_path):
 SHORT_SLEEVE = {"kind": "cylinder", "axis": "y", "radius": 0.25, "closed": True, "xi1": [0, 360], "xi2": [0, 0.3]}
 
 
+@pytest.mark.long
 def test_the_torque_of_a_twisted_sleeve_is_the_derivative_of_its_energy(tmp_path):
     """And that of its membrane, 2 pi R^3 G h / L (1 + h^2 / (3 R^2)) per radian, as long as the twist is small."""
     nu, young, h, radius, length = 0.25, 5000.0, 0.012, 0.25, 0.3

@@ -165,7 +165,7 @@ def test_relu_is_refused():
         SOLVER.solve(catalog.named_case("square_plate"), TrainerSettings(activation="relu"))
 
 
-@pytest.mark.parametrize("activation", ["tanh", "gelu"])
+@pytest.mark.parametrize("activation", [pytest.param("tanh", marks=pytest.mark.long), "gelu"])
 def test_other_activations_learn_the_plate(activation):
     case = catalog.named_case("square_plate")
     value = measure_all(SOLVER.solve(case, TrainerSettings(activation=activation)))[case.primary.name]
@@ -173,6 +173,7 @@ def test_other_activations_learn_the_plate(activation):
     assert value == pytest.approx(known.value, rel=1e-3)
 
 
+@pytest.mark.long
 def test_an_edge_load_and_a_point_support():
     data = {
         "title": "strip", "theory": "kirchhoff-love-linear", "surface": {"kind": "plane", "xi1": [0, 2], "xi2": [0, 1]},
