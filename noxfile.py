@@ -65,6 +65,18 @@ def verification(session: nox.Session) -> None:
 
 
 @nox.session
+def shapes(session: nox.Session) -> None:
+    """Solve oblique, doubly curved, slender and pressed shells, and judge. `-- --quick` for one seed of `ndf-ritz`."""
+    run_and_judge(session, "shapes")
+
+
+@nox.session
+def variants(session: nox.Session) -> None:
+    """Ask the shells of other suites otherwise (axes, frame, units, coordinates), and judge. `-- --quick`."""
+    run_and_judge(session, "variants")
+
+
+@nox.session
 def nonlinear(session: nox.Session) -> None:
     """Follow ten shells to large displacements, and judge. `-- --quick` for `fem` and one seed of `ndf-ritz`."""
     run_and_judge(session, "nonlinear")
