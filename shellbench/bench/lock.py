@@ -1,7 +1,8 @@
 """The lock: what the exam was when it was last moved, deliberately and by a commit.
 
-references/lock.json holds, of every gated case, the digest of its physics, the runs that its suites declare, the
-values that judge, and how closely each solver must answer. The gate compares it with today's files in every run.
+references/lock.json holds, of every case that is gated or has a known value, the digest of its physics, the runs that
+its suites declare, all values that judge, and how closely each solver must answer. Values judge strangers' figures too,
+so that they are locked where no solver of ours has a tolerance. The gate compares it with today's files in every run.
 What makes the exam easier, or another one, is red. What makes it harder is said, and not red. A maintainer moves it:
 
     python -m shellbench.bench.lock            what has changed
@@ -42,14 +43,14 @@ class Judge(Model):
 
 
 class Figure(Model):
-    """A gated quantity: what judges it, and what each solver is allowed."""
+    """A quantity that is gated or has a known value: what judges it, and what each solver is allowed."""
 
     judge: Judge | None = None
-    tolerances: dict[str, Tolerance]
+    tolerances: dict[str, Tolerance] = Field(default_factory=dict)
 
 
 class LockedCase(Model):
-    """A gated case.
+    """A case that is gated or has a known value.
 
     Attributes
     ----------
@@ -102,9 +103,14 @@ def lock_path() -> Path:
 def todays_lock() -> Lock:
     """Return the lock of today's cases, suites, known values and tolerances."""
     gated = {name for held in catalog.tolerances().values() for name in held}
+    judged = {
+        name for name in catalog.case_names() if any(v.role == "judge" for v in catalog.known_values(name).values)
+    }
     asked = {suite: catalog.variants_asked(suite) for suite in catalog.suite_names()}
     return Lock(
-        cases={name: _locked(catalog.named_case(name)) for name in sorted(gated & set(catalog.case_names()))},
+        cases={
+            name: _locked(catalog.named_case(name)) for name in sorted((gated | judged) & set(catalog.case_names()))
+        },
         variants={
             suite: {name: catalog.named_case(name).digest() for name in sorted(names)}
             for suite, names in asked.items()
@@ -119,7 +125,7 @@ def _locked(case: Problem) -> LockedCase:
         of_solver = {solver: catalog.tolerance(case.name, quantity.name, solver) for solver in catalog.tolerances()}
         allowed = {solver: tolerance for solver, tolerance in of_solver.items() if tolerance}
         judge = known.judge(quantity.name, case.theory)
-        if allowed:
+        if allowed or judge:
             found = judge and Judge(value=judge.value, uncertainty=judge.uncertainty, theory=judge.theory)
             figures[quantity.name] = Figure(judge=found, tolerances=allowed)
     solvers = {solver for figure in figures.values() for solver in figure.tolerances}
@@ -208,7 +214,7 @@ def _differences(locked: Lock, now: Lock) -> Iterator[Found]:
         if name in now.cases:
             yield from _of_case(name, then, now.cases[name])
         else:
-            yield "broken", f"{name} is no gated case any more"
+            yield "broken", f"{name} is no case that is judged any more"
     for suite, variants in locked.variants.items():
         yield from _of_variants(suite, variants, now.variants.get(suite, {}))
     for suite, variants in now.variants.items():
@@ -242,12 +248,12 @@ def _of_case(name: str, then: LockedCase, now: LockedCase) -> Iterator[Found]:
     for quantity, figure in then.figures.items():
         yield from _of_figure(f"{name} {quantity}", figure, now.figures.get(quantity))
     for quantity in sorted(now.figures.keys() - then.figures.keys()):
-        yield "unlocked", f"{name} {quantity} is gated"
+        yield "unlocked", f"{name} {quantity} is judged"
 
 
 def _of_figure(name: str, then: Figure, now: Figure | None) -> Iterator[Found]:
     if now is None:
-        yield "broken", f"{name} is not gated any more"
+        yield "broken", f"{name} is not judged any more"
         return
     if then.judge != now.judge:
         yield "broken", f"{name} is judged by {_judge(now.judge)}, not by {_judge(then.judge)}"

@@ -52,7 +52,7 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
     (
         "a tolerance is deleted",
         lambda: allow("membrane = { absolute = 1e-12 }\n", ""),
-        ["strip membrane is not gated any more"],
+        ["strip membrane toy has no tolerance any more, and 1e-12 absolute is locked"],
     ),
     (
         "a solver's tolerances are deleted",
@@ -126,7 +126,7 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
         lambda: allow("membrane", "menbrane"),
         [
             "references/tolerances/toy.toml names 'menbrane', which is no quantity of strip",
-            "strip membrane is not gated any more",
+            "strip membrane toy has no tolerance any more, and 1e-12 absolute is locked",
         ],
     ),
     (
@@ -174,6 +174,17 @@ def test_a_changed_case_is_red_though_no_suite_is_named(full: Store) -> None:
     assert verdict.lock.broken == (f"strip is another problem: its digest is {now[:12]}, not {then[:12]}",)
 
 
+def test_the_value_of_a_figure_that_no_solver_of_ours_is_held_to_is_locked_too(full: Store) -> None:
+    """A stranger is judged by it."""
+    value = '\n[[values]]\nquantity = "energy"\nrole = "judge"\nvalue = {}\ntheory = "kirchhoff-love-linear"\n'
+    rest = 'origin = "made up"\nsource = "shellbench"\n'
+    known_file().write_text(known_file().read_text() + value.format(2.0) + rest)
+    forget()
+    write_lock()
+    edit(known_file(), "value = 2.0", "value = 2.22")
+    assert "strip energy is judged by 2.22" in judged(full)[0].lock.broken[0]
+
+
 def test_a_case_that_is_gone_is_red(full: Store) -> None:
     (case_file().parent / "other.toml").write_text(strip.CASE, encoding="utf-8")
     (known_file().parent / "other.toml").write_text(strip.REFERENCES, encoding="utf-8")
@@ -181,7 +192,7 @@ def test_a_case_that_is_gone_is_red(full: Store) -> None:
     assert judged(full)[0].lock.unlocked == ("new case other",)
     write_lock()
     remove(case_file().parent / "other.toml")
-    assert "other is no gated case any more" in judged(full)[0].lock.broken
+    assert "other is no case that is judged any more" in judged(full)[0].lock.broken
 
 
 def test_a_lock_that_is_broken_elsewhere_is_red_for_a_narrowed_gate(full: Store) -> None:
@@ -194,7 +205,7 @@ def test_a_lock_that_is_broken_elsewhere_is_red_for_a_narrowed_gate(full: Store)
     ("change", "words"),
     [
         (lambda: allow("1e-12", "1e-13"), "strip membrane toy is allowed 1e-13 absolute instead of 1e-12 absolute"),
-        (lambda: allow("membrane", "energy = 1e-3\nmembrane"), "strip energy is gated"),
+        (lambda: allow("membrane", "energy = 1e-3\nmembrane"), "strip energy is judged"),
         (
             lambda: allow("centre", "membrane = { absolute = 1.0 }\ncentre", "toy-noisy"),
             "strip membrane toy-noisy is gated",
