@@ -5,11 +5,13 @@ import math
 from functools import partial
 
 from . import (
+    HYPERBOLOIDS,
     annular_plate,
     cantilever_moment,
     cantilever_shear,
     cylinder_pull_out,
     free_fall,
+    hemisphere_hole,
     hinged_roof_thick,
     hinged_roof_thin,
     napkin_corner,
@@ -65,6 +67,8 @@ CASES = {
     "sleeve_twist_thin": sleeve_twist_thin,
     "sleeve_twist": sleeve_twist,
     "pendulum_strip": pendulum_strip,
+    **HYPERBOLOIDS,
+    "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,
 }

@@ -55,6 +55,8 @@ ORIGINS = {
     "napkin_fixed_edges": origins.napkin_fixed_edges,
     "sleeve_twist": origins.sleeve_twist,
     "sleeve_compression": origins.sleeve_compression,
+    **origins.HYPERBOLOIDS,
+    "hemisphere_hole": origins.hemisphere_hole,
 }
 LONG = {
     "pendulum_strip",
