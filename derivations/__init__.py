@@ -10,6 +10,7 @@ from .estimate import Estimate
 from .free_fall import free_fall
 from .hemisphere import hemisphere_hole
 from .hinged_roof import hinged_roof_thick, hinged_roof_thin
+from .hypar import HYPARS
 from .hyperboloid import HYPERBOLOIDS
 from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
 from .levy_roof import scordelis_lo
@@ -26,6 +27,7 @@ from .swinging_strip import pendulum_strip
 from .torsion import sleeve_torque
 
 __all__ = [
+    "HYPARS",
     "HYPERBOLOIDS",
     "Estimate",
     "annular_plate",

@@ -5,6 +5,7 @@ import math
 from functools import partial
 
 from . import (
+    HYPARS,
     HYPERBOLOIDS,
     annular_plate,
     cantilever_moment,
@@ -68,6 +69,7 @@ CASES = {
     "sleeve_twist": sleeve_twist,
     "pendulum_strip": pendulum_strip,
     **HYPERBOLOIDS,
+    **HYPARS,
     "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from derivations import hemisphere, hyperboloid, revolution
+from derivations import hemisphere, hypar, hyperboloid, revolution
+from derivations.hypar_polynomials import Polynomials, strain_operators
 from derivations.linear_splines import LinearShell, cartesian
 from derivations.revolution_splines import SplineRevolution, minimiser
 from derivations.spline_shell import Splines
@@ -90,7 +91,11 @@ def test_a_shift_of_a_shell_of_revolution_stores_nothing():
         assert np.abs(stiffness @ np.roll(shift, 1)).max() > 1e-3
 
 
-@pytest.mark.parametrize(("surface", "frame"), [(hemisphere.sphere, cartesian)], ids=["sphere"])
+@pytest.mark.parametrize(
+    ("surface", "frame"),
+    [(hemisphere.sphere, cartesian), (hypar.surface, cartesian), (hypar.surface, hypar.frame)],
+    ids=["sphere", "hypar", "hypar in its frame"],
+)
 def test_splines_have_the_strains_of_the_exact_theory(surface, frame):
     one, two = 0.3, 0.2
     shell = LinearShell(surface, frame, (Splines(np.linspace(0, 1, 3), 3),) * 2, [], 1.0, 0.3, 0.1)
@@ -104,10 +109,27 @@ def test_splines_have_the_strains_of_the_exact_theory(surface, frame):
     np.testing.assert_allclose(np.einsum("rkc,kc->r", operator, parts), expected, atol=1e-6 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(("function", "orders"), [(hemisphere.sphere, DERIVATIVES)])
-def test_derivatives_of_surfaces_and_frames(function, orders):
+def test_covariant_derivatives_have_the_strains_of_the_exact_theory():
+    one, two = 0.3, 0.2
+
+    def at(a, b):
+        return hypar.surface(np.array([a]), np.array([b]), 0, 0)[0]
+
+    def covariant(a, b):
+        tangents = [hypar.surface(np.array([a]), np.array([b]), *order)[0] for order in ((1, 0), (0, 1))]
+        normal = np.cross(*tangents)
+        return np.array([*tangents, normal / np.linalg.norm(normal)]) @ waves(a, b)
+
+    operator = strain_operators(np.array([one]), np.array([two]))[0][0]
+    expected = exact(at, waves, one, two)
+    found = np.einsum("rck,kc->r", operator, derivatives(covariant, one, two))
+    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("function", [hemisphere.sphere, hypar.surface, hypar.frame])
+def test_derivatives_of_surfaces_and_frames(function):
     found = derivatives(lambda a, b: function(np.array([a]), np.array([b]), 0, 0)[0], 0.3, 0.2)[1:]
-    expected = [function(np.array([0.3]), np.array([0.2]), *order)[0] for order in orders]
+    expected = [function(np.array([0.3]), np.array([0.2]), *order)[0] for order in DERIVATIVES]
     np.testing.assert_allclose(found, expected, atol=1e-7)
 
 
@@ -156,6 +178,46 @@ def test_second_forms_are_what_they_compute_and_agree(name):
     known, found = catalog.known_values(name), second_form(name)
     assert set(found) == {q.name for q in catalog.named_case(name).quantities}
     for quantity, estimate in found.items():
+        (second,) = known.of(quantity, "origin")
+        judge = known.judge(quantity, "kirchhoff-love-linear")
+        assert abs(second.value - estimate.value) <= 0.5 * second.uncertainty
+        assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty
+
+
+# --- hyperbolic paraboloid -----------------------------------------------------------------------
+
+
+def test_a_clamped_hypar_stores_half_the_work_of_its_load():
+    answer = hypar.hypar_shell(1e-2, (6, 4), 4, 2).solve()
+    assert answer.membrane + answer.bending == pytest.approx(answer.work, rel=1e-8)
+    edge = [answer.displacement(-0.5, y) for y in (0.0, 0.2, 0.5)]
+    inside = [answer.displacement(-0.5 + 1e-4, y) for y in (0.0, 0.2, 0.5)]
+    assert np.abs(edge).max() < 1e-20
+    normals = np.array([[1.0, 2 * y, 1.0] for y in (0.0, 0.2, 0.5)])
+    turned = np.abs(np.sum(inside * normals, axis=1)).max() / 1e-4  # the slope, of the order of the distance
+    assert turned < 1e-2 * abs(answer.displacement(0.5, 0.0)[2])
+
+
+def test_ritz_values_of_the_hypar_rise_with_functions_and_stay_below_the_limit():
+    limit = catalog.known_values("hypar_clamped_1e_2").judge("strain_energy", "kirchhoff-love-linear").value
+    by_splines = [2 * hypar.hypar_shell(1e-2, *level).solve().work for level in (((4, 3), 4, 1), ((8, 6), 4, 2))]
+    by_polynomials = [Polynomials(d, hypar.YOUNG, hypar.POISSON).solve(1e-2, hypar.LOAD * 1e-2)[1] for d in ((8, 6), (14, 11))]  # fmt: skip
+    for coarse, fine in (by_splines, by_polynomials):
+        assert 0.9 * limit < coarse < fine < limit
+
+
+def test_coarse_polynomials_are_as_uncertain_as_they_say():
+    known = catalog.known_values("hypar_clamped_1e_2")
+    for quantity, estimate in hypar.hypar_by_polynomials(1e-2, (18, 14), (12, 10)).items():
+        judge = known.judge(quantity, "kirchhoff-love-linear")
+        assert abs(estimate.value - judge.value) <= estimate.uncertainty + judge.uncertainty
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", hypar.HYPARS)
+def test_second_forms_of_the_hypar_are_what_they_compute_and_agree(name):
+    known = catalog.known_values(name)
+    for quantity, estimate in hypar.hypar_by_polynomials(catalog.named_case(name).material.thickness).items():
         (second,) = known.of(quantity, "origin")
         judge = known.judge(quantity, "kirchhoff-love-linear")
         assert abs(second.value - estimate.value) <= 0.5 * second.uncertainty
