@@ -8,7 +8,8 @@ halved toward x = -1/2, x = 1/2 and y = 1/2. The frame (x,1  x,2  x,1 cross x,2)
 
 from __future__ import annotations
 
-from functools import cache, partial
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -115,32 +116,35 @@ HYPARS = {f"hypar_clamped_1e_{power}": partial(hypar, 10.0**-power) for power in
 # --- second form ---------------------------------------------------------------------------------
 
 
-@cache
-def _polynomials(degrees: tuple[int, int]) -> Polynomials:
-    return Polynomials(degrees, YOUNG, POISSON)
+def hypars_by_polynomials(
+    thicknesses: Sequence[float], fine: tuple[int, int] = (56, 42), coarse: tuple[int, int] = (44, 34)
+) -> list[dict[str, Estimate]]:
+    """Known values by polynomials, for each thickness: the stiffnesses, which take long, serve all of them.
 
-
-def _by_polynomials(thickness: float, degrees: tuple[int, int]) -> dict[str, float]:
-    shell = _polynomials(degrees)
-    q, energy, membrane, bending = shell.solve(thickness, LOAD * thickness)
-    x, y, direction = OBLIQUE
-    return {
-        "tip_deflection": float(-shell.displacement(q, 0.5, 0.0)[2]),
-        "oblique_displacement": float(direction @ shell.displacement(q, x, y)),
-        "strain_energy": energy,
-        "membrane_energy": membrane,
-        "bending_energy": bending,
-    }
-
-
-def hypar_by_polynomials(
-    thickness: float, fine: tuple[int, int] = (56, 42), coarse: tuple[int, int] = (44, 34)
-) -> dict[str, Estimate]:
-    """Known values by polynomials; the error falls like degree^-2 or faster, and all that is extrapolated is uncertain."""
-    near, far = (_by_polynomials(thickness, degrees) for degrees in (fine, coarse))
+    The error falls like degree^-2 or faster, and all that is extrapolated is uncertain.
+    """
+    far, near = (_by_polynomials(thicknesses, degrees) for degrees in (coarse, fine))
     factor = 1 / ((fine[0] / coarse[0]) ** 2 - 1)
-    found = {}
-    for name, value in near.items():
-        beyond = factor * (value - far[name])
-        found[name] = Estimate(value + beyond, abs(beyond), "J" if name.endswith("energy") else "m")
+    found = []
+    for rough, values in zip(far, near, strict=True):
+        beyond = {name: factor * (value - rough[name]) for name, value in values.items()}
+        units = {name: "J" if name.endswith("energy") else "m" for name in values}
+        found.append({name: Estimate(value + beyond[name], abs(beyond[name]), units[name]) for name, value in values.items()})  # fmt: skip
+    return found
+
+
+def _by_polynomials(thicknesses: Sequence[float], degrees: tuple[int, int]) -> list[dict[str, float]]:
+    shell, found = Polynomials(degrees, YOUNG, POISSON), []
+    x, y, direction = OBLIQUE
+    for thickness in thicknesses:
+        q, energy, membrane, bending = shell.solve(thickness, LOAD * thickness)
+        found.append(
+            {
+                "tip_deflection": float(-shell.displacement(q, 0.5, 0.0)[2]),
+                "oblique_displacement": float(direction @ shell.displacement(q, x, y)),
+                "strain_energy": energy,
+                "membrane_energy": membrane,
+                "bending_energy": bending,
+            }
+        )
     return found
