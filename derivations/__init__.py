@@ -8,7 +8,10 @@ from .annular_plate import annular_plate
 from .elastica import cantilever_shear
 from .estimate import Estimate
 from .free_fall import free_fall
+from .hemisphere import hemisphere_hole
 from .hinged_roof import hinged_roof_thick, hinged_roof_thin
+from .hypar import HYPARS
+from .hyperboloid import HYPERBOLOIDS
 from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
 from .levy_roof import scordelis_lo
 from .motion import napkin_plane, napkin_soft_pin
@@ -24,12 +27,15 @@ from .swinging_strip import pendulum_strip
 from .torsion import sleeve_torque
 
 __all__ = [
+    "HYPARS",
+    "HYPERBOLOIDS",
     "Estimate",
     "annular_plate",
     "cantilever_moment",
     "cantilever_shear",
     "cylinder_pull_out",
     "free_fall",
+    "hemisphere_hole",
     "hinged_roof_thick",
     "hinged_roof_thin",
     "napkin_corner",

@@ -5,11 +5,14 @@ import math
 from functools import partial
 
 from . import (
+    HYPARS,
+    HYPERBOLOIDS,
     annular_plate,
     cantilever_moment,
     cantilever_shear,
     cylinder_pull_out,
     free_fall,
+    hemisphere_hole,
     hinged_roof_thick,
     hinged_roof_thin,
     napkin_corner,
@@ -65,6 +68,9 @@ CASES = {
     "sleeve_twist_thin": sleeve_twist_thin,
     "sleeve_twist": sleeve_twist,
     "pendulum_strip": pendulum_strip,
+    **HYPERBOLOIDS,
+    **HYPARS,
+    "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,
 }

@@ -55,6 +55,9 @@ ORIGINS = {
     "napkin_fixed_edges": origins.napkin_fixed_edges,
     "sleeve_twist": origins.sleeve_twist,
     "sleeve_compression": origins.sleeve_compression,
+    **origins.HYPERBOLOIDS,
+    **origins.HYPARS,
+    "hemisphere_hole": origins.hemisphere_hole,
 }
 LONG = {
     "pendulum_strip",
@@ -69,6 +72,7 @@ LONG = {
     "hinged_roof_thick",
     "hinged_roof_thin",
     "scordelis_lo_nonlinear",
+    *origins.HYPARS,
 }
 SECOND_FORMS = {
     "inextensible elastica in elliptic integrals": elastica.elastica,
