@@ -17,7 +17,7 @@ from shellbench.solvers.ndf.choices import LAYER
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.supports import point_supports
 
-SAMPLES = 9  # points a side of the grid on which a surface is looked at
+SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
 
 EDGE_LAYER = 1.0  # the same along an edge; between .4 and 1 the certified energy of a hyperbolic paraboloid is flat
 WIDEST = 0.12  # l in units of the shell's size at most, and where it is flat
@@ -74,14 +74,14 @@ def layer_length(case: Case, curvature: float, layer: float, size: float) -> flo
 
 def surface_size(case: Case) -> float:
     """Return the largest distance from the middle of the surface, metres."""
-    sample = case.surface.position(case.surface.domain.grid(SAMPLES, SAMPLES)).reshape(-1, 3)
+    sample = case.surface.position(case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES)).reshape(-1, 3)
     return float(np.linalg.norm(sample - sample.mean(axis=0), axis=1).max())
 
 
 def strongest_curvature(case: Case, points: Array | None = None) -> float:
     """Return the largest principal curvature, 1/m, at points (n, 2) or anywhere; zero where the surface is flat."""
     if points is None:
-        points = case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+        points = case.surface.domain.grid(SURFACE_SAMPLES, SURFACE_SAMPLES).reshape(-1, 2)
     x = case.surface.derivatives(points, 2)
     a = np.stack([x[1, 0], x[0, 1]], axis=-2)
     normal = np.cross(x[1, 0], x[0, 1])
