@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from shellbench.solvers.fem import deformation, moments, problem, strain_energy
-from shellbench.solvers.ndf import equilibrium, strain_measures, undeformed
-from shellbench.solvers.ndf import moments as ndf_moments
+from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
 from tests.test_faults import (
     Fault,
     Store,
@@ -113,9 +112,9 @@ FAULTS = [
     Fault("published strains, turned", "ndf-ritz", TURNED, ndf_strain("published")),
     Fault("linear strains", "ndf-ritz", PLATE, ndf_strain("linear")),
     Fault("no curvature of its own", "ndf-ritz", TURNED, never_lowered),
-    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, undeformed, "elasticity_tensor")),
+    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, strain_measures, "elasticity_tensor")),
     Fault("bending stiffness 0.1 % off", "ndf-ritz", ROLLED, stiffness("bending_stiffness", 1.001)),
-    Fault("halved moments", "ndf-ritz", MOMENT, halved_moments(ndf_moments)),
+    Fault("halved moments", "ndf-ritz", MOMENT, halved_moments(reaction)),
     Fault("one percent more load", "ndf-ritz", SHEAR, too_early),
     Fault("a leaking support", "ndf-ritz", PLATE, leaking_factor),
     Fault("published strains", "ndf", ROLLED, ndf_strain("published")),

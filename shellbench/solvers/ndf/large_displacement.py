@@ -22,18 +22,23 @@ from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.certificate import rigid_part
-from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
+from shellbench.solvers.ndf.continuation import (
+    PathEndsError,
+    PathState,
+    arc_length_steps,
+    displacement_steps,
+    equilibrium,
+    load_steps,
+)
+from shellbench.solvers.ndf.energy import rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.newton import PathState, equilibrium
-from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
-from shellbench.solvers.ndf.solution import NdfSolution
-from shellbench.solvers.ndf.turning import turns, why_not_turned
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.supports import check_balance
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
 RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding

@@ -1,11 +1,11 @@
 """A case in motion: the output layer of given features obeys Newton's law, step by step from rest.
 
 The equations of motion of the output weights are integrated by the explicit Runge-Kutta method of order eight of
-Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft:
-with the smooth features of `mass` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take,
-at the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step
-by Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the
-napkin in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
+Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with
+the smooth features of `sampled` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
+the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step by
+Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the napkin
+in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
 
     explicit, rtol 1e-5          374 evaluations     15 s    8e-8 m
     explicit, rtol 1e-7          590 evaluations     23 s    1e-9 m
@@ -35,14 +35,13 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
 from shellbench.solvers.ndf.field import Features
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.mass import NOWHERE, POINTS, finer, rule_of, smooth, widest
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.resolution import side_lengths
+from shellbench.solvers.ndf.sampled import NOWHERE, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept

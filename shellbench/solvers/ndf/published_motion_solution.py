@@ -20,12 +20,12 @@ from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import SavedPeriodicInput
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.loads import force_density
 from shellbench.solvers.ndf.published_motion_field import MotionField
 from shellbench.solvers.ndf.published_network import Siren
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.solution import FieldSolution
-from shellbench.solvers.ndf.undeformed import Undeformed, stresses
+from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
+from shellbench.solvers.ndf.supports import force_density
 from shellbench.solvers.ndf.weights import (
     CaseHeader,
     check_like_numbers,

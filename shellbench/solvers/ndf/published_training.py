@@ -32,9 +32,9 @@ from shellbench.solvers.ndf.energy import Concentrated, concentrated, surface_ar
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.loads import concentrated_forces, force_density
 from shellbench.solvers.ndf.published_network import InputScale, Siren
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.supports import concentrated_forces, force_density
 
 RECORD = 25  # iterations between two entries of the history
 STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy

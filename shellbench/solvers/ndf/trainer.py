@@ -29,24 +29,19 @@ from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf import large_displacement, motion
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
-from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
 from shellbench.solvers.ndf.choices import StrainName
-from shellbench.solvers.ndf.energy import concentrated
-from shellbench.solvers.ndf.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, rigid_part
+from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
 from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
-from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.mass import scales
-from shellbench.solvers.ndf.motion_solution import MotionSolution
-from shellbench.solvers.ndf.network import Network, deep_random_features
-from shellbench.solvers.ndf.path_solution import PathSolution, load_solution
+from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.resolution import rung, rung_count
 from shellbench.solvers.ndf.ritz import strain_of
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.sampled import scales
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
-from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.supports import check_balance, point_supports
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
