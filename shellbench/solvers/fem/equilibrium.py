@@ -12,7 +12,6 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.rigid import free_motions
-from shellbench.solvers.fem import linear_solve
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     BlockMatrix,
@@ -22,6 +21,7 @@ from shellbench.solvers.fem.assembly import (
 from shellbench.solvers.fem.choices import Method
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.linear_solve import solve_reduced
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
 from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
@@ -79,7 +79,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     for clamp in clamps:
         clamp.add_to(system)
         forces = forces + clamp.right_hand_side(mesh.node_count)
-    answer = linear_solve.solve(ties.reduce(system), ties.to_free(forces - system @ ties.particular), mesh, method)
+    answer = solve_reduced(ties.reduce(system), ties.to_free(forces - system @ ties.particular), mesh, method)
     q = ties.to_nodal(answer.unknowns) + ties.particular
 
     internal = matrix @ q

@@ -52,7 +52,7 @@ class Answer:
     correction: float
 
 
-def solve(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -> Answer:
+def solve_reduced(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -> Answer:
     """Solve K z = f.
 
     Parameters

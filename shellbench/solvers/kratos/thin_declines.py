@@ -9,13 +9,14 @@ from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 from shellbench.problems.shell.symmetry import Part
-from shellbench.solvers.kratos.thin_conditions import SAMPLES, held_rotations
 
 ALONG = 1e-9  # sine of an angle that is rounding
 
 
 def reason(part: Part) -> str | None:
     """Return why a case, of which a part is to be solved, can't be taken, as one clause; None if it can."""
+    from shellbench.solvers.kratos.thin_conditions import held_rotations
+
     case = part.whole
     if case.dynamics is not None:
         return "it moves in time, and this solver is static"
@@ -47,6 +48,8 @@ def _reason_on_a_path(part: Part) -> str | None:
 
 
 def _is_tangent(case: Case, name: str, load: MomentLoad) -> bool:
+    from shellbench.solvers.kratos.thin_conditions import SAMPLES
+
     edge = case.places[name]
     assert isinstance(edge, Edge)
     domain, running = case.surface.domain, 1 - edge.axis

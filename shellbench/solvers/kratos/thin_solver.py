@@ -68,9 +68,9 @@ class KratosThinSolver(ShellSolver):
     def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
         """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry import part_of, whole_of
-        from shellbench.solvers.kratos import thin_declines
+        from shellbench.solvers.kratos.thin_declines import reason
 
-        return thin_declines.reason(part_of(case) if settings.symmetry else whole_of(case))
+        return reason(part_of(case) if settings.symmetry else whole_of(case))
 
     def answer(
         self, case: Case, settings: KratosThinSettings, start: Solution | Path | None, progress: ProgressCallback
