@@ -39,8 +39,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge
 from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.deformation import GRADIENT, Deformation
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
+from shellbench.solvers.fem.kinematics import (
+    DERIVATIVES,
+    GRADIENT,
+    Deformation,
+    Midsurface,
+    elasticity,
+    strain_operator,
+)
 from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.grid import Grid, Loading
 
 Array = NDArray[np.float64]
 

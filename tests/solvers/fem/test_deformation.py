@@ -6,8 +6,7 @@ import torch
 
 from shellbench.problems.shell.case import rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
-from shellbench.solvers.fem.deformation import Deformation, cross_matrix
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, strain_operator
+from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface, cross_matrix, strain_operator
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell, surface_points
 from tests.solvers.fem.test_kinematics import forms
 

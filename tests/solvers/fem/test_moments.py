@@ -7,8 +7,8 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import rotation_matrix
 from shellbench.problems.shell.conditions import Rotation
 from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix, neighbour_columns
+from shellbench.solvers.fem.loads import edge_moments
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.moments import edge_moments
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, shell
 
