@@ -23,9 +23,9 @@ from tests.solvers.ndf import trainings
 from tests.solvers.ndf.shells import inner_points
 from tests.solvers.ndf.test_motion import PIN, moving
 from tests.solvers.ndf.test_motion import solve as solve_motion
-from tests.solvers.ndf.test_path_solution import solve as solve_path
-from tests.solvers.ndf.test_path_solution import strip
 from tests.solvers.ndf.test_published_motion import MOVED, few
+from tests.solvers.ndf.test_solution import solve as solve_path
+from tests.solvers.ndf.test_solution import strip
 
 UNIT = {"float32": 2.0**-24, "float16": 2.0**-11}  # unit roundoff (IEEE 754-2008)
 SUBNORMAL = (
