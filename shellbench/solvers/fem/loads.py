@@ -31,6 +31,7 @@ from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     NODE_DOFS,
     BlockMatrix,
+    EdgeRule,
     Quadrature,
     add_cell_matrices,
     basis_scales,
@@ -42,7 +43,7 @@ from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 
 Array = NDArray[np.float64]
 
-GAUSS_POINTS = 5  # a cell's side; exact to degree 9
+EDGE_GAUSS_POINTS = 5  # a cell's side; exact to degree 9
 SLOPES: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 
 
@@ -77,25 +78,20 @@ class EdgeMoment:
     @classmethod
     def on_edge(cls, case: Case, mesh: TensorMesh, load: MomentLoad, edge: Edge) -> EdgeMoment:
         """Tabulate an edge."""
-        cells = mesh.edge_cells(edge)
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
-        unit[:, 1 - edge.axis] = (x + 1) / 2
-        sizes = mesh.sizes[cells]
-        points = mesh.domain.wrap(mesh.origins[cells][:, None] + unit * sizes[:, None]).reshape(-1, 2)
-        reference = Midsurface.at(case.surface.derivatives(points, order=2))
+        rule = EdgeRule.on_edge(mesh, edge, EDGE_GAUSS_POINTS)
+        reference = Midsurface.at(case.surface.derivatives(rule.points, order=2))
         running = 1 - edge.axis
         speed = np.linalg.norm(reference.base[:, running], axis=-1)
-        table = np.stack([tabulate(unit, d).reshape(-1, FUNCTIONS) for d in SLOPES], axis=1)
-        scales = basis_scales(mesh, slice(None))[cells].reshape(len(cells), 1, 1, FUNCTIONS)
+        table = np.stack([tabulate(rule.unit, d).reshape(-1, FUNCTIONS) for d in SLOPES], axis=1)
+        scales = basis_scales(mesh, slice(None))[rule.cells].reshape(len(rule.cells), 1, 1, FUNCTIONS)
         return cls(
             case=case,
             load=load,
-            points=points,
-            nodes=mesh.nodes[cells],
-            slopes=table / sizes[:, None, :, None] * scales,
+            points=rule.points,
+            nodes=mesh.nodes[rule.cells],
+            slopes=table / rule.sizes[:, None, :, None] * scales,
             reference=reference,
-            lengths=speed * (w / 2 * sizes[:, running, None]).ravel(),
+            lengths=speed * (rule.weights / 2 * rule.sizes[:, running, None]).ravel(),
         )
 
     @property
@@ -171,9 +167,6 @@ def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
             for place in (case.places[name] for name in load.on):
                 if isinstance(place, Edge):
                     yield EdgeMoment.on_edge(case, mesh, load, place)
-
-
-EDGE_GAUSS_POINTS = 5  # a cell's side; exact to degree 9
 
 
 @dataclass(frozen=True)
