@@ -26,8 +26,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver, why_not_by_load
 from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.kratos.settings import KratosSettings
 
@@ -126,18 +125,7 @@ def reason(part: Part) -> str | None:
     for load in case.loads:
         if isinstance(load, MomentLoad) and not all(_is_tangent(case, name, load) for name in load.on):
             return "the axis of a moment is not along its edge"
-    return None if case.linear else _reason_on_a_path(part)
-
-
-def _reason_on_a_path(part: Part) -> str | None:
-    case = part.whole
-    if case.path.control != "load" or any(isinstance(q, LoadQuantity) for q in case.quantities):
-        return "it follows a path by displacement or arc length, and this solver prescribes the load only"
-    if case.path.after_buckling == "follow" or any(isinstance(q, Unmarked) for q in case.quantities):
-        return "it asks for buckling or turning points, and this solver finds none"
-    if any(name.startswith("rotation") for name in part.case.remove_rigid_motions):
-        return "it removes rotations, which are not small in the non-linear theory"
-    return None
+    return None if case.linear else why_not_by_load(case, part.case.remove_rigid_motions)
 
 
 def _is_tangent(case: Case, name: str, load: MomentLoad) -> bool:

@@ -73,7 +73,7 @@ class FlexSolution(ShellSolution):
         ends = self.frames[k : k + 2], self.rates[k : k + 2]
         return np.asarray(sum(np.tensordot(w, x, axes=1) for w, x in zip(weights, ends, strict=True)))
 
-    def vertex_velocities(self, at: float | None = None) -> Array:
+    def vertex_velocities(self, at: float | None) -> Array:
         """Return the velocities (v, 3) of the vertices at a time: the derivative of their displacements."""
         k, s, h = self._place(at)
         if s == 0:

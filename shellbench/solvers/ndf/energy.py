@@ -81,11 +81,11 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     )
 
 
-def tables(ansatz: Ansatz, rule: Rule, placement: Placement, batch: int = BATCH) -> Iterator[tuple[Array, Table]]:
+def tables(ansatz: Ansatz, rule: Rule, placement: Placement) -> Iterator[tuple[Array, Table]]:
     """Yield the points and the table of one batch of a rule after the other."""
     area = surface_area(ansatz, rule)
-    for start in range(0, len(rule.points), batch):
-        part = slice(start, start + batch)
+    for start in range(0, len(rule.points), BATCH):
+        part = slice(start, start + BATCH)
         points = rule.points[part]
         yield points, tabulate(ansatz, Rule(points, rule.weights[part]), placement, area)
 
@@ -289,6 +289,16 @@ def energy_gap(potential: float, fine: Certified, moved: bool) -> float:
     membrane, bending, work = fine.parts()
     magnitude = membrane + bending + fine.spring_energy() + abs(work)
     return abs(potential - fine.potential()) / magnitude if magnitude > 0 else 0.0
+
+
+def exploits(gap: float, largest: float, rule: str = "finer") -> str | None:
+    """Return the clause that refuses a field whose energies on two rules disagree too much, or None if they do not."""
+    if gap <= largest:  # not so where it is not a number
+        return None
+    return (
+        f"the field exploits its quadrature: its energy on the {rule} one differs by {gap:.2g},"
+        f" more than the {largest:g} allowed"
+    )
 
 
 def rigid_part(field: Field, rule: Rule) -> Tensor:

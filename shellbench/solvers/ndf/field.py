@@ -146,9 +146,7 @@ SHIFT = 0.2  # half width of the inner layers' biases
 RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
 
 
-def deep_random_features(
-    inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str = "sine"
-) -> Network:
+def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str) -> Network:
     """Return a deep network that starts as one layer of random features sigma(W z + b).
 
     Inner layers are nearly linear orthogonal maps; the last hidden layer is fitted by ridge regression to the targets

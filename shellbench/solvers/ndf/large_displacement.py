@@ -30,7 +30,7 @@ from shellbench.solvers.ndf.continuation import (
     equilibrium,
     load_steps,
 )
-from shellbench.solvers.ndf.energy import rigid_part
+from shellbench.solvers.ndf.energy import exploits, rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
@@ -172,27 +172,14 @@ class _Run:
         solution = self._kept(states, seconds, complete=reason is None)
         if reason is not None:
             raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", solution)
-        gap = solution.diagnostics["energy_gap"]
-        if not gap <= self.largest_gap:  # also where it is not a number
-            raise SolveFailure(
-                f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
-                f" more than the {self.largest_gap:g} allowed",
-                solution,
-            )
+        if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
+            raise SolveFailure(reason, solution)
         return solution
 
     def summary(self, iteration: int, solution: PathSolution) -> Step:
         """Return one step for the whole rung."""
-        last = solution.history[-1]
-        return Step(
-            iteration=iteration,
-            seconds=last.seconds,
-            energy=last.energy,
-            unknowns=last.unknowns,
-            at=last.at,
-            gap=solution.diagnostics["energy_gap"],
-            quantities=last.quantities,
-        )
+        gap = solution.diagnostics["energy_gap"]
+        return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=None)
 
     def _states(self) -> Iterator[PathState]:
         case, problem = self.case, self.problem

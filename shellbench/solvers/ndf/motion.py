@@ -36,6 +36,7 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
+from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.field import Features
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
@@ -144,15 +145,11 @@ def solve(
                     raise
                 reason = f"the motion of degree {rung.degree} does not fit into memory{kept}"
                 raise SolveFailure(reason, before) from None
-            gap = solution.diagnostics["energy_gap"]
-            if gap <= largest_gap:
+            exploited = exploits(solution.diagnostics["energy_gap"], largest_gap)
+            if exploited is None:
                 break
             if not points * MORE_POINTS <= MOST_POINTS:
-                raise SolveFailure(
-                    f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
-                    f" more than the {largest_gap:g} allowed{kept}",
-                    before or solution,
-                )
+                raise SolveFailure(f"{exploited}{kept}", before or solution)
             points *= MORE_POINTS
             # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
             if number < len(rungs) - 1:
@@ -166,7 +163,7 @@ def solve(
             moved = {name: abs(values[name] - earlier) for name, earlier in history[-2].quantities.items()}
             solution = replace(solution, uncertainty=moved)
         before = solution
-        if change is not None and change <= SETTLED and gap <= largest_gap:
+        if change is not None and change <= SETTLED and exploited is None:
             break
     assert before is not None  # there is a rung
     settled = change is not None and change <= SETTLED
@@ -178,7 +175,7 @@ def solve(
     )
 
 
-def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float = POINTS) -> Motion:
+def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
     """Return the equations of motion of a rung's features, on a rule of some points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
     chosen = rule_of(case, rung.degree, points)

@@ -74,7 +74,7 @@ class Course:
         return total
 
 
-def quintic(s: float, order: int = 0) -> Array:
+def quintic(s: float, order: int) -> Array:
     """Return the weights (6,) of value, slope and second derivative at 0 and 1 in quintic Hermite interpolation."""
     powers = np.zeros((3, 6))  # rows: conditions at 1; the first three coefficients are those at 0
     for row in range(3):

@@ -46,6 +46,7 @@ from shellbench.solvers.ndf.energy import (
     certify,
     concentrated,
     energy_gap,
+    exploits,
     normal_equations,
     rigid_part,
     surface_area,
@@ -126,11 +127,8 @@ def refusal(signs: Signs, spec: FieldSpec, largest_gap: float) -> str | None:
     soft = spec.supports == "soft"
     if soft and not signs.jitter_share <= LARGEST_ADDED:  # before the gap: more panels would not help
         return ill_conditioned(signs.jitter_share, "a smaller penalty")
-    if not signs.gap <= largest_gap:  # also where it is not a number
-        return (
-            f"the field exploits its quadrature: its energy on the finer one differs by {signs.gap:.2g},"
-            f" more than the {largest_gap:g} allowed; use more panels or fewer neurons"
-        )
+    if (reason := exploits(signs.gap, largest_gap)) is not None:
+        return f"{reason}; use more panels or fewer neurons"
     if not signs.jitter_share <= LARGEST_ADDED:
         return ill_conditioned(signs.jitter_share, "fewer neurons")
     return None
@@ -314,7 +312,7 @@ def _solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progre
             unknowns=3 * (width + features.fixed.count),
             at=spec.t,
             gap=gap,
-            quantities=_displacements(case, solution),
+            quantities=displacement_values(solution),
         )
         history.append(step)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
@@ -355,6 +353,7 @@ def _resolution(usual: Resolution, settings: RitzSettings) -> Resolution:
     )
 
 
-def _displacements(case: Case, solution: NdfSolution) -> dict[str, float]:
-    quantities = [q for q in case.quantities if isinstance(q, DisplacementQuantity)]
+def displacement_values(solution: NdfSolution) -> dict[str, float]:
+    """Return the displacement quantities of a solution's case, by name."""
+    quantities = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
     return {q.name: measure(solution, q) for q in quantities}

@@ -18,7 +18,7 @@ from torch import Tensor
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolution, state_number
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
@@ -218,7 +218,7 @@ def read_states(
     path: Path,
     header: Header,
     tensors: Mapping[str, Tensor],
-    ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz,
+    ansatz_of: Callable[[Case, FieldSpec], Ansatz],
 ) -> tuple[NdfSolution, ...]:
     """Return the field that a file holds, or those of all states of a path, without how they came about.
 

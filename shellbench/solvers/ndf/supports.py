@@ -109,10 +109,10 @@ def even_sides(supports: tuple[EdgeSupport, ...]) -> tuple[tuple[bool, bool], tu
     return (first[0], first[1]), (second[0], second[1])
 
 
-def edge_samples(case: Case, edge: Edge, count: int = EDGE_SAMPLES) -> Array:
-    """Return (count, 2) points along an edge, both its ends included."""
+def edge_samples(case: Case, edge: Edge) -> Array:
+    """Return points (n, 2) along an edge, both its ends included."""
     domain, running = case.surface.domain, 1 - edge.axis
-    return edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], count))
+    return edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
 
 
 def edge_normals(case: Case, edge: Edge) -> Array:
