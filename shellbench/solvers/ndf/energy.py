@@ -307,8 +307,7 @@ def rigid_part(field: Field, rule: Rule) -> Tensor:
     free = free_motions(case)
     if not free.shape[1]:
         return torch.zeros_like(field.rigid)
-    x = case.surface.derivatives(rule.points, 1)
-    area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+    area = rule.areas(case.surface)
     modes = rigid_modes(case.surface, rule.points)[0, 0] @ free
     displacement = field.less_rigid(torch.zeros_like(field.rigid)).displacement(rule.points).cpu().numpy()
     # Least squares over the area, for the modes that no support holds.

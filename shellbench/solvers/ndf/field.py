@@ -61,6 +61,11 @@ class Network:
         for name in ("weights", "biases"):
             object.__setattr__(self, name, tuple(t.contiguous() for t in getattr(self, name)))
 
+    def to(self, like: torch.dtype | Tensor) -> Network:
+        """Return the network in a number format, or in that of a tensor and where that is."""
+        weights, biases = (tuple(t.to(like) for t in layers) for layers in (self.weights, self.biases))
+        return replace(self, weights=weights, biases=biases)
+
     def features(self, inputs: Tensor) -> Tensor:
         """Return the jets (6, N, M) of the last hidden layer from the jets (6, N, n) of the inputs."""
         function, h = activation(self.activation), inputs

@@ -209,13 +209,8 @@ class _Training:
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""
         network, output = siren.absorbed(self.scale, self.sampler.modulus_factor)
-        network = replace(
-            network,
-            weights=tuple(w.to(dtype) for w in network.weights),
-            biases=tuple(b.to(dtype) for b in network.biases),
-        )
         placement = self.sampler.placement._replace(dtype=dtype)
-        features = build_features(self.case, self.spec, network, placement, self.inputs)
+        features = build_features(self.case, self.spec, network.to(dtype), placement, self.inputs)
         field = Field(self.ansatz, features, output.to(dtype), output.new_zeros(6, dtype=dtype))
         return field.less_rigid(
             rigid_part(field, area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
@@ -235,12 +230,7 @@ class _Training:
         if not isinstance(solution, NdfSolution) or solution.solver != PublishedSolver.name:
             return None
         place = self.siren.tensors[0]
-        network = solution.field.features.network
-        moved = replace(
-            network,
-            weights=tuple(w.to(place) for w in network.weights),
-            biases=tuple(b.to(place) for b in network.biases),
-        )
+        moved = solution.field.features.network.to(place)
         output = solution.field.output.to(place)
         return Siren.released(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
 

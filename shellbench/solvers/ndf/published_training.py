@@ -368,8 +368,7 @@ def usual_modulus_factor(ansatz: Ansatz) -> float:
     case = ansatz.case
     spec = RuleSpec((6, 6), 6)
     rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
-    x = case.surface.derivatives(rule.points, 1)
-    area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+    area = rule.areas(case.surface)
     density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
     _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
     load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())

@@ -19,6 +19,7 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolution, state_number
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
@@ -62,6 +63,21 @@ class FieldSolution(ShellSolution):
         return np.concatenate(parts).astype(float)
 
 
+def strained(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: StrainName) -> tuple[Tensor, Tensor]:
+    """Return membrane and bending strains (N, 6) of a displacement jet at points (N, 2), and their energy densities."""
+    surface = Undeformed.at_points(case.surface, xi, placement)
+    strains = surface.strained(measure, surface.gradients(jet)).strains
+    return strains, 0.5 * strains * stresses(surface.elasticity(case.material), strains)
+
+
+def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
+    """Return what `evaluate` gives: covariant strains (N, 3), or an energy density (N,)."""
+    part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
+    if name.endswith("strain"):
+        return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
+    return densities[:, part].sum(-1)
+
+
 @dataclass(frozen=True)
 class NdfSolution(FieldSolution):
     """A solved neural deformation field; see `shellbench.problem.Solution` for the protocol.
@@ -99,21 +115,12 @@ class NdfSolution(FieldSolution):
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
-        part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
-
-        def asked(xi: Array) -> Tensor:
-            strains, densities = self._strained(xi)
-            if name.endswith("strain"):
-                return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
-            return densities[:, part].sum(-1)
-
-        return self.in_portions(xi, asked, JETS)
+        return self.in_portions(xi, lambda part: one_of_fields(name, *self._strained(part)), JETS)
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
-        surface = Undeformed.at_points(self.case.surface, xi, self.field.features.placement)
-        strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
-        return strains, 0.5 * strains * stresses(surface.elasticity(self.case.material), strains)
+        placement = self.field.features.placement
+        return strained(self.case, xi, placement, self.field.jet(xi), self.spec.strain)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -122,9 +129,7 @@ class NdfSolution(FieldSolution):
     @cached_property
     def _integrated(self) -> tuple[float, float]:
         rule = area_rule(self.case.surface.domain, graded_points(self.case, self.spec), self.rule)
-        x = self.case.surface.derivatives(rule.points, 1)
-        weights = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
-        parts = weights @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
+        parts = rule.areas(self.case.surface) @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
         return float(parts[:3].sum()), float(parts[3:].sum())
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:

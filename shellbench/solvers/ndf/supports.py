@@ -176,8 +176,7 @@ def check_balance(case: Case, rule: Rule, spec: RuleSpec, focal: Array, t: float
     free = free_motions(case)
     if not free.size:
         return
-    x = case.surface.derivatives(rule.points, 1)
-    area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+    area = rule.areas(case.surface)
     points, forces = concentrated_forces(case, spec, focal, t)
     points = np.concatenate([rule.points, points])
     forces = np.concatenate([force_density(case, rule.points, t) * area[:, None], forces])
