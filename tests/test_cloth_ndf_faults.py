@@ -20,21 +20,20 @@ from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.ndf import (
     buckling,
+    continuation,
     equilibrium,
     factors,
     large_displacement,
     motion,
     motion_problem,
     motion_solution,
-    newton,
-    turning,
-    undeformed,
+    strain_measures,
 )
 from shellbench.solvers.ndf.field import Ansatz, Factors
 from shellbench.solvers.ndf.jets import VALUE
-from shellbench.solvers.ndf.mass import widest
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.sampled import widest
 from tests.test_faults import more_poisson, stiffness, wrapped
 from tests.test_large_displacement_faults import ndf_strain
 
@@ -167,7 +166,7 @@ def leak(*share: float) -> Callable[[pytest.MonkeyPatch], None]:
 
 def wrong_poisson(patch):
     """Add 0.05 to Poisson's ratio."""
-    more_poisson(patch, undeformed, "elasticity_tensor")
+    more_poisson(patch, strain_measures, "elasticity_tensor")
 
 
 def coarse_quadrature(patch):
@@ -201,20 +200,20 @@ def leaking_factor(edge: str) -> Callable[[pytest.MonkeyPatch], None]:
 
 def too_soft(patch):
     """Judge stability by eigenvalues that are too small by three hundredths of those at rest."""
-    original, lowest = newton.Tangent.__init__, newton.Tangent.lowest.func
+    original, lowest = continuation.Tangent.__init__, continuation.Tangent.lowest.func
 
     def judge(self, *args):
         original(self, *args)
         if self.neutral:
             self.definite = self.lowest > -self.neutral
 
-    patch.setattr(newton.Tangent, "__init__", judge)
-    patch.setattr(newton.Tangent, "lowest", property(lambda self: lowest(self) - 0.03))
+    patch.setattr(continuation.Tangent, "__init__", judge)
+    patch.setattr(continuation.Tangent, "lowest", property(lambda self: lowest(self) - 0.03))
 
 
 def normals_left_behind(patch):
     """Keep the field's axes, and the normals of rims that turn, as they are at rest."""
-    patch.setattr(turning.TurnedFactors, "matrix", lambda self, *where: self.factors.matrix(*where))
+    patch.setattr(factors.TurnedFactors, "matrix", lambda self, *where: self.factors.matrix(*where))
 
 
 def turned_too_little(ansatz: Ansatz) -> Ansatz:

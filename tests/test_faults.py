@@ -20,7 +20,7 @@ from shellbench.bench.worker import run
 from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import assembly, constraints, kinematics
 from shellbench.solvers.fem import loads as fem_loads
-from shellbench.solvers.ndf import energy, factors, geometry, jets, network, ritz, strain
+from shellbench.solvers.ndf import energy, factors, field, geometry, jets, ritz
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
 
@@ -184,7 +184,7 @@ def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:
         jet[jets.D12] = 0.0
         return jet
 
-    patch.setattr(network, "compose", broken)
+    patch.setattr(field, "compose", broken)
 
 
 def flat_christoffel(patch: pytest.MonkeyPatch) -> None:
@@ -216,17 +216,17 @@ FAULTS = [
     Fault("clamps that leak", "fem", RING, leaking_slope),
     Fault("an edge forgotten", "fem", PLATE, only_three_edges),
     Fault("reduced integration", "fem", ROOF, reduced_integration),
-    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, strain, "elasticity_tensor")),
+    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, geometry, "elasticity_tensor")),
     Fault("bending stiffness 0.1 % off", "ndf-ritz", PLATE, stiffness("bending_stiffness", 1.001)),
     Fault("membrane stiffness 0.1 % off", "ndf-ritz", ROOF, stiffness("membrane_stiffness", 1.001)),
-    Fault("no twisting term", "ndf-ritz", PLATE, wrapped(strain, "strain_rows", lambda b: without(b, strain.K12))),
+    Fault("no twisting term", "ndf-ritz", PLATE, wrapped(geometry, "strain_rows", lambda b: without(b, geometry.K12))),
     Fault(
         "half the membrane shear",
         "ndf-ritz",
         ROOF,
-        wrapped(strain, "strain_rows", lambda b: scaled(b, 0.5, strain.E12)),
+        wrapped(geometry, "strain_rows", lambda b: scaled(b, 0.5, geometry.E12)),
     ),
-    Fault("flipped Christoffel symbols", "ndf-ritz", RING, wrapped(strain, "strain_rows", flipped_christoffel)),
+    Fault("flipped Christoffel symbols", "ndf-ritz", RING, wrapped(geometry, "strain_rows", flipped_christoffel)),
     Fault("no Christoffel symbols", "ndf-ritz", RING, flat_christoffel),
     Fault("halved load", "ndf-ritz", ROOF, wrapped(energy, "force_density", lambda f: f / 2)),
     Fault("load on a flat area", "ndf-ritz", ROOF, wrapped(energy, "force_density", lambda f: f / 25)),
@@ -234,12 +234,12 @@ FAULTS = [
     Fault("a clamping factor", "ndf-ritz", PLATE, clamping_factor),
     Fault("an exploited quadrature", "ndf-ritz", ROOF, three_points_a_side),
     Fault("a missing mixed derivative", "ndf-ritz", PLATE, without_mixed_derivative),
-    Fault("wrong Poisson ratio", "ndf", ROOF, lambda p: more_poisson(p, strain, "elasticity_tensor")),
+    Fault("wrong Poisson ratio", "ndf", ROOF, lambda p: more_poisson(p, geometry, "elasticity_tensor")),
     Fault("halved load", "ndf", PLATE, wrapped(energy, "force_density", lambda f: f / 2)),
     Fault("a leaking support", "ndf", PLATE, leaking_factor),
 ]
 LONG_FAULTS = [
-    Fault("flipped Christoffel symbols", "ndf", RING, wrapped(strain, "strain_rows", flipped_christoffel)),
+    Fault("flipped Christoffel symbols", "ndf", RING, wrapped(geometry, "strain_rows", flipped_christoffel)),
     Fault("halved point loads", "fem", PINCHED, halved_nodal_forces),
     Fault("halved point loads", "ndf-ritz", PINCHED, wrapped(energy, "concentrated_forces", lambda f: (f[0], f[1] / 2))),
     Fault("wrong Poisson ratio", "fem", PINCHED, lambda p: more_poisson(p, kinematics, "elasticity")),

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from shellbench.solvers.fem import deformation, moments, problem, strain_energy
-from shellbench.solvers.ndf import equilibrium, strain_measures, undeformed
-from shellbench.solvers.ndf import moments as ndf_moments
+from shellbench.solvers.fem import kinematics, loads, problem, strain_energy
+from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
 from tests.test_faults import (
     Fault,
     Store,
@@ -24,22 +23,22 @@ ROLLED, TURNED = "rolled_plate", "rigid_rotation"
 
 def linear_normal(patch):
     """The fem normal turns as in linear theory."""
-    original = deformation.Deformation.from_gradients.__func__
+    original = kinematics.Deformation.from_gradients.__func__
 
     def linear(cls, reference, gradients):
         found = original(cls, reference, gradients)
         rise = (found.turning @ gradients[:, :2].reshape(-1, 6, 1))[..., 0]
         return replace(found, rise=rise)
 
-    patch.setattr(deformation.Deformation, "from_gradients", classmethod(linear))
+    patch.setattr(kinematics.Deformation, "from_gradients", classmethod(linear))
 
 
 def fem_strain(change):
     """Change the fem strains (n, 6)."""
 
     def inject(patch):
-        original = deformation.Deformation.strains.fget
-        patch.setattr(deformation.Deformation, "strains", property(lambda self: change(original(self), self)))
+        original = kinematics.Deformation.strains.fget
+        patch.setattr(kinematics.Deformation, "strains", property(lambda self: change(original(self), self)))
 
     return inject
 
@@ -107,15 +106,15 @@ FAULTS = [
     Fault("wrong Poisson ratio", "fem", ROOF, lambda p: more_poisson(p, strain_energy, "elasticity")),
     Fault("bending stiffness 0.1 % off", "fem", ROLLED, stiffness("bending_stiffness", 1.001)),
     Fault("an edge forgotten", "fem", PLATE, only_three_edges),
-    Fault("halved moments", "fem", MOMENT, halved_moments(moments)),
+    Fault("halved moments", "fem", MOMENT, halved_moments(loads)),
     Fault("loads that grow otherwise", "fem", SHEAR, quadratic_loads),
     Fault("published strains", "ndf-ritz", SHEAR, ndf_strain("published")),
     Fault("published strains, turned", "ndf-ritz", TURNED, ndf_strain("published")),
     Fault("linear strains", "ndf-ritz", PLATE, ndf_strain("linear")),
     Fault("no curvature of its own", "ndf-ritz", TURNED, never_lowered),
-    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, undeformed, "elasticity_tensor")),
+    Fault("wrong Poisson ratio", "ndf-ritz", ROOF, lambda p: more_poisson(p, strain_measures, "elasticity_tensor")),
     Fault("bending stiffness 0.1 % off", "ndf-ritz", ROLLED, stiffness("bending_stiffness", 1.001)),
-    Fault("halved moments", "ndf-ritz", MOMENT, halved_moments(ndf_moments)),
+    Fault("halved moments", "ndf-ritz", MOMENT, halved_moments(reaction)),
     Fault("one percent more load", "ndf-ritz", SHEAR, too_early),
     Fault("a leaking support", "ndf-ritz", PLATE, leaking_factor),
     Fault("published strains", "ndf", ROLLED, ndf_strain("published")),

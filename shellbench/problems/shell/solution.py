@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -30,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS, Capabilities, NumberFormat, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 
 Array = NDArray[np.float64]
 
@@ -371,3 +372,17 @@ class ShellSolver:
     def load(self, path: Path) -> Solution:
         """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
         raise NotImplementedError
+
+
+def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:
+    """Return why a path can't be followed by prescribing the load alone, as one clause, or None if it can.
+
+    `removed` are names of the rigid motions that the solver has to remove.
+    """
+    if case.path.control != "load" or any(isinstance(q, LoadQuantity) for q in case.quantities):
+        return "it follows a path by displacement or arc length, and this solver prescribes the load only"
+    if case.path.after_buckling == "follow" or any(isinstance(q, Unmarked) for q in case.quantities):
+        return "it asks for buckling or turning points, and this solver finds none"
+    if any(name.startswith("rotation") for name in removed):
+        return "it removes rotations, which are not small in the non-linear theory"
+    return None

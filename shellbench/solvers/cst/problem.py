@@ -20,8 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.cst.elastic import Elastic, Pattern
-from shellbench.solvers.cst.loading import Loading
+from shellbench.solvers.cst.elastic import Elastic, Loading, Pattern
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]

@@ -107,7 +107,7 @@ class CstSolution(ShellSolution):
         """Return strains (N, 3) or energy densities (N,) at points (N, 2): constant on each triangle.
 
         The membrane strain is the triangle's own; the bending strain and its energy are made of the hinges at its
-        edges (see `shellbench.solvers.cst.hinges.Hinges.curvature`).
+        edges (see `shellbench.solvers.cst.elements.Hinges.curvature`).
         """
         triangle, _ = self.mesh.locate(xi)
         strain, change = self._strains(at)

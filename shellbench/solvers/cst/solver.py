@@ -14,8 +14,7 @@ from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.solution import ShellSolver, why_not_by_load
 
 if TYPE_CHECKING:
     from shellbench.solvers.cst.solution import CstSolution
@@ -85,15 +84,5 @@ def reason(case: Case) -> str | None:
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it has moments on edges, where this mesh has no hinges"
     if case.dynamics is None and not case.linear:
-        return _reason_on_a_path(case)
-    return None
-
-
-def _reason_on_a_path(case: Case) -> str | None:
-    if case.path.control != "load" or any(isinstance(q, LoadQuantity) for q in case.quantities):
-        return "it follows a path by displacement or arc length, and this solver prescribes the load only"
-    if case.path.after_buckling == "follow" or any(isinstance(q, Unmarked) for q in case.quantities):
-        return "it asks for buckling or turning points, and this solver finds none"
-    if any(name.startswith("rotation") for name in case.remove_rigid_motions):
-        return "it removes rotations, which are not small in the non-linear theory"
+        return why_not_by_load(case, case.remove_rigid_motions)
     return None

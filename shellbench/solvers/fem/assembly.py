@@ -19,6 +19,7 @@ from skfem.quadrature import get_quadrature
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stress_root_operator
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
@@ -102,6 +103,39 @@ class Quadrature:
         sizes = mesh.sizes[cells]
         points = mesh.origins[cells][:, None] + self.points * sizes[:, None]
         return mesh.domain.wrap(points), self.weights * np.prod(sizes, axis=-1, keepdims=True)
+
+
+@dataclass(frozen=True)
+class EdgeRule:
+    """Gauss points along an edge, on the cells beside it: c cells with g points each.
+
+    Attributes
+    ----------
+    cells, sizes
+        (c,) numbers of the cells, and (c, 2) their sizes.
+    unit, weights
+        (g, 2) points on a side of the unit cell, and (g,) their weights, which sum up to 2.
+    points
+        (c g, 2) in the domain.
+    """
+
+    cells: Integers
+    sizes: Array
+    unit: Array
+    weights: Array
+    points: Array
+
+    @classmethod
+    def on_edge(cls, mesh: TensorMesh, edge: Edge, count: int) -> EdgeRule:
+        """Put so many points on the side of each cell."""
+        cells = mesh.edge_cells(edge)
+        # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
+        x, w = np.polynomial.legendre.leggauss(count)
+        unit = np.full((count, 2), float(edge.side == "max"))
+        unit[:, 1 - edge.axis] = (x + 1) / 2
+        sizes = mesh.sizes[cells]
+        points = mesh.domain.wrap(mesh.origins[cells][:, None] + unit * sizes[:, None])
+        return cls(cells, sizes, unit, w, points.reshape(-1, 2))
 
 
 def chunks(mesh: TensorMesh) -> Iterator[slice]:

@@ -38,9 +38,15 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.deformation import GRADIENT, Deformation
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator
+from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, EdgeRule, add_cell_matrices
+from shellbench.solvers.fem.kinematics import (
+    DERIVATIVES,
+    GRADIENT,
+    Deformation,
+    Midsurface,
+    elasticity,
+    strain_operator,
+)
 from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
@@ -89,14 +95,8 @@ class ClampedEdge:
         # 4. Both as rows on the cells' degrees of freedom, with the length of edge and the spring k.
         # Textbook Nitsche replaces a strong condition. Here the ties hold theta strongly at the nodes. The terms see
         # only the gap between nodes.
-        cells = mesh.edge_cells(edge)
-        # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
-        unit[:, 1 - edge.axis] = (x + 1) / 2
-        sizes = mesh.sizes[cells]
-        flat = mesh.domain.wrap(mesh.origins[cells][:, None] + unit * sizes[:, None]).reshape(-1, 2)
-        surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+        rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
+        surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
         if np.ptp(surface.normal, axis=0).max() <= STRAIGHT:
             return None
         outward = outward_conormal(surface, edge)
@@ -104,7 +104,7 @@ class ClampedEdge:
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)  # n^a
 
         material = case.material
-        turning = np.zeros((len(flat), COMPONENTS, len(DERIVATIVES)))
+        turning = np.zeros((len(rule.points), COMPONENTS, len(DERIVATIVES)))
         turning[:, :, :2] = surface.normal[:, :, None] * raised[:, None, :]
         # kappa = bbar - b gives m theta a plus, where textbooks with kappa = +u,ab have a minus.
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
@@ -113,20 +113,20 @@ class ClampedEdge:
         moments = material.bending_stiffness * np.einsum("pt,ptcd->pcd", stresses, bending)
         target = []
         for t in states:
-            motion = case.motion(support, edge, flat, t, order=1)
+            motion = case.motion(support, edge, rule.points, t, order=1)
             target.append(sum(raised[:, a] * np.sum(motion[d] * surface.normal, axis=-1) for a, d in enumerate(FIRST)))
 
-        per_cell = (len(cells), GAUSS_POINTS)
+        per_cell = (len(rule.cells), GAUSS_POINTS)
         lengths = np.linalg.norm(surface.base[:, 1 - edge.axis], axis=-1).reshape(per_cell)
         # k ~ B / h by the inverse inequality: h is the cell's extent across the edge, not along it.
-        height = (surface.area.reshape(per_cell) / lengths).mean(axis=1) * sizes[:, edge.axis]
+        height = (surface.area.reshape(per_cell) / lengths).mean(axis=1) * rule.sizes[:, edge.axis]
         return cls(
-            cells=cells,
-            nodes=mesh.nodes[cells],
-            tilt=_on_cells(mesh, cells, unit, turning),
-            moment=_on_cells(mesh, cells, unit, moments),
+            cells=rule.cells,
+            nodes=mesh.nodes[rule.cells],
+            tilt=_on_cells(mesh, rule, turning),
+            moment=_on_cells(mesh, rule, moments),
             target=np.stack(target, axis=-1).reshape(*per_cell, -1),
-            weights=lengths * w / 2 * sizes[:, 1 - edge.axis, None],
+            weights=lengths * rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None],
             spring=GAMMA * material.bending_stiffness / height[:, None],
         )
 
@@ -184,16 +184,24 @@ def outward_conormal(surface: Midsurface, edge: Edge) -> Array:
     return outward
 
 
-def _on_cells(mesh: TensorMesh, cells: Integers, unit: Array, rows: Array) -> Array:
+def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
+    """Return what takes cells' degrees of freedom to the derivatives of u at points of an edge.
+
+    The derivatives (g, 5, 4, 4) of the unit cell's basis, the powers (c, 5) of the cells' sizes that they are over, and
+    the factors (c, 4, 4) that make the cells' degrees of freedom the nodes' scaled ones.
+    """
+    # The nodes' are the same for neighbouring cells of other sizes.
+    table = np.stack([tabulate(rule.unit, d) for d in DERIVATIVES], axis=1)
+    powers = np.stack([rule.sizes[:, 0] ** i * rule.sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
+    return table, powers, kind_scales(rule.sizes)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
+
+
+def _on_cells(mesh: TensorMesh, rule: EdgeRule, rows: Array) -> Array:
     """Turn rows (points, 3, 5) on the derivatives of u into rows (cells, g, 48) on the degrees of freedom."""
-    # A derivative on the cell is that of the unit cell over h1^i h2^j. The last factor turns the cell's degrees of
-    # freedom into the nodes' scaled ones. Those are the same for neighbouring cells of other sizes.
-    table = np.stack([tabulate(unit, d) for d in DERIVATIVES], axis=1)  # (g, 5, 4, 4)
-    sizes = mesh.sizes[cells]
-    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
-    scales = kind_scales(sizes)[:, None] / mesh.node_scales[mesh.nodes[cells]]
-    local = rows.reshape(len(cells), len(unit), COMPONENTS, -1) / steps[:, None, None]
-    return np.asarray(np.einsum("egcd,gdak,eak->egcak", local, table, scales).reshape(len(cells), len(unit), -1))
+    table, powers, scales = _tables(mesh, rule)
+    shape = len(rule.cells), len(rule.unit)
+    local = rows.reshape(*shape, COMPONENTS, -1) / powers[:, None, None]
+    return np.asarray(np.einsum("egcd,gdak,eak->egcak", local, table, scales).reshape(*shape, -1))
 
 
 LOCAL = COMPONENTS * len(CORNERS) * len(KINDS)  # degrees of freedom of a cell
@@ -238,13 +246,8 @@ class FiniteClamp:
         # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
-        cells = mesh.edge_cells(edge)
-        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-        unit = np.full((GAUSS_POINTS, 2), float(edge.side == "max"))
-        unit[:, 1 - edge.axis] = (x + 1) / 2
-        sizes = mesh.sizes[cells]
-        flat = mesh.domain.wrap(mesh.origins[cells][:, None] + unit * sizes[:, None]).reshape(-1, 2)
-        surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+        rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
+        surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
         if np.ptp(surface.normal, axis=0).max() <= STRAIGHT:
             return None
         parts = np.einsum("pai,pi->pa", surface.base, outward_conormal(surface, edge))  # n_a
@@ -252,15 +255,15 @@ class FiniteClamp:
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
         tensor = elasticity(surface, case.material.poissons_ratio)
         lengths = np.linalg.norm(surface.base[:, 1 - edge.axis], axis=-1)
-        share = (w / 2 * sizes[:, 1 - edge.axis, None]).ravel()
-        height = surface.area / lengths * np.repeat(sizes[:, edge.axis], GAUSS_POINTS)
+        share = (rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None]).ravel()
+        height = surface.area / lengths * np.repeat(rule.sizes[:, edge.axis], GAUSS_POINTS)
         bending = case.material.bending_stiffness
         return cls(
             case=case,
             support=support,
-            nodes=mesh.nodes[cells],
+            nodes=mesh.nodes[rule.cells],
             reference=surface,
-            rows=_derivative_rows(mesh, cells, unit),
+            rows=_derivative_rows(mesh, rule),
             raised=raised,
             moments=bending * np.einsum("ps,pst->pt", pairs, tensor),
             weights=lengths * share,
@@ -359,14 +362,12 @@ def finite_clamps(case: Case, mesh: TensorMesh) -> Iterator[FiniteClamp]:
                 yield clamp
 
 
-def _derivative_rows(mesh: TensorMesh, cells: Integers, unit: Array) -> Array:
+def _derivative_rows(mesh: TensorMesh, rule: EdgeRule) -> Array:
     """Return the maps (c, g, 15, 48) from cells' scaled degrees of freedom to the derivatives of u at points."""
-    table = np.stack([tabulate(unit, d) for d in DERIVATIVES], axis=1)  # (g, 5, 4, 4)
-    sizes = mesh.sizes[cells]
-    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
-    scales = kind_scales(sizes)[:, None] / mesh.node_scales[mesh.nodes[cells]]  # (c, 4, 4)
-    rows = np.zeros((len(cells), len(unit), len(DERIVATIVES), COMPONENTS, COMPONENTS, len(CORNERS), len(KINDS)))
-    scaled = table * scales[:, None, None] / steps[:, None, :, None, None]
+    table, powers, scales = _tables(mesh, rule)
+    shape = len(rule.cells), len(rule.unit)
+    rows = np.zeros((*shape, len(DERIVATIVES), COMPONENTS, COMPONENTS, len(CORNERS), len(KINDS)))
+    scaled = table * scales[:, None, None] / powers[:, None, :, None, None]
     for c in range(COMPONENTS):
         rows[:, :, :, c, c] = scaled
-    return rows.reshape(len(cells), len(unit), GRADIENT, LOCAL)
+    return rows.reshape(*shape, GRADIENT, LOCAL)

@@ -1,6 +1,7 @@
-"""Linear membrane and bending strains from the first variation of the deformed surface's metric and curvature.
+"""Membrane and bending strains from the deformed midsurface's metric and curvature: linear, and exact.
 
-The deformed surface is x + u. The first variations of its metric a_ab and curvature b_ab = a_a,b . a3 are
+The deformed surface is x + u. Linear strains are made of first variations: those of its metric a_ab and curvature b_ab
+= a_a,b . a3 are
 
     delta a_ab = u,a . a_b + a_a . u,b
     delta b_ab = u,ab . a3 + x,ab . delta a3,    delta a3 = (m - (m . a3) a3) / J,
@@ -9,12 +10,28 @@ The deformed surface is x + u. The first variations of its metric a_ab and curva
 so that eps_ab = delta a_ab / 2 and kappa_ab = -delta b_ab (Kairanda et al., eqs. (15), (16), linearised). Nothing
 large is subtracted from anything large: the triple product is turned over, x,ab . (m - (m . a3) a3) = p_ab . m with
 p_ab the tangential part of x,ab, so that p . m = u,1 . (a2 x p) + u,2 . (p x a1).
+
+Exact strains come with two variations. With a_a = x,a + u,a the deformed base vectors, g = a1 x a2 = j n and n the
+deformed unit normal,
+
+    eps_ab = (a_a . a_b - abar_ab) / 2,    kappa_ab = bbar_ab - (x,ab + u,ab) . n     (Kairanda et al., (15), (16)).
+
+Both are evaluated without subtracting large numbers, from u's derivatives: with g = J N + m, J N the reference value,
+
+    m = u,1 x x,2 + x,1 x u,2 + u,1 x u,2,    j - J = (2 J N + m) . m / (j + J),    n - N = (m - (j - J) N) / j,
+    eps_ab = (x,a . u,b + x,b . u,a + u,a . u,b) / 2,    kappa_ab = -u,ab . n - x,ab . (n - N).
+
+The first variation is that of the linear theory, taken at the deformed surface (`strain_operator`). The second one
+follows from dn = P dg / j with P = 1 - n n^T:
+
+    d2n = P d2g / j - [ P dg (n . dg) + (n . dg) P dg + n (dg . P dg) ] / j^2.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,3 +137,127 @@ def stress_root_operator(surface: Midsurface, material: Material) -> Array:
     stiffness = np.sqrt([material.membrane_stiffness, material.bending_stiffness])
     rooted = (root[:, None] @ flat) * stiffness[None, :, None, None]
     return rooted.reshape(operator.shape)
+
+
+GRADIENT = 3 * len(DERIVATIVES)  # derivatives of u at a point, by derivative (slow) and component
+FIRST = slice(0, 6)  # those of first order among them
+
+
+def cross_matrix(vectors: Array) -> Array:
+    """Return the matrices [v]x (n, 3, 3) with [v]x w = v x w, of vectors (n, 3)."""
+    matrix = np.zeros((len(vectors), 3, 3))
+    matrix[:, 0, 1], matrix[:, 0, 2], matrix[:, 1, 2] = -vectors[:, 2], vectors[:, 1], -vectors[:, 0]
+    return matrix - np.swapaxes(matrix, 1, 2)
+
+
+@dataclass(frozen=True)
+class Deformation:
+    """A deformed midsurface at n points.
+
+    Attributes
+    ----------
+    reference, current
+        Geometry before and after.
+    gradients
+        (n, 5, 3) derivatives of the displacement in the order of `kinematics.DERIVATIVES`.
+    rise
+        (n, 3) n - N, the change of the unit normal.
+    """
+
+    reference: Midsurface
+    current: Midsurface
+    gradients: Array
+    rise: Array
+
+    @classmethod
+    def from_gradients(cls, reference: Midsurface, gradients: Array) -> Deformation:
+        """Deform a midsurface by a displacement with these derivatives (n, 5, 3)."""
+        u1, u2 = gradients[:, 0], gradients[:, 1]
+        x1, x2 = reference.base[:, 0], reference.base[:, 1]
+        before, normal = reference.area[:, None], reference.normal
+        m = np.cross(u1, x2) + np.cross(x1, u2) + np.cross(u1, u2)
+        area = np.linalg.norm(before * normal + m, axis=-1, keepdims=True)
+        growth = np.sum((2 * before * normal + m) * m, axis=-1, keepdims=True) / (area + before)
+        current = Midsurface(
+            base=reference.base + gradients[:, :2],
+            normal=(before * normal + m) / area,
+            second=reference.second + gradients[:, 2:],
+            area=area[:, 0],
+        )
+        return cls(reference, current, gradients, (m - growth * normal) / area)
+
+    @property
+    def strains(self) -> Array:
+        """(n, 6) eps_11, eps_22, eps_12, kappa_11, kappa_22, kappa_12."""
+        base, u = self.reference.base, self.gradients
+        strains = np.empty((len(u), 6))
+        for row, (a, b) in enumerate(STRAINS):
+            products = base[:, a] * u[:, b] + base[:, b] * u[:, a] + u[:, a] * u[:, b]
+            strains[:, row] = products.sum(axis=-1) / 2
+        for row in range(len(SECOND)):
+            change = u[:, 2 + row] * self.current.normal + self.reference.second[:, row] * self.rise
+            strains[:, 3 + row] = -change.sum(axis=-1)
+        return strains
+
+    @cached_property
+    def operator(self) -> Array:
+        """(n, 6, 15) first variation of the strains, by derivative (slow) and component of u."""
+        operator = np.swapaxes(strain_operator(self.current), -1, -2)
+        return operator.reshape(len(operator), 6, GRADIENT)
+
+    @cached_property
+    def _spread(self) -> Array:
+        """(n, 3, 6) dg as a linear map of du,1 and du,2."""
+        a1, a2 = self.current.base[:, 0], self.current.base[:, 1]
+        return np.concatenate([-cross_matrix(a2), cross_matrix(a1)], axis=-1)
+
+    @cached_property
+    def turning(self) -> Array:
+        """(n, 3, 6) dn as a linear map of du,1 and du,2."""
+        n, spread = self.current.normal, self._spread
+        tangential = spread - n[:, :, None] * (n[:, None] @ spread)
+        return np.asarray(tangential / self.current.area[:, None, None])
+
+    def second_turning(self, vectors: Array) -> Array:
+        """Return vectors . d2n (n, 6, 6) as symmetric forms of du,1 and du,2, for vectors (n, 3)."""
+        n, j = self.current.normal, self.current.area[:, None, None]
+        along = np.sum(vectors * n, axis=-1, keepdims=True)
+        tangential = vectors - along * n
+        stretch = (n[:, None] @ self._spread)[:, 0]
+        pull = (tangential[:, None] @ self._spread)[:, 0]
+        form = np.zeros((len(n), 6, 6))
+        form[:, :3, 3:] = -cross_matrix(tangential)
+        form[:, 3:, :3] = cross_matrix(tangential)
+        form /= j
+        product = pull[:, :, None] * stretch[:, None, :] / j**2
+        form -= product + np.swapaxes(product, 1, 2)
+        form -= along[:, None] * (np.swapaxes(self.turning, 1, 2) @ self.turning)
+        return form
+
+    def second_variation(self, resultants: Array) -> Array:
+        """Return the sum of resultants times the second variations of the strains.
+
+        Parameters
+        ----------
+        resultants
+            (n, 6) what is conjugate to the strains, N/m and N in physical components.
+
+        Returns
+        -------
+        Array
+            (n, 15, 15) symmetric.
+        """
+        membrane, bending = resultants[:, :3], resultants[:, 3:]
+        form = np.zeros((len(resultants), GRADIENT, GRADIENT))
+        for row, (a, b) in enumerate(STRAINS):
+            for c in range(3):
+                form[:, 3 * a + c, 3 * b + c] += membrane[:, row] / 2
+                form[:, 3 * b + c, 3 * a + c] += membrane[:, row] / 2
+        pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
+        form[:, FIRST, FIRST] -= self.second_turning(pulled)
+        for row in range(len(SECOND)):
+            block = slice(3 * (2 + row), 3 * (3 + row))
+            coupling = bending[:, row, None, None] * self.turning
+            form[:, block, FIRST] -= coupling
+            form[:, FIRST, block] -= np.swapaxes(coupling, 1, 2)
+        return form

@@ -28,9 +28,8 @@ from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.loads import Loading
+from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
-from shellbench.solvers.fem.moments import EdgeMoment, edge_moments
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
 

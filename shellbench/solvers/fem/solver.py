@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, PositiveInt
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolver
-from shellbench.solvers.fem.choices import Method
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.motion_solution import MotionSolution
-    from shellbench.solvers.fem.solution import FemSolution
+    from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 
 
 class FemSettings(Settings):
@@ -100,10 +98,12 @@ class FemSolver(ShellSolver):
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
         from shellbench.problems.shell.solution import read_solution
-        from shellbench.solvers.fem.motion_solution import MotionSolution
-        from shellbench.solvers.fem.solution import FORMATS, FemSolution
+        from shellbench.solvers.fem.solution import FORMATS, FemSolution, MotionSolution
 
         def kind(case: Case) -> type[FemSolution | MotionSolution]:
             return FemSolution if case.dynamics is None else MotionSolution
 
         return read_solution(path, FORMATS, kind)
+
+
+Method = Literal["auto", "dissection", "superlu", "pardiso"]

@@ -19,9 +19,8 @@ from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.assembly import NODE_DOFS
 from shellbench.solvers.fem.mesh import graded_mesh, singular_points
-from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
-from shellbench.solvers.fem.solution import FemSolution
+from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 from shellbench.solvers.fem.solver import FemSettings
 from shellbench.solvers.fem.symmetry import FoldedMesh
 from shellbench.solvers.fem.time_step import Scheme

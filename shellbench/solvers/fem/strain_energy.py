@@ -20,8 +20,7 @@ from shellbench.solvers.fem.assembly import (
     basis_scales,
     neighbour_columns,
 )
-from shellbench.solvers.fem.deformation import GRADIENT, Deformation
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity
+from shellbench.solvers.fem.kinematics import DERIVATIVES, GRADIENT, Deformation, Midsurface, elasticity
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
 
 Array = NDArray[np.float64]

@@ -1,12 +1,28 @@
-"""A structured mesh of quadrilaterals on a rectangle of the surface's coordinates, its nodes on the midsurface."""
+"""A structured mesh of quadrilaterals on a rectangle of the surface's coordinates, and what holds and loads its nodes.
+
+The nodes are on the midsurface. Supports hold their displacements and rotations; also here are the rigid motions that
+nothing holds.
+
+Loads on the area and on edges are consistent with bilinear displacements, by Gauss' rule on the true midsurface and
+its true edges. They put no moments on nodes, as the element has no shape functions of its own between its nodes;
+the difference is of second order in the cells' size, as the element's own error. A point load acts on its node.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import qr
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import RIGID_MOTIONS, EdgeLoad, MomentLoad, PointLoad, Support
+from shellbench.problems.shell.measure import load_density
+from shellbench.problems.shell.places import Edge, Place, Point
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -98,3 +114,276 @@ def bilinear(places: Array) -> Array:
     """Return the bilinear shape functions (n, 4) of a cell's corners at places (n, 2) from 0 to 1."""
     s, t = places[:, 0], places[:, 1]
     return np.stack([(1 - s) * (1 - t), s * (1 - t), s * t, (1 - s) * t], axis=-1)
+
+
+SAMPLES = 33  # points of an edge at which its direction is looked at
+STRAIGHT = 1e-9  # sine of an angle that is rounding
+CONTRADICTION = 1e-9  # of the shell's size: how far two supports may move one node apart
+GAUSS_POINTS = 3  # along a side of a cell; exact to degree 5
+
+
+def constant_axis(vectors: Array) -> int | None:
+    """Return the Cartesian direction (0, 1, 2) that all vectors (n, 3) are along; None if there is none."""
+    sizes = np.abs(vectors) / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    for axis in range(3):
+        if np.abs(np.delete(sizes, axis, axis=-1)).max() < STRAIGHT:
+            return axis
+    return None
+
+
+def across(axis: int) -> tuple[int, ...]:
+    """Return the two Cartesian directions across a direction."""
+    return tuple(c for c in range(3) if c != axis)
+
+
+def held_rotations(case: Case, place: Place, support: Support) -> tuple[int, ...] | None:
+    """Return the rotations (0, 1, 2) that a support holds at a place; None if single components can't say it.
+
+    A clamp holds the rotation about the edge's tangent. That is a component where the tangent is along a Cartesian
+    axis. Where the normal is along one, and the displacement in its direction is held, so that the rotation about
+    the conormal is zero too, both components across the normal are held, whatever the edge's shape. A plane of
+    symmetry holds the rotations about axes in it.
+    """
+    if support.symmetry is not None:
+        return across("xyz".index(support.symmetry))
+    if not support.clamped or not isinstance(place, Edge):
+        return ()
+    domain, running = case.surface.domain, 1 - place.axis
+    points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+    x = case.surface.derivatives(points, order=1)
+    tangent = constant_axis((x[0, 1], x[1, 0])[place.axis])
+    if tangent is not None:
+        return (tangent,)
+    normal = constant_axis(np.cross(x[1, 0], x[0, 1]))
+    if normal is not None and "xyz"[normal] in support.held:
+        return across(normal)
+    return None
+
+
+Masks = tuple[NDArray[np.bool_], NDArray[np.bool_]]
+
+
+def held_nodes(case: Case, mesh: QuadMesh, supported: Iterable[tuple[int, Support, Place]], count: int) -> Masks:
+    """Return the displacements and the rotations (count, v, 3) that numbered supports prescribe at places.
+
+    Raises
+    ------
+    InputError
+        If a point that is held lies on no node.
+    """
+    moved = np.zeros((count, mesh.node_count, 3), dtype=bool)
+    turned = np.zeros_like(moved)
+    for number, support, place in supported:
+        nodes = nodes_of(place, mesh)
+        for component in support.held:
+            moved[number, nodes, "xyz".index(component)] = True
+        for rotation in held_rotations(case, place, support) or ():
+            turned[number, nodes, rotation] = True
+    return moved, turned
+
+
+@dataclass(frozen=True)
+class Supports:
+    """What is held.
+
+    Attributes
+    ----------
+    held
+        (v, 6) displacements and rotations that supports prescribe, planes of symmetry among them.
+    """
+
+    case: Case
+    mesh: QuadMesh
+    held: NDArray[np.bool_]
+
+    @classmethod
+    def on_mesh(cls, case: Case, mesh: QuadMesh) -> Supports:
+        """Find the held nodes; InputError if a point that is held lies on no node."""
+        places = ((n, support, case.places[name]) for n, support in enumerate(case.supports) for name in support.on)
+        masks = held_nodes(case, mesh, places, len(case.supports))
+        return cls(case, mesh, np.concatenate([mask.any(axis=0) for mask in masks], axis=1))
+
+    @cached_property
+    def free(self) -> Integers:
+        """Degrees of freedom 6 v + component that nothing prescribes."""
+        return np.flatnonzero(~self.held.ravel())
+
+    def prescribed(self, t: float) -> Array:
+        """Return the displacements (v, 3) that supports prescribe at a load factor; zero where none does.
+
+        Raises
+        ------
+        InputError
+            If two supports move a node that they share to different places.
+        """
+        result = np.zeros((self.mesh.node_count, 3))
+        for support, place in self.case.supported_places():
+            if support.motion is None:
+                continue
+            nodes = nodes_of(place, self.mesh)
+            moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0]
+            for component in support.held:
+                result[nodes, "xyz".index(component)] = moved[:, "xyz".index(component)]
+        self._check(result, t)
+        return result
+
+    def _check(self, result: Array, t: float) -> None:
+        size = np.ptp(self.case.surface.position(self.mesh.nodes), axis=0).max()
+        for support, place in self.case.supported_places():
+            nodes = nodes_of(place, self.mesh)
+            columns = ["xyz".index(c) for c in support.held]
+            moved = self.case.motion(support, place, self.mesh.nodes[nodes], t)[0, 0] if support.motion else 0.0
+            gap = np.abs(result[nodes] - moved)[:, columns]
+            if gap.max(initial=0.0) > CONTRADICTION * size:
+                raise InputError(f"{self.case.name}: two supports move a node on '{place.name}' to different places")
+
+
+def nodes_of(place: Place, mesh: QuadMesh) -> Integers:
+    """Return the nodes of a place.
+
+    Raises
+    ------
+    InputError
+        If a point lies on no node.
+    """
+    match place:
+        case Edge(axis=axis, side=side):
+            return mesh.edge(axis, side == "max")
+        case Point():
+            return np.array([node_at(place, mesh)])
+        case _:
+            return np.zeros(0, dtype=np.int64)
+
+
+def node_at(point: Point, mesh: QuadMesh) -> int:
+    """Return the node at a point; InputError if there is none."""
+    node = mesh.node_at(point.xi)
+    if node is None:
+        n1, n2 = mesh.cells
+        raise InputError(f"field 'cells': '{point.name}' lies on no node of {n1} x {n2} cells; choose other cells")
+    return node
+
+
+@dataclass(frozen=True)
+class Loose:
+    """Rigid motions that nothing holds: pinned while a case is solved, then taken away in the mean over the area.
+
+    Attributes
+    ----------
+    motions
+        (v, 6, k) displacements and rotations of the nodes.
+    pins
+        (k,) degrees of freedom that are held at zero: those that resist the motions best.
+    """
+
+    motions: Array
+    pins: Integers
+
+    @classmethod
+    def from_supports(cls, supports: Supports, positions: Array) -> Loose:
+        """Choose pins among the free displacements of nodes at positions (v, 3)."""
+        names = supports.case.remove_rigid_motions
+        chosen = [RIGID_MOTIONS.index(name) for name in names]
+        centre = (positions.max(axis=0) + positions.min(axis=0)) / 2
+        size = np.ptp(positions, axis=0).max()
+        motions = np.zeros((len(positions), 6, 6))
+        motions[:, :3, :3] = np.eye(3)
+        for axis, unit in enumerate(np.eye(3)):
+            motions[:, :3, 3 + axis] = np.cross(unit, positions - centre) / size
+            motions[:, 3:, 3 + axis] = unit / size
+        motions = motions[:, :, chosen]
+        free = supports.free[supports.free % 6 < 3]
+        if not names:
+            return cls(motions, np.zeros(0, dtype=np.int64))
+        _, _, order = qr(motions.reshape(-1, len(names))[free].T, mode="economic", pivoting=True)
+        return cls(motions, free[np.sort(order[: len(names)])])
+
+    def removed(self, values: Array, areas: Array) -> Array:
+        """Return displacements and rotations (v, 6) without their mean part along the motions.
+
+        The mean is that of displacements, nodes weighed by areas (v,).
+        """
+        if not len(self.pins):
+            return values
+        weighted = self.motions[:, :3] * areas[:, None, None]
+        left = np.einsum("vca,vcb->ab", weighted, self.motions[:, :3])
+        part = np.linalg.solve(left, np.einsum("vca,vc->a", weighted, values[:, :3]))
+        return np.asarray(values - self.motions @ part)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """What acts on the nodes of a shell.
+
+    Attributes
+    ----------
+    case, mesh
+        What is solved, the case of a part for one, and its mesh.
+    """
+
+    case: Case
+    mesh: QuadMesh
+
+    @cached_property
+    def _rule(self) -> tuple[Array, Array, Array]:
+        """Points (e q, 2), the corners' shares (q, 4) and the areas (e, q) that points stand for, m^2."""
+        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        places = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
+        corners = np.stack([a.ravel() for a in np.indices(self.mesh.cells)], axis=-1)
+        points = (self.mesh.lower + (corners[:, None] + places) * self.mesh.steps).reshape(-1, 2)
+        tangents = self.case.surface.derivatives(points, order=1)
+        stretch = np.linalg.norm(np.cross(tangents[1, 0], tangents[0, 1]), axis=-1)
+        weights = np.outer(w, w).ravel() / 4 * np.prod(self.mesh.steps)
+        return points, bilinear(places), stretch.reshape(len(corners), -1) * weights
+
+    def _shared(self, density: Array) -> Array:
+        """Return the shares (v, k) of the nodes in densities (e q, k) per area."""
+        _, shares, areas = self._rule
+        by_corner = np.einsum("qa,eq,eqk->eak", shares, areas, density.reshape(*areas.shape, -1))
+        total = np.zeros((self.mesh.node_count, density.shape[-1]))
+        np.add.at(total, self.mesh.quads, by_corner)
+        return total
+
+    @cached_property
+    def areas(self) -> Array:
+        """(v,) the midsurface that each node stands for, m^2."""
+        return self._shared(np.ones((len(self._rule[0]), 1)))[:, 0]
+
+    def forces(self, t: float) -> Array:
+        """Return forces and moments (v, 6) at a load factor, N and N m."""
+        case = self.case
+        total = np.zeros((self.mesh.node_count, 6))
+        total[:, :3] = self._shared(load_density(case, self._rule[0], t))
+        for load in case.loads:
+            for name in load.on if isinstance(load, EdgeLoad | MomentLoad | PointLoad) else ():
+                place = case.places[name]
+                if isinstance(load, PointLoad) and isinstance(place, Point):
+                    force = case.evaluate(load.force, np.asarray(place.xi), t)[0, 0]
+                    total[node_at(place, self.mesh), :3] += force
+                elif isinstance(load, EdgeLoad | MomentLoad) and isinstance(place, Edge):
+                    columns = slice(0, 3) if isinstance(load, EdgeLoad) else slice(3, 6)
+                    total[:, columns] += self._on_edge(place, load, t)
+        return total
+
+    def _on_edge(self, edge: Edge, load: EdgeLoad | MomentLoad, t: float) -> Array:
+        """Return the shares (v, 3) of nodes in a load on an edge."""
+        total = np.zeros((self.mesh.node_count, 3))
+        case, running = self.case, 1 - edge.axis
+        x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        local = (x + 1) / 2
+        count, step = self.mesh.cells[running], self.mesh.steps[running]
+        places = self.mesh.lower[running] + (np.arange(count)[:, None] + local).ravel() * step
+        points = edge.points(case.surface.domain, places)
+        tangent = case.surface.derivatives(points, order=1)[(0, 1) if running == 1 else (1, 0)]
+        lengths = np.linalg.norm(tangent, axis=-1) * np.tile(w / 2 * step, count)
+        if isinstance(load, EdgeLoad):
+            density = case.evaluate(load.vector, points, t)[0, 0]
+        else:
+            axis = np.asarray(load.axis) / np.linalg.norm(load.axis)
+            density = case.formula(load.value).derivatives(points, 0, t)[0, 0][:, None] * axis
+        parts = (lengths[:, None] * density).reshape(count, GAUSS_POINTS, 3)
+        nodes = self.mesh.edge(edge.axis, edge.side == "max")
+        ends = np.append(nodes, nodes[:1]) if self.mesh.closed[running] else nodes
+        np.add.at(total, ends[:-1], np.einsum("q,nqc->nc", 1 - local, parts))
+        np.add.at(total, ends[1:], np.einsum("q,nqc->nc", local, parts))
+        return total

@@ -22,9 +22,8 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, shortened, state_number
 from shellbench.problems.shell.symmetry import Part, part_of, whole_of
-from shellbench.solvers.kratos.thin_conditions import held_nodes
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements, SmallStrains
-from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear
+from shellbench.solvers.kratos.thin_mesh import QuadMesh, bilinear, held_nodes
 from shellbench.solvers.kratos.thin_static import ThinProblem
 
 Array = NDArray[np.float64]

@@ -8,6 +8,8 @@ h / R = 0.01, 2e-5 where it is ten times thinner. test_thin_limit.py finds the r
 
 On a path the load is prescribed, and whether a state is stable is not looked at: beyond a limit point Newton's method
 may find a state far from the last one, which is in balance but not where the path from rest leads by equilibria.
+
+Also here: what Kratos' thin quadrilaterals can't take as they are set up here, each with its reason.
 """
 
 from __future__ import annotations
@@ -16,12 +18,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.solution import ShellSolver, why_not_by_load
+from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.kratos.settings import KratosSettings
 
 if TYPE_CHECKING:
@@ -68,9 +74,9 @@ class KratosThinSolver(ShellSolver):
     def declines_with(self, case: Case, settings: KratosThinSettings) -> str | None:
         """Return why the solver can't take the part of a case that is to be solved, as one clause, or None."""
         from shellbench.problems.shell.symmetry import part_of, whole_of
-        from shellbench.solvers.kratos import thin_declines
+        from shellbench.solvers.kratos.thin_solver import reason
 
-        return thin_declines.reason(part_of(case) if settings.symmetry else whole_of(case))
+        return reason(part_of(case) if settings.symmetry else whole_of(case))
 
     def answer(
         self, case: Case, settings: KratosThinSettings, start: Solution | Path | None, progress: ProgressCallback
@@ -94,3 +100,41 @@ class KratosThinSolver(ShellSolver):
         from shellbench.solvers.kratos.thin_solution import ThinSolution
 
         return ThinSolution.load(path)
+
+
+ALONG = 1e-9  # sine of an angle that is rounding
+
+
+def reason(part: Part) -> str | None:
+    """Return why a case, of which a part is to be solved, can't be taken, as one clause; None if it can."""
+    from shellbench.solvers.kratos.thin_mesh import held_rotations
+
+    case = part.whole
+    if case.dynamics is not None:
+        return "it moves in time, and this solver is static"
+    if case.prescribed:
+        return "it moves the whole surface as prescribed, and leaves nothing to solve for"
+    if case.material.bending_factor != 1.0:
+        return "its bending stiffness is not that of a homogeneous shell, which this element's section is"
+    for support, place in case.supported_places():
+        rotations = held_rotations(case, place, support)
+        if rotations is None:
+            return f"the edge '{place.name}' is clamped, and its tangent is along no coordinate axis"
+        if rotations and support.motion is not None and support.motion.kind != "translation":
+            return f"the clamped edge '{place.name}' turns"
+    for load in case.loads:
+        if isinstance(load, MomentLoad) and not all(_is_tangent(case, name, load) for name in load.on):
+            return "the axis of a moment is not along its edge"
+    return None if case.linear else why_not_by_load(case, part.case.remove_rigid_motions)
+
+
+def _is_tangent(case: Case, name: str, load: MomentLoad) -> bool:
+    from shellbench.solvers.kratos.thin_mesh import SAMPLES
+
+    edge = case.places[name]
+    assert isinstance(edge, Edge)
+    domain, running = case.surface.domain, 1 - edge.axis
+    points = edge.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+    tangent = case.surface.derivatives(points, order=1)[(0, 1) if running == 1 else (1, 0)]
+    crossed = np.linalg.norm(np.cross(tangent, load.axis), axis=-1)
+    return bool(np.all(crossed <= ALONG * np.linalg.norm(tangent, axis=-1) * np.linalg.norm(load.axis)))

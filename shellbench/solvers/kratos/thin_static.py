@@ -15,9 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.symmetry import Part
-from shellbench.solvers.kratos.thin_conditions import Loads, Loose, Supports
 from shellbench.solvers.kratos.thin_elements import DOFS, Elements
-from shellbench.solvers.kratos.thin_mesh import QuadMesh
+from shellbench.solvers.kratos.thin_mesh import Loads, Loose, QuadMesh, Supports
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]

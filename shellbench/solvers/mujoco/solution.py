@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.grid import Grid, Loading
 
 Array = NDArray[np.float64]
 
@@ -74,7 +73,7 @@ class FlexSolution(ShellSolution):
         ends = self.frames[k : k + 2], self.rates[k : k + 2]
         return np.asarray(sum(np.tensordot(w, x, axes=1) for w, x in zip(weights, ends, strict=True)))
 
-    def vertex_velocities(self, at: float | None = None) -> Array:
+    def vertex_velocities(self, at: float | None) -> Array:
         """Return the velocities (v, 3) of the vertices at a time: the derivative of their displacements."""
         k, s, h = self._place(at)
         if s == 0:

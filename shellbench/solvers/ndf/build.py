@@ -1,7 +1,14 @@
-"""From a case and a few choices to the parts of a field: what a file of weights needs beside its tensors."""
+"""From a case and a few choices to the parts of a field: what a file of weights needs beside its tensors.
+
+Also here: how fine a Ritz field and its quadrature must be, from the case alone. What decides is whether the midsurface
+is curved (then edges have layers of the length sqrt(R h)) and whether forces act at points (then the solution is
+resolved over that length, away from edges). The figures were chosen by certified energy on plates, roofs of four
+thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -11,15 +18,12 @@ from pydantic import Field as PydanticField
 from shellbench.model import Model, Positive
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, StrainName, Supports
-from shellbench.solvers.ndf.factors import BoundaryFactors, Lift
-from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.inputs import Inputs, mirrored_axes
+from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
+from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
+from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
 from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.lengths import edge_layers, foci
-from shellbench.solvers.ndf.network import Network
-from shellbench.solvers.ndf.singular import FixedFeatures
+from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.soft import NoFactors, NoLift
-from shellbench.solvers.ndf.turning import TurnedFactors, Turning, turns
 
 
 def _from_bool(value: Any) -> Any:
@@ -109,3 +113,99 @@ def graded_points(case: Case, spec: FieldSpec) -> Array:
     if len(focal) or not spec.edge_stretched or edge_layers(case) is None:
         return focal
     return np.where(domain.periodic, np.nan, np.array([domain.lower, domain.upper]))
+
+
+LINE = 65  # points of a coordinate line that is measured
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Width and scales of random features, and the rules that they are integrated with.
+
+    `along` multiplies the scale of the plain inputs of each coordinate.
+    """
+
+    neurons: int
+    scale: float
+    stretched_scale: float
+    rule: RuleSpec
+    fine: RuleSpec
+    along: tuple[float, float] = (1.0, 1.0)
+
+    def scales(self, inputs: Inputs) -> Array:
+        """Return the standard deviation (n,) of the weights of each input."""
+        plain = [1.0 if axis is None else self.scale * self.along[axis] for axis in inputs.axes]
+        return np.where(inputs.stretched, self.stretched_scale, plain)
+
+
+def is_flat(case: Case) -> bool:
+    """Tell whether the midsurface has no curvature."""
+    return not strongest_curvature(case)
+
+
+def resolution(case: Case) -> Resolution:
+    """Return the resolution that a case asks for."""
+    flat = is_flat(case)
+    if foci(case):
+        neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
+        return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
+    if flat:
+        neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
+        panels = 8 if any(case.surface.domain.periodic) else 5
+        return Resolution(neurons, 3.5, 2.0, _rule(case, panels, 6), _rule(case, panels + 1, 7))
+    return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
+
+
+WIDTHS = (0.5, 1.0, 2.0, 3.5)  # of each rung, in units of the usual width
+LENGTHENED = (1.0, 1.0, 2.5, 5.0)  # at most, of the scale along the longer side of a flat shell
+LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
+
+
+def rung_count(case: Case) -> int:
+    """Return the number of rungs; where forces act at points the first ones are wide already, and there is one less."""
+    return len(WIDTHS) - bool(foci(case))
+
+
+def rung(case: Case, number: int) -> Resolution:
+    """Return one of ever finer resolutions for large displacements.
+
+    Linear theory tells little of how a thin strip coils, so the finer rungs resolve its length better than its width.
+    """
+    usual = resolution(case)
+    neurons = usual.neurons * 3 // 4 if foci(case) else usual.neurons
+    less = int(number == 0 or (number == 1 and not foci(case)))
+    rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
+    finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
+    lengths = side_lengths(case)
+    longer, ratio = int(np.argmax(lengths)), max(lengths) / min(lengths)
+    factor = min(ratio**LENGTHWAYS, LENGTHENED[number])
+    if factor == 1.0 or not is_flat(case):
+        return finer
+    along = [factor ** (CROSSWAYS / LENGTHWAYS)] * 2
+    along[longer] = factor
+    rules = [_lengthened(spec, longer, factor) for spec in (rule, usual.fine)]
+    return replace(finer, along=(along[0], along[1]), rule=rules[0], fine=rules[1])
+
+
+def side_lengths(case: Case) -> tuple[float, float]:
+    """Return the lengths of the coordinate lines through the middle, metres."""
+    domain = case.surface.domain
+    lines = []
+    for axis in (0, 1):
+        middle = (np.asarray(domain.lower) + np.asarray(domain.upper)) / 2
+        points = np.tile(middle, (LINE, 1))
+        points[:, axis] = np.linspace(domain.lower[axis], domain.upper[axis], LINE)
+        lines.append(float(np.linalg.norm(np.diff(case.surface.position(points), axis=0), axis=-1).sum()))
+    return lines[0], lines[1]
+
+
+def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
+    panels = [spec.panels[0], spec.panels[1]]
+    panels[axis] = round(panels[axis] * factor)
+    return replace(spec, panels=(panels[0], panels[1]))
+
+
+def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
+    """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
+    first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
+    return RuleSpec((first, second), order, grading, cuts)

@@ -13,14 +13,13 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
 from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
-from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.factors import turns
+from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.large_displacement import why_not_followed
-from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.reaction import virtual_edges
 from shellbench.solvers.ndf.soft import why_not_soft
 from shellbench.solvers.ndf.supports import EdgeSupport, edge_samples, edge_supports
-from shellbench.solvers.ndf.turning import turns
 
 PROBE_WIDTH = 4  # features of the random field that probes the factors
 VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation

@@ -25,16 +25,14 @@ from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.energy import mirrored
+from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE, Array
-from shellbench.solvers.ndf.loads import concentrated_forces, force_density
-from shellbench.solvers.ndf.moments import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.reaction import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
-from shellbench.solvers.ndf.strain_measures import Strained
-from shellbench.solvers.ndf.supports import point_supports
-from shellbench.solvers.ndf.turning import turns
-from shellbench.solvers.ndf.undeformed import stresses
+from shellbench.solvers.ndf.strain_measures import Strained, stresses
+from shellbench.solvers.ndf.supports import concentrated_forces, force_density, point_supports
 
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 MOST_ITERATIONS = 14  # a step that takes more is cut

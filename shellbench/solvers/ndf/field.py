@@ -1,19 +1,274 @@
-"""The displacement field: u = lift + M W (network features, fixed features), less a rigid motion."""
+"""The displacement field: u = lift + M W (network features, fixed features), less a rigid motion.
+
+The network is a coordinate network of any depth, whose features carry second-order jets. Fixed features have no weights
+of their own: a constant, and the known singularity of a plate under a point force.
+
+Near a normal point force every shell behaves like a plate, w ~ (P / 8 pi B) r^2 log r with a non-smooth remainder of
+the form r^2 log r^2 times polynomials (Timoshenko & Woinowsky-Krieger, section 19). Here r is the chord |x(xi) - x0|,
+smooth and single-valued on any surface, closed ones included, and the polynomials are in the tangential chords.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.ndf.inputs import Inputs
-from shellbench.solvers.ndf.jets import VALUE, Array, Placement, matrix_product
-from shellbench.solvers.ndf.network import Network
-from shellbench.solvers.ndf.singular import FixedFeatures
+from shellbench.solvers.ndf.choices import MULTIPLIERS
+from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns
+from shellbench.solvers.ndf.jets import (
+    D1,
+    VALUE,
+    Array,
+    Placement,
+    activation,
+    compose,
+    constant,
+    dot,
+    from_derivatives,
+    matrix_product,
+    product,
+)
+from shellbench.solvers.ndf.supports import edge_samples, edge_supports
+
+
+@dataclass(frozen=True)
+class Network:
+    """Hidden layers h <- sigma(W h + b).
+
+    The linear output layer is not part of it: recipes that solve for it treat it differently.
+
+    Attributes
+    ----------
+    weights, biases
+        Of each layer: (out, in) and (out,).
+    activation
+        Name in `shellbench.solvers.ndf.jets.ACTIVATIONS`.
+    """
+
+    weights: tuple[Tensor, ...]
+    biases: tuple[Tensor, ...]
+    activation: str = "sine"
+
+    def __post_init__(self) -> None:
+        # Rows behind each other, as in a file: products of other layouts round differently, so a loaded field would.
+        for name in ("weights", "biases"):
+            object.__setattr__(self, name, tuple(t.contiguous() for t in getattr(self, name)))
+
+    def to(self, like: torch.dtype | Tensor) -> Network:
+        """Return the network in a number format, or in that of a tensor and where that is."""
+        weights, biases = (tuple(t.to(like) for t in layers) for layers in (self.weights, self.biases))
+        return replace(self, weights=weights, biases=biases)
+
+    def features(self, inputs: Tensor) -> Tensor:
+        """Return the jets (6, N, M) of the last hidden layer from the jets (6, N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            z = h @ weight.T
+            if z.requires_grad:
+                z = torch.cat([z[:1] + bias, z[1:]])
+            else:
+                z[VALUE] += bias
+            h = compose(function(z[VALUE], 2), z)
+        return h
+
+    def values(self, inputs: Tensor) -> Tensor:
+        """Return the values (N, M) of the last hidden layer from the values (N, n) of the inputs."""
+        function, h = activation(self.activation), inputs
+        for weight, bias in zip(self.weights, self.biases, strict=True):
+            h = function(h @ weight.T + bias, 0)[0]
+        return h
+
+    @property
+    def width(self) -> int:
+        """Number of features M."""
+        return self.weights[-1].shape[0]
+
+    @property
+    def parameters(self) -> int:
+        """Number of weights and biases."""
+        return sum(t.numel() for t in (*self.weights, *self.biases))
+
+    def narrowed(self, width: int) -> Network:
+        """Return the network with the first `width` features only."""
+        return replace(
+            self,
+            weights=(*self.weights[:-1], self.weights[-1][:width]),
+            biases=(*self.biases[:-1], self.biases[-1][:width]),
+        )
+
+
+def siren(
+    inputs: int, widths: tuple[int, ...], omega0: float, seed: int, placement: Placement, name: str = "sine"
+) -> Network:
+    """Return a network with the SIREN initialisation (Sitzmann et al. 2020, section 3.2).
+
+    First layer omega0 U(-1/n, 1/n), later ones U(-sqrt(6/n), sqrt(6/n)) with omega0 absorbed; biases as
+    omega0 U(-1/sqrt(n), 1/sqrt(n)), PyTorch's default for a linear layer times omega0.
+
+    Parameters
+    ----------
+    inputs
+        Number of input coordinates.
+    widths
+        Of the hidden layers.
+    omega0
+        Frequency of the sines: z = omega0 (W h + b), with omega0 multiplied into W and b.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    weights, biases = [], []
+    for layer, width in enumerate(widths):
+        fan_in = inputs if layer == 0 else widths[layer - 1]
+        bound = omega0 / fan_in if layer == 0 else math.sqrt(6 / fan_in)
+        weights.append(_uniform(generator, bound, (width, fan_in), placement))
+        biases.append(_uniform(generator, omega0 / math.sqrt(fan_in), (width,), placement))
+    return Network(tuple(weights), tuple(biases), name)
+
+
+def random_features(scales: Tensor, width: int, seed: int, name: str = "sine") -> Network:
+    """Return one layer of random features, W ~ N(0, scales^2) and b ~ U(-pi, pi) (Rahimi & Recht 2007).
+
+    Parameters
+    ----------
+    scales
+        (n,) standard deviation of the weights of each input.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    draws = torch.randn((width, len(scales)), generator=generator, dtype=torch.float64)
+    phases = torch.rand((width,), generator=generator, dtype=torch.float64)
+    weight = draws.to(scales) * scales
+    return Network((weight,), (((2 * phases - 1) * math.pi).to(scales),), name)
+
+
+SQUEEZE = 0.25  # of the first map, times sqrt(n / m): sines of such arguments are nearly linear
+SHIFT = 0.2  # half width of the inner layers' biases
+RIDGE = 1e-8  # of the fit of the last hidden layer, relative to the mean square of a feature
+
+
+def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...], seed: int, name: str) -> Network:
+    """Return a deep network that starts as one layer of random features sigma(W z + b).
+
+    Inner layers are nearly linear orthogonal maps; the last hidden layer is fitted by ridge regression to the targets
+    W z, W ~ N(0, scales^2), with b ~ U(-pi, pi). Drawn at random, a deep sine network starts far too stiff on shells.
+
+    Parameters
+    ----------
+    inputs
+        (N, n) values of the inputs at sample points.
+    scales
+        (n,) standard deviation of the weights of each input.
+    widths
+        Of the hidden layers.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    function, h, count = activation(name), inputs, inputs.shape[1]
+
+    def drawn(*shape: int) -> Tensor:
+        return torch.randn(shape, generator=generator, dtype=torch.float64).to(inputs)
+
+    def spread(bound: float, size: int) -> Tensor:
+        return bound * (2 * torch.rand((size,), generator=generator, dtype=torch.float64).to(inputs) - 1)
+
+    weights, biases = [], []
+    for layer, width in enumerate(widths[:-1]):
+        gain = SQUEEZE * math.sqrt(count / width) if layer == 0 else 1.0
+        size = max(width, h.shape[1])
+        rotation, _ = torch.linalg.qr(drawn(size, size))
+        weights.append(gain * rotation[:width, : h.shape[1]])
+        biases.append(spread(SHIFT, width))
+        h = function(h @ weights[-1].T + biases[-1], 0)[0]
+    targets = inputs @ (drawn(widths[-1], count) * scales).T
+    design = torch.cat([h, torch.ones_like(h[:, :1])], dim=1)
+    normal = design.T @ design
+    normal.diagonal().add_(RIDGE * len(h))
+    last = torch.linalg.solve(normal, design.T @ targets).T
+    weights.append(last[:, :-1].contiguous())
+    biases.append(last[:, -1] + spread(math.pi, widths[-1]))
+    return Network(tuple(weights), tuple(biases), name)
+
+
+def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], placement: Placement) -> Tensor:
+    drawn = torch.rand(shape, generator=generator, dtype=torch.float64)
+    return ((2 * drawn - 1) * bound).to(device=placement.device, dtype=placement.dtype)
+
+
+AT_THE_POINT = 1e-30  # r^2 / reach^2 below this is taken as this: r^2 log r^2 is zero there to double precision
+ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, above which a feature is not even
+
+
+@dataclass(frozen=True)
+class FixedFeatures:
+    """A constant, and r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus.
+
+    Attributes
+    ----------
+    case
+        Whose surface carries the chords.
+    foci
+        Points that carry a force.
+    multipliers
+        How many functions multiply r^2 log r^2.
+    kept
+        Which of these features are used: all, unless an edge asks for even ones.
+    """
+
+    case: Case
+    foci: tuple[Focus, ...]
+    multipliers: int
+    kept: tuple[int, ...]
+
+    @classmethod
+    def from_case(
+        cls,
+        case: Case,
+        around: tuple[Focus, ...] = (),
+        multipliers: int = MULTIPLIERS,
+        mirrored: tuple[int, ...] = (),
+    ) -> FixedFeatures:
+        """Derive the features of a case, leaving out those that are not even where free components need it.
+
+        They must be even about the seams of the coordinates `mirrored`, too.
+        """
+        everything = cls(case, around, multipliers, tuple(range(1 + multipliers * len(around))))
+        even = torch.ones(everything.count, dtype=torch.bool)
+        for support in edge_supports(case):
+            if support.even:
+                jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
+                slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
+                even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
+        if mirrored:
+            even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
+        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()))
+
+    @property
+    def count(self) -> int:
+        """Number of features."""
+        return len(self.kept)
+
+    def jets(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, count) at points (N, 2)."""
+        columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
+        if self.foci and self.multipliers:
+            x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
+            for focus in self.foci:
+                columns += self._around(focus, x, placement)
+        return torch.stack([columns[k] for k in self.kept], dim=-1)
+
+    def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
+        chord = (x - constant(placement.tensor(focus.position).expand(x.shape[1:]), len(x))) / focus.reach
+        first, second = (chord @ placement.tensor(focus.tangents).T).unbind(-1)
+        square = dot(chord, chord)
+        v = square[VALUE].clamp_min(AT_THE_POINT)
+        log = torch.log(v)
+        bubble = compose((v * log, log + 1, 1 / v), square)
+        others = [first, second, square, product(first, second), product(first, first)]
+        return [bubble, *(product(bubble, other) for other in others[: self.multipliers - 1])]
 
 
 class Factors(Protocol):
@@ -92,7 +347,7 @@ class Field:
     rigid: Tensor
 
     def __post_init__(self) -> None:
-        # as in `shellbench.solvers.ndf.network.Network`; solved weights come column by column
+        # as in `shellbench.solvers.ndf.field.Network`; solved weights come column by column
         for name in ("output", "rigid"):
             object.__setattr__(self, name, getattr(self, name).contiguous())
 

@@ -22,18 +22,23 @@ from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.certificate import rigid_part
-from shellbench.solvers.ndf.continuation import PathEndsError, arc_length_steps, displacement_steps, load_steps
+from shellbench.solvers.ndf.continuation import (
+    PathEndsError,
+    PathState,
+    arc_length_steps,
+    displacement_steps,
+    equilibrium,
+    load_steps,
+)
+from shellbench.solvers.ndf.energy import exploits, rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.newton import PathState, equilibrium
-from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
-from shellbench.solvers.ndf.solution import NdfSolution
-from shellbench.solvers.ndf.turning import turns, why_not_turned
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.supports import check_balance
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
 RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
@@ -167,27 +172,14 @@ class _Run:
         solution = self._kept(states, seconds, complete=reason is None)
         if reason is not None:
             raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", solution)
-        gap = solution.diagnostics["energy_gap"]
-        if not gap <= self.largest_gap:  # also where it is not a number
-            raise SolveFailure(
-                f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
-                f" more than the {self.largest_gap:g} allowed",
-                solution,
-            )
+        if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
+            raise SolveFailure(reason, solution)
         return solution
 
     def summary(self, iteration: int, solution: PathSolution) -> Step:
         """Return one step for the whole rung."""
-        last = solution.history[-1]
-        return Step(
-            iteration=iteration,
-            seconds=last.seconds,
-            energy=last.energy,
-            unknowns=last.unknowns,
-            at=last.at,
-            gap=solution.diagnostics["energy_gap"],
-            quantities=last.quantities,
-        )
+        gap = solution.diagnostics["energy_gap"]
+        return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=None)
 
     def _states(self) -> Iterator[PathState]:
         case, problem = self.case, self.problem

@@ -1,11 +1,11 @@
 """A case in motion: the output layer of given features obeys Newton's law, step by step from rest.
 
 The equations of motion of the output weights are integrated by the explicit Runge-Kutta method of order eight of
-Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft:
-with the smooth features of `mass` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take,
-at the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step
-by Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the
-napkin in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
+Dormand and Prince with a step that its own error chooses (Hairer, Norsett & Wanner 1993, DOP853). Cloth is soft: with
+the smooth features of `sampled` the highest frequency of a napkin is near 1000 rad/s, which steps of some 5 ms take, at
+the cost of a dozen evaluations of the forces each. The alternative, an incremental potential minimised at each step by
+Newton's method, takes longer steps but a matrix of all unknowns at each iteration. Measured side by side on the napkin
+in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e-10:
 
     explicit, rtol 1e-5          374 evaluations     15 s    8e-8 m
     explicit, rtol 1e-7          590 evaluations     23 s    1e-9 m
@@ -35,14 +35,14 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
+from shellbench.solvers.ndf.energy import exploits
 from shellbench.solvers.ndf.field import Features
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.mass import NOWHERE, POINTS, finer, rule_of, smooth, widest
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.resolution import side_lengths
+from shellbench.solvers.ndf.sampled import NOWHERE, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept
@@ -145,15 +145,11 @@ def solve(
                     raise
                 reason = f"the motion of degree {rung.degree} does not fit into memory{kept}"
                 raise SolveFailure(reason, before) from None
-            gap = solution.diagnostics["energy_gap"]
-            if gap <= largest_gap:
+            exploited = exploits(solution.diagnostics["energy_gap"], largest_gap)
+            if exploited is None:
                 break
             if not points * MORE_POINTS <= MOST_POINTS:
-                raise SolveFailure(
-                    f"the field exploits its quadrature: its energy on the finer one differs by {gap:.2g},"
-                    f" more than the {largest_gap:g} allowed{kept}",
-                    before or solution,
-                )
+                raise SolveFailure(f"{exploited}{kept}", before or solution)
             points *= MORE_POINTS
             # The next rung integrates on the new rule anyway. Only the last one has to be repeated.
             if number < len(rungs) - 1:
@@ -167,7 +163,7 @@ def solve(
             moved = {name: abs(values[name] - earlier) for name, earlier in history[-2].quantities.items()}
             solution = replace(solution, uncertainty=moved)
         before = solution
-        if change is not None and change <= SETTLED and gap <= largest_gap:
+        if change is not None and change <= SETTLED and exploited is None:
             break
     assert before is not None  # there is a rung
     settled = change is not None and change <= SETTLED
@@ -179,7 +175,7 @@ def solve(
     )
 
 
-def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float = POINTS) -> Motion:
+def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
     """Return the equations of motion of a rung's features, on a rule of some points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
     chosen = rule_of(case, rung.degree, points)

@@ -26,12 +26,10 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.equilibrium import Basis
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE, Array
-from shellbench.solvers.ndf.loads import concentrated_forces, force_density
-from shellbench.solvers.ndf.mass import NOWHERE
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.sampled import COMPONENTS, Combined, Sampled
-from shellbench.solvers.ndf.supports import point_supports
-from shellbench.solvers.ndf.undeformed import stresses
+from shellbench.solvers.ndf.sampled import COMPONENTS, NOWHERE, Combined, Sampled
+from shellbench.solvers.ndf.strain_measures import stresses
+from shellbench.solvers.ndf.supports import concentrated_forces, force_density, point_supports
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow
 NUDGE = 1e-6  # root mean square displacement of small motions, in sides of the shell: strains stay linear, and exact

@@ -21,16 +21,17 @@ from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.field import Features, Field
+from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.sampled import Combined
-from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, features_of
+from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.weights import (
     Header,
     network_tensors,
+    read,
     rounded_network,
     rounded_tensors,
     short_enough,
@@ -73,7 +74,7 @@ class Course:
         return total
 
 
-def quintic(s: float, order: int = 0) -> Array:
+def quintic(s: float, order: int) -> Array:
     """Return the weights (6,) of value, slope and second derivative at 0 and 1 in quintic Hermite interpolation."""
     powers = np.zeros((3, 6))  # rows: conditions at 1; the first three coefficients are those at 0
     for row in range(3):
@@ -290,3 +291,22 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
         parameters=header.parameters,
         **header.course(),
     )
+
+
+def load_solution(
+    path: Path, solver: str, ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz
+) -> NdfSolution | PathSolution | MotionSolution:
+    """Read a field at rest, on a path or in motion; `ansatz_of` builds the supports in as the recipe does.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if the file is not a whole and consistent solution of this solver.
+    """
+    header, tensors = read(path, solver)
+    if header.moving:
+        return read_motion(path, header, tensors)
+    states = read_states(path, header, tensors, ansatz_of)
+    if not header.states:
+        return replace(states[0], **header.course())
+    return PathSolution(marks=tuple(s.mark for s in header.states), states=states, **header.course())

@@ -33,16 +33,14 @@ from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, focal_points
-from shellbench.solvers.ndf.certificate import certify, rigid_part
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, focal_points, resolution
 from shellbench.solvers.ndf.checkpoint import Checkpoint, is_checkpoint, read_checkpoint
 from shellbench.solvers.ndf.declines import why_declined
-from shellbench.solvers.ndf.energy import concentrated
+from shellbench.solvers.ndf.energy import certify, concentrated, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Field
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.path_solution import load_solution
+from shellbench.solvers.ndf.motion_solution import load_solution
 from shellbench.solvers.ndf.published_motion import MotionTraining, load_motion, why_no_motion
 from shellbench.solvers.ndf.published_motion_solution import is_motion
 from shellbench.solvers.ndf.published_network import (
@@ -65,9 +63,8 @@ from shellbench.solvers.ndf.published_training import (
     why_collapsed,
 )
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.resolution import resolution
 from shellbench.solvers.ndf.solution import NdfSolution
-from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.supports import check_balance, point_supports
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature
 RIGID_RULE = RuleSpec((4, 4), 4)  # for the mean rigid motion
@@ -212,13 +209,8 @@ class _Training:
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
         """Return the displacement field of a network, without its mean rigid motion."""
         network, output = siren.absorbed(self.scale, self.sampler.modulus_factor)
-        network = replace(
-            network,
-            weights=tuple(w.to(dtype) for w in network.weights),
-            biases=tuple(b.to(dtype) for b in network.biases),
-        )
         placement = self.sampler.placement._replace(dtype=dtype)
-        features = build_features(self.case, self.spec, network, placement, self.inputs)
+        features = build_features(self.case, self.spec, network.to(dtype), placement, self.inputs)
         field = Field(self.ansatz, features, output.to(dtype), output.new_zeros(6, dtype=dtype))
         return field.less_rigid(
             rigid_part(field, area_rule(self.case.surface.domain, focal_points(self.case), RIGID_RULE))
@@ -238,12 +230,7 @@ class _Training:
         if not isinstance(solution, NdfSolution) or solution.solver != PublishedSolver.name:
             return None
         place = self.siren.tensors[0]
-        network = solution.field.features.network
-        moved = replace(
-            network,
-            weights=tuple(w.to(place) for w in network.weights),
-            biases=tuple(b.to(place) for b in network.biases),
-        )
+        moved = solution.field.features.network.to(place)
         output = solution.field.output.to(place)
         return Siren.released(moved, output, self.settings.omega0, self.scale, self.sampler.modulus_factor)
 

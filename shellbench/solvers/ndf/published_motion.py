@@ -52,15 +52,14 @@ from shellbench.problems.shell.quantities import (
 from shellbench.solvers.ndf.checkpoint import Checkpoint
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.loads import force_density
 from shellbench.solvers.ndf.published_motion_field import DT, Ansatz, MotionField, moving
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
 from shellbench.solvers.ndf.published_solver import PublishedSettings, training_key
 from shellbench.solvers.ndf.published_training import stratified_samples, why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, gradient_map
-from shellbench.solvers.ndf.undeformed import Undeformed
+from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradient_map
+from shellbench.solvers.ndf.supports import force_density
 
 OF_TIMES = 1 << 64  # apart from the counters of the points: no iteration reaches it
 

@@ -20,12 +20,11 @@ from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import SavedPeriodicInput
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import Array
-from shellbench.solvers.ndf.loads import force_density
 from shellbench.solvers.ndf.published_motion_field import MotionField
 from shellbench.solvers.ndf.published_network import Siren
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.solution import FieldSolution
-from shellbench.solvers.ndf.undeformed import Undeformed, stresses
+from shellbench.solvers.ndf.solution import FieldSolution, one_of_fields, strained
+from shellbench.solvers.ndf.supports import force_density
 from shellbench.solvers.ndf.weights import (
     CaseHeader,
     check_like_numbers,
@@ -152,18 +151,13 @@ class TrainedMotion(FieldSolution):
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
-        t, part = self._time(at), slice(0, 3) if name.startswith("membrane") else slice(3, 6)
+        t = self._time(at)
 
-        def strain(xi: Array) -> Tensor:
-            surface = Undeformed.at_points(self.case.surface, xi, self.field.placement)
-            gradients = surface.gradients(self.field.planes(xi, t)[:6])
-            strains = surface.strained(self.strain, gradients).strains
-            if name.endswith("strain"):
-                return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
-            work = strains * stresses(surface.elasticity(self.case.material), strains)
-            return 0.5 * work[:, part].sum(-1)
+        def asked(xi: Array) -> Tensor:
+            jet = self.field.planes(xi, t)[:6]
+            return one_of_fields(name, *strained(self.case, xi, self.field.placement, jet, self.strain))
 
-        return self.in_portions(xi, strain, QUERY)
+        return self.in_portions(xi, asked, QUERY)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -225,5 +219,4 @@ class TrainedMotion(FieldSolution):
     def _rule(self) -> tuple[Array, Array]:
         """Return points (N, 2) and weights (N,), m^2, that integrate over the midsurface."""
         rule = area_rule(self.case.surface.domain, np.zeros((0, 2)), FINE)
-        x = self.case.surface.derivatives(rule.points, 1)
-        return rule.points, np.asarray(rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1))
+        return rule.points, rule.areas(self.case.surface)

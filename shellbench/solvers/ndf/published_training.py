@@ -32,9 +32,9 @@ from shellbench.solvers.ndf.energy import Concentrated, concentrated, surface_ar
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.loads import concentrated_forces, force_density
 from shellbench.solvers.ndf.published_network import InputScale, Siren
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
+from shellbench.solvers.ndf.supports import concentrated_forces, force_density
 
 RECORD = 25  # iterations between two entries of the history
 STRETCH = 10  # entries of the history whose mean is an energy that a training had: 400 random samples are noisy
@@ -368,8 +368,7 @@ def usual_modulus_factor(ansatz: Ansatz) -> float:
     case = ansatz.case
     spec = RuleSpec((6, 6), 6)
     rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
-    x = case.surface.derivatives(rule.points, 1)
-    area = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+    area = rule.areas(case.surface)
     density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
     _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
     load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())

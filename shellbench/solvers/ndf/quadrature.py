@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.surface import Domain
+from shellbench.problems.shell.surface import Domain, Surface
 from shellbench.solvers.ndf.jets import Array
 
 CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
@@ -26,6 +26,11 @@ class Rule:
 
     points: Array
     weights: Array
+
+    def areas(self, surface: Surface) -> Array:
+        """Return the areas (N,), m^2, of a surface that points of a rule on the rectangle stand for."""
+        x = surface.derivatives(self.points, 1)
+        return np.asarray(self.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1))
 
 
 @dataclass(frozen=True)

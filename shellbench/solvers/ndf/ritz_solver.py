@@ -23,8 +23,7 @@ from shellbench.solvers.ndf.choices import (
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution
-    from shellbench.solvers.ndf.path_solution import PathSolution
-    from shellbench.solvers.ndf.solution import NdfSolution
+    from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 
 
 class RitzSettings(SeededSettings):
@@ -68,7 +67,7 @@ class RitzSolver(ShellSolver):
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.path_solution import load_solution
+        from shellbench.solvers.ndf.motion_solution import load_solution
 
         return load_solution(path, self.name)
 

@@ -21,8 +21,7 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Whole
-from shellbench.solvers.ndf.certificate import Certified, Polynomial
-from shellbench.solvers.ndf.energy import NormalEquations, surface_area
+from shellbench.solvers.ndf.energy import Certified, NormalEquations, Polynomial, surface_area
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.geometry import contravariant_basis_jet
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant

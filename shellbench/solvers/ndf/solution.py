@@ -1,4 +1,7 @@
-"""The solution of every neural recipe: a continuous field that can be asked anywhere, and kept in one file."""
+"""The solution of every neural recipe: a continuous field that can be asked anywhere, and kept in one file.
+
+Along a path it is one field at each mark that a case keeps, all of the same features.
+"""
 
 from __future__ import annotations
 
@@ -14,14 +17,15 @@ from torch import Tensor
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolution
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points
+from shellbench.problems.shell.solution import ShellSolution, state_number
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
+from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
+from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
 from shellbench.solvers.ndf.supports import point_supports
-from shellbench.solvers.ndf.undeformed import Undeformed, stresses
 from shellbench.solvers.ndf.weights import (
     Header,
     StateHeader,
@@ -57,6 +61,21 @@ class FieldSolution(ShellSolution):
         with torch.no_grad():
             parts = [function(flat[k : k + at_once]).cpu().numpy() for k in range(0, max(len(flat), 1), at_once)]
         return np.concatenate(parts).astype(float)
+
+
+def strained(case: Case, xi: Array, placement: Placement, jet: Tensor, measure: StrainName) -> tuple[Tensor, Tensor]:
+    """Return membrane and bending strains (N, 6) of a displacement jet at points (N, 2), and their energy densities."""
+    surface = Undeformed.at_points(case.surface, xi, placement)
+    strains = surface.strained(measure, surface.gradients(jet)).strains
+    return strains, 0.5 * strains * stresses(surface.elasticity(case.material), strains)
+
+
+def one_of_fields(name: str, strains: Tensor, densities: Tensor) -> Tensor:
+    """Return what `evaluate` gives: covariant strains (N, 3), or an energy density (N,)."""
+    part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
+    if name.endswith("strain"):
+        return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
+    return densities[:, part].sum(-1)
 
 
 @dataclass(frozen=True)
@@ -96,21 +115,12 @@ class NdfSolution(FieldSolution):
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
-        part = slice(0, 3) if name.startswith("membrane") else slice(3, 6)
-
-        def asked(xi: Array) -> Tensor:
-            strains, densities = self._strained(xi)
-            if name.endswith("strain"):
-                return strains[:, part] * strains.new_tensor([1.0, 1.0, 0.5])
-            return densities[:, part].sum(-1)
-
-        return self.in_portions(xi, asked, JETS)
+        return self.in_portions(xi, lambda part: one_of_fields(name, *self._strained(part)), JETS)
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
-        surface = Undeformed.at_points(self.case.surface, xi, self.field.features.placement)
-        strains = surface.strained(self.spec.strain, surface.gradients(self.field.jet(xi))).strains
-        return strains, 0.5 * strains * stresses(surface.elasticity(self.case.material), strains)
+        placement = self.field.features.placement
+        return strained(self.case, xi, placement, self.field.jet(xi), self.spec.strain)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -119,9 +129,7 @@ class NdfSolution(FieldSolution):
     @cached_property
     def _integrated(self) -> tuple[float, float]:
         rule = area_rule(self.case.surface.domain, graded_points(self.case, self.spec), self.rule)
-        x = self.case.surface.derivatives(rule.points, 1)
-        weights = rule.weights * np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
-        parts = weights @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
+        parts = rule.areas(self.case.surface) @ self.in_portions(rule.points, lambda xi: self._strained(xi)[1], JETS)
         return float(parts[:3].sum()), float(parts[3:].sum())
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
@@ -215,7 +223,7 @@ def read_states(
     path: Path,
     header: Header,
     tensors: Mapping[str, Tensor],
-    ansatz_of: Callable[[Case, FieldSpec], Ansatz] = build_ansatz,
+    ansatz_of: Callable[[Case, FieldSpec], Ansatz],
 ) -> tuple[NdfSolution, ...]:
     """Return the field that a file holds, or those of all states of a path, without how they came about.
 
@@ -260,3 +268,80 @@ def read_states(
             )
         )
     return tuple(solutions)
+
+
+@dataclass(frozen=True)
+class PathSolution(FieldSolution):
+    """Fields at increasing marks; see `shellbench.problem.Solution` for the protocol.
+
+    Attributes
+    ----------
+    marks
+        Load factors, or values of the path's displacement quantity.
+    states
+        The field at each of them; its `spec.t` is the load factor.
+    """
+
+    marks: tuple[float, ...]
+    states: tuple[NdfSolution, ...]
+
+    @property
+    def case(self) -> Case:
+        """The case it answers."""
+        return self.states[-1].case
+
+    @property
+    def parameters(self) -> int:
+        """Number of output weights that were solved for at each state, and of those that were trained."""
+        return self.states[-1].parameters
+
+    def state(self, at: float | None) -> NdfSolution:
+        """Return the state at a mark, the last one if None; InputError if the case was not solved at it."""
+        return self.states[state_number(self.case, self.marks, at)]
+
+    def displacement_at(self, xi: Array, at: float | None) -> Array:
+        """Return the displacement (N, 3) at points (N, 2)."""
+        return self.state(at).displacement_at(xi, None)
+
+    def field_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
+        return self.state(at).field_at(name, xi, None)
+
+    def energies(self, at: float | None = None) -> tuple[float, float]:
+        """Return the membrane and the bending part of the strain energy of the whole shell, J."""
+        return self.state(at).energies()
+
+    def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
+        """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
+        return self.state(at).reaction_at(number, centre, None)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Return the tensors of the features, which all states share, and those of all states."""
+        return {
+            **self.states[-1].tensors(),
+            "output": torch.stack([s.field.output for s in self.states]),
+            "rigid": torch.stack([s.field.rigid for s in self.states]),
+        }
+
+    def rounded(self, format: NumberFormat) -> tuple[PathSolution, int]:
+        """Return the path with all weights rounded to a format, and the bytes it takes; see `NdfSolution.rounded`."""
+        if all(short_enough(state.tensors().values(), format) for state in self.states):
+            return self, self.storage_bytes
+        last, bytes_taken = self.states[-1].rounded(format)
+        states = [last]
+        for state in self.states[-2::-1]:
+            before, more = state.on_rounded(last.field.features, format)
+            states.insert(0, before)
+            bytes_taken += more
+        return replace(self, states=tuple(states)), bytes_taken
+
+    def save(self, path: Path) -> Path:
+        """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
+        headers = tuple(
+            StateHeader(
+                mark=mark, t=s.spec.t, membrane=s.membrane, bending=s.bending, point_forces=tuple(s.point_forces)
+            )
+            for mark, s in zip(self.marks, self.states, strict=True)
+        )
+        header = self.states[-1].header.model_copy(update={**self.facts(), "states": headers})
+        return write(path, header, self.tensors())

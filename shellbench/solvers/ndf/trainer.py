@@ -26,27 +26,20 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.problems.shell.measure import measure
-from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf import large_displacement, motion
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
-from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
+from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
 from shellbench.solvers.ndf.choices import StrainName
-from shellbench.solvers.ndf.energy import concentrated
-from shellbench.solvers.ndf.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
+from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
 from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
-from shellbench.solvers.ndf.loads import check_balance
-from shellbench.solvers.ndf.mass import scales
-from shellbench.solvers.ndf.motion_solution import MotionSolution
-from shellbench.solvers.ndf.network import Network, deep_random_features
-from shellbench.solvers.ndf.path_solution import PathSolution, load_solution
+from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.resolution import rung, rung_count
-from shellbench.solvers.ndf.ritz import strain_of
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.ritz import displacement_values, strain_of
+from shellbench.solvers.ndf.sampled import scales
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
-from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.supports import check_balance, point_supports
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
@@ -250,7 +243,6 @@ class _Run:
 
     def _report(self, iteration: int, state: Trained) -> None:
         solution = self._solution(state, 1.0)
-        quantities = [q for q in self.case.quantities if isinstance(q, DisplacementQuantity)]
         step = Step(
             iteration=iteration,
             seconds=time.perf_counter() - self.begin,
@@ -258,7 +250,7 @@ class _Run:
             unknowns=solution.parameters,
             at=self.spec.t,
             gap=state.gap,
-            quantities={q.name: measure(solution, q) for q in quantities},
+            quantities=displacement_values(solution),
         )
         self.history.append(step)
         self.last = replace(solution, history=tuple(self.history))
@@ -314,10 +306,6 @@ class _Run:
                 "fine_quadrature_points": len(rule.points),
             },
         )
-        if not gap <= self.settings.largest_gap:  # also where it is not a number
-            raise SolveFailure(
-                f"the field exploits its quadrature: its energy on the finest one differs by {gap:.2g},"
-                f" more than the {self.settings.largest_gap:g} allowed; use smaller widths",
-                solution,
-            )
+        if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
+            raise SolveFailure(f"{reason}; use smaller widths", solution)
         return solution

@@ -15,8 +15,7 @@ from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInpu
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution
-    from shellbench.solvers.ndf.path_solution import PathSolution
-    from shellbench.solvers.ndf.solution import NdfSolution
+    from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 
 LAYER = 2.2  # l of stretched inputs in sqrt(h R): between 2 and 2.5 the certified energy of pinched cylinders is flat
 MULTIPLIERS = 4  # singular features a point force; more gained under a tenth of the remaining error
@@ -65,7 +64,7 @@ class NdfSolver(ShellSolver):
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""
-        from shellbench.solvers.ndf.path_solution import load_solution
+        from shellbench.solvers.ndf.motion_solution import load_solution
 
         return load_solution(path, self.name)
 

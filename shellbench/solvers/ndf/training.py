@@ -17,15 +17,22 @@ from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, focal_points, is_flat
 from shellbench.solvers.ndf.energy import concentrated
-from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.gauss_newton import Quadratic, flatten, quadratic_model, unflatten
+from shellbench.solvers.ndf.field import Ansatz, Features, Network, deep_random_features, random_features
+from shellbench.solvers.ndf.gauss_newton import (
+    Energy,
+    Quadratic,
+    Sample,
+    Tips,
+    energy_on,
+    flatten,
+    normal_equations_on,
+    quadratic_model,
+    unflatten,
+)
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.network import Network, deep_random_features, random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.resolution import is_flat
-from shellbench.solvers.ndf.sample import Energy, Sample, Tips, energy_on, normal_equations_on
 from shellbench.solvers.ndf.solve import solve_output
 
 # Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with

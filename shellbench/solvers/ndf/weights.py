@@ -26,8 +26,8 @@ from shellbench.problem import NumberFormat, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import shortened
 from shellbench.solvers.ndf.build import FieldSpec
+from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.jets import activation
-from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 
@@ -92,7 +92,7 @@ HEADER = "shellbench"
 
 
 class StateHeader(Model):
-    """What a file says of one state of a path; see `shellbench.solvers.ndf.path_solution.PathSolution`."""
+    """What a file says of one state of a path; see `shellbench.solvers.ndf.solution.PathSolution`."""
 
     mark: Finite
     t: Finite

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from shellbench.solvers.cst.elastic import Elastic, Pattern
-from shellbench.solvers.cst.hinges import fold, fold_gradient, fold_hessian
+from shellbench.solvers.cst.elements import fold, fold_gradient, fold_hessian
 from shellbench.solvers.cst.mesh import TriangleMesh
 from tests.solvers.cst.shells import CLOTH, UNIT, cloth, cylinder, plate
 

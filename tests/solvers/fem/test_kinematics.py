@@ -1,11 +1,24 @@
-"""Strains: against rigid motions, and against the exact strains of the deformed surface."""
+"""Strains: against rigid motions, and against the exact strains of the deformed surface.
+
+Exact strains of a deformed midsurface: rigid rotations, the deformed surface's own forms, both variations.
+"""
 
 import numpy as np
 import pytest
+import torch
 
-from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.case import rotation_matrix
+from shellbench.problems.shell.conditions import Material, Rotation
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, elasticity, strain_operator, stress_root_operator
+from shellbench.solvers.fem.kinematics import (
+    DERIVATIVES,
+    Deformation,
+    Midsurface,
+    cross_matrix,
+    elasticity,
+    strain_operator,
+    stress_root_operator,
+)
 from tests.solvers.fem.shells import SURFACES, PolynomialField, shell, surface_points
 
 PAIRS = ((0, 0), (1, 1), (0, 1))
@@ -91,3 +104,183 @@ def test_energy_density_does_not_depend_on_the_coordinates():
         densities.append(np.stack([np.sum(rooted[:, :3] ** 2, axis=1), np.sum(rooted[:, 3:] ** 2, axis=1)]) / 2)
     assert densities[0].min() > 0
     assert np.allclose(densities[0], densities[1], rtol=1e-11)
+
+
+AXES = [(0, 0, 1), (1, 0, 0), (1, 2, 3), (-0.3, 0.9, 0.1)]
+ANGLES = [1e-6, 10, 90, 180, 271, 360]  # degrees
+
+
+def at_points(name, count=20, seed=1):
+    """Return a surface's position (and derivatives) at some points, and the reference midsurface there."""
+    surface = shell(name).surface
+    points = surface_points(surface, count, seed)
+    x = surface.derivatives(points, 2)
+    return surface, points, x, Midsurface.at(x)
+
+
+def gradients_of(u):
+    return np.stack([u[d] for d in DERIVATIVES], axis=1)
+
+
+def deformed(name, size=0.1, seed=2):
+    """Return a deformation by a random polynomial, and the position's derivatives before and after."""
+    surface, points, x, reference = at_points(name)
+    u = PolynomialField(surface, seed=seed, size=size).derivatives(points)
+    return Deformation.from_gradients(reference, gradients_of(u)), x, {key: x[key] + u[key] for key in x}
+
+
+def random_step(deformation, seed=3):
+    return np.random.default_rng(seed).normal(size=deformation.gradients.shape)
+
+
+def torch_strains(x, gradients):
+    """Return the strains (6,) at one point from the fundamental forms, nothing rearranged, for differentiation."""
+    base, second = torch.as_tensor(x[:2]), torch.as_tensor(x[2:])
+
+    def of(base, second):
+        normal = torch.linalg.cross(base[0], base[1])
+        normal = normal / torch.linalg.norm(normal)
+        return torch.stack([base[a] @ base[b] for a, b in PAIRS]), second @ normal
+
+    metric, curvature = of(base, second)
+    after = gradients.reshape(5, 3)
+    deformed_metric, deformed_curvature = of(base + after[:2], second + after[2:])
+    return torch.cat([(deformed_metric - metric) / 2, curvature - deformed_curvature])
+
+
+def differentiated(deformation, x):
+    """Return value (n, 6), first (n, 6, 15) and second derivative (n, 6, 15, 15) of the strains by torch."""
+    rows = np.concatenate([gradients_of(x)], axis=0)
+    values, firsts, seconds = [], [], []
+    for geometry, gradients in zip(rows, deformation.gradients, strict=True):
+
+        def strains(g, geometry=geometry):
+            return torch_strains(geometry, g)
+
+        at = torch.as_tensor(gradients.ravel())
+        values.append(strains(at))
+        firsts.append(torch.func.jacrev(strains)(at))
+        seconds.append(torch.func.jacfwd(torch.func.jacrev(strains))(at))
+    return (torch.stack(v).numpy() for v in (values, firsts, seconds))
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("name", SURFACES)
+def test_rigid_rotations_strain_nothing(name, axis, angle):
+    _, _, x, reference = at_points(name)
+    turn = rotation_matrix(Rotation(kind="rotation", axis=axis, angle=angle), angle, linear=False) - np.eye(3)
+    deformation = Deformation.from_gradients(reference, gradients_of({key: d @ turn.T for key, d in x.items()}))
+    strains = deformation.strains
+    metric, _ = forms(x)
+    lengths = np.sqrt(metric[:, :2])
+    products = np.stack([lengths[:, a] * lengths[:, b] for a, b in PAIRS], axis=-1)
+    second = np.linalg.norm(reference.second, axis=-1)
+    assert np.all(np.abs(strains[:, :3]) <= 1e-14 * products)
+    assert np.all(np.abs(strains[:, 3:]) <= 1e-14 * second.max() + 1e-300)
+    assert second.max() > 0 or name == "plane"
+    # the normal is carried along
+    assert np.allclose(deformation.rise, reference.normal @ turn.T, atol=1e-14)
+    assert np.allclose(deformation.current.normal, reference.normal @ (turn + np.eye(3)).T, atol=1e-14)
+
+
+@pytest.mark.parametrize("size", [0.02, 0.4])
+@pytest.mark.parametrize("name", SURFACES)
+def test_strains_are_the_difference_of_the_fundamental_forms(name, size):
+    deformation, before, after = deformed(name, size)
+    (metric, curvature), (deformed_metric, deformed_curvature) = forms(before), forms(after)
+    expected = np.concatenate([(deformed_metric - metric) / 2, curvature - deformed_curvature], axis=-1)
+    assert np.abs(expected).max() > size  # a large deformation
+    scale = np.abs(np.concatenate([deformed_metric, deformed_curvature])).max()
+    assert np.allclose(deformation.strains, expected, rtol=0, atol=1e-14 * scale)
+    current = deformation.current
+    assert np.allclose(current.normal, Midsurface.at(after).normal, rtol=0, atol=1e-14)
+    assert np.allclose(current.area, Midsurface.at(after).area, rtol=1e-13)
+    assert np.allclose(deformation.rise, current.normal - Midsurface.at(before).normal, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_small_strains_lose_no_digits(name):
+    """At a displacement of 1e-9 the strains are the linear ones to 1e-7, where the forms' difference has no digit."""
+    surface, points, x, reference = at_points(name)
+    amplitude = 1e-9
+    u = {key: amplitude * d for key, d in PolynomialField(surface, seed=2, size=1.0).derivatives(points).items()}
+    linear = np.einsum("psct,pct->ps", strain_operator(reference), np.stack([u[d] for d in DERIVATIVES], axis=2))
+    strains = Deformation.from_gradients(reference, gradients_of(u)).strains
+    scale = np.abs(linear).max(axis=0)
+    assert np.all(np.abs(strains - linear).max(axis=0) <= 1e-7 * scale)
+
+    (metric, curvature), (after_metric, after_curvature) = forms(x), forms({key: x[key] + u[key] for key in x})
+    naive = np.concatenate([(after_metric - metric) / 2, curvature - after_curvature], axis=-1)
+    if name != "plane":  # whose curvature is zero: nothing large is subtracted there
+        assert np.abs(naive - linear)[:, 3:].max() > 1e-8 * scale[3:].max()  # the test can tell
+
+
+def test_quadratic_part_of_the_membrane_strain_survives_at_small_displacements():
+    """A plate that is tilted by w = a x stretches by a^2 / 2, also where a^2 is below the rounding of 1."""
+    _, _, _, reference = at_points("plane")
+    for slope in (1e-3, 1e-9, 1e-12):
+        gradients = np.zeros((len(reference.area), 5, 3))
+        gradients[:, 0, 2] = slope
+        strains = Deformation.from_gradients(reference, gradients).strains
+        assert np.allclose(strains[:, 0], slope**2 / 2, rtol=1e-14, atol=0)
+        assert not strains[:, 1:].any()
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_both_variations_by_automatic_differentiation(name):
+    deformation, x, _ = deformed(name, size=0.3)
+    values, firsts, seconds = differentiated(deformation, x)
+    assert np.allclose(deformation.strains, values, rtol=0, atol=1e-13 * np.abs(values).max())
+    assert np.allclose(deformation.operator, firsts, rtol=0, atol=1e-13 * np.abs(firsts).max())
+    resultants = np.random.default_rng(4).normal(size=(len(values), 6))
+    expected = np.einsum("ns,nsij->nij", resultants, seconds)
+    found = deformation.second_variation(resultants)
+    assert np.abs(expected).max() > 0.1
+    assert np.allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    assert np.allclose(found, np.swapaxes(found, 1, 2), rtol=0, atol=1e-15 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_both_variations_by_differences(name):
+    deformation, _, _ = deformed(name, size=0.3)
+    step, h = random_step(deformation), 1e-4
+    resultants = np.random.default_rng(4).normal(size=(len(step), 6))
+
+    def moved(factor):
+        return Deformation.from_gradients(deformation.reference, deformation.gradients + factor * h * step)
+
+    def difference(of):
+        return (8 * (of(moved(1)) - of(moved(-1))) - (of(moved(2)) - of(moved(-2)))) / (12 * h)
+
+    flat = step.reshape(len(step), -1)
+    first = np.einsum("nsi,ni->ns", deformation.operator, flat)
+    assert np.allclose(first, difference(lambda d: d.strains), rtol=0, atol=1e-8 * np.abs(first).max())
+    second = np.einsum("nij,nj->ni", deformation.second_variation(resultants), flat)
+    expected = difference(lambda d: np.einsum("ns,nsi->ni", resultants, d.operator))
+    assert np.allclose(second, expected, rtol=0, atol=1e-8 * np.abs(second).max())
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_the_turning_of_the_normal_by_differences(name):
+    deformation, _, _ = deformed(name, size=0.3)
+    step, h = random_step(deformation), 1e-4
+    vectors = np.random.default_rng(5).normal(size=(len(step), 3))
+    first = np.zeros_like(step)
+    first[:, :2] = step[:, :2]
+
+    def normals(factor):
+        return Deformation.from_gradients(deformation.reference, deformation.gradients + factor * h * first).rise
+
+    flat = first[:, :2].reshape(len(step), 6)
+    slope = (8 * (normals(1) - normals(-1)) - (normals(2) - normals(-2))) / (12 * h)
+    assert np.allclose(np.einsum("nci,ni->nc", deformation.turning, flat), slope, atol=1e-8 * np.abs(slope).max())
+    bend = (16 * (normals(1) + normals(-1)) - (normals(2) + normals(-2)) - 30 * normals(0)) / (12 * h**2)
+    expected = np.sum(vectors * bend, axis=-1)
+    found = np.einsum("ni,nij,nj->n", flat, deformation.second_turning(vectors), flat)
+    assert np.allclose(found, expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_the_cross_matrix_is_the_cross_product():
+    v, w = np.random.default_rng(0).normal(size=(2, 7, 3))
+    assert np.allclose((cross_matrix(v) @ w[..., None])[..., 0], np.cross(v, w), rtol=0, atol=1e-15)

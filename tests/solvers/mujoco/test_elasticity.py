@@ -7,10 +7,9 @@ pytest.importorskip("mujoco", reason="needs the extra mujoco")
 
 import mujoco
 
-from shellbench.solvers.mujoco.cloth import Cloth
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.grid import Grid, Loading
+from shellbench.solvers.mujoco.solving import Cloth
 from tests.solvers.mujoco.cloths import CLOTH, cloth
 
 E, NU, H = CLOTH["youngs_modulus"], CLOTH["poissons_ratio"], CLOTH["thickness"]

@@ -7,8 +7,7 @@ pytest.importorskip("mujoco", reason="needs the extra mujoco")
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
 from shellbench.solvers.mujoco.solving import Pace, highest_frequency
 from tests.solvers.mujoco.cloths import cloth

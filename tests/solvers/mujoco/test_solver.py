@@ -12,8 +12,7 @@ from pydantic import ValidationError
 from shellbench.errors import InputError
 from shellbench.problems.shell.measure import kinetic_energy, total_energy
 from shellbench.solvers.mujoco.elasticity import Elasticity
-from shellbench.solvers.mujoco.grid import Grid
-from shellbench.solvers.mujoco.loading import Loading
+from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
 from shellbench.solvers.mujoco.solving import usual_step
 from tests.alike import alike

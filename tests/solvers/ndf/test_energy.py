@@ -7,13 +7,19 @@ import pytest
 import torch
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.ndf.certificate import certify, energy_gap, rigid_part
-from shellbench.solvers.ndf.energy import NormalEquations, concentrated, normal_equations
+from shellbench.solvers.ndf.energy import (
+    NormalEquations,
+    certify,
+    concentrated,
+    energy_gap,
+    normal_equations,
+    rigid_part,
+)
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.loads import check_balance, concentrated_forces, force_density
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.solve import point_constraints, potential_energy, solve_nested, solve_output
+from shellbench.solvers.ndf.supports import check_balance, concentrated_forces, force_density
 from tests.solvers.ndf.shells import FREE, shell, support
 from tests.solvers.ndf.test_factors import CASES, random_field
 

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import torch
 
-from shellbench.solvers.ndf.inputs import Inputs
+from shellbench.solvers.ndf.build import resolution, rung, rung_count, side_lengths
+from shellbench.solvers.ndf.field import FixedFeatures
+from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.jets import D1, Placement
-from shellbench.solvers.ndf.lengths import edge_layers, foci
-from shellbench.solvers.ndf.resolution import resolution, rung, rung_count, side_lengths
-from shellbench.solvers.ndf.singular import FixedFeatures
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports
 from tests.solvers.ndf.shells import FREE, differences, inner_points, shell, support
 

@@ -15,18 +15,17 @@ from shellbench.bench.catalog import named_case
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.solution import EXPONENT_BYTES
 from shellbench.solvers.ndf.motion_solution import MotionSolution
-from shellbench.solvers.ndf.path_solution import PathSolution
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.weights import rounded_tensors
 from tests.solvers.ndf import trainings
 from tests.solvers.ndf.shells import inner_points
 from tests.solvers.ndf.test_motion import PIN, moving
 from tests.solvers.ndf.test_motion import solve as solve_motion
-from tests.solvers.ndf.test_path_solution import solve as solve_path
-from tests.solvers.ndf.test_path_solution import strip
 from tests.solvers.ndf.test_published_motion import MOVED, few
+from tests.solvers.ndf.test_solution import solve as solve_path
+from tests.solvers.ndf.test_solution import strip
 
 UNIT = {"float32": 2.0**-24, "float16": 2.0**-11}  # unit roundoff (IEEE 754-2008)
 SUBNORMAL = (

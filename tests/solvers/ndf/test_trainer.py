@@ -13,9 +13,9 @@ from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.ndf import training
 from shellbench.solvers.ndf.build import FieldSpec
+from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.gauss_newton import energy_gradient, flatten, forward, jacobian, quadratic_model, unflatten
 from shellbench.solvers.ndf.jets import Placement
-from shellbench.solvers.ndf.network import Network
 from shellbench.solvers.ndf.solve import point_constraints
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import Plan, TrainingProblem, first_state, train

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.energy import mirrored
+from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement, from_derivatives
-from shellbench.solvers.ndf.moments import edge_moments
-from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import RuleSpec
+from shellbench.solvers.ndf.reaction import edge_moments
 from tests.solvers.ndf.shells import shell, support
 
 PLACEMENT = Placement()

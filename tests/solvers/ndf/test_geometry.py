@@ -5,9 +5,16 @@ import pytest
 import torch
 
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.ndf.geometry import contravariant_basis_jet, geometry, normal_jet
+from shellbench.solvers.ndf.geometry import (
+    apply_rows,
+    contravariant_basis_jet,
+    energy_rows,
+    geometry,
+    normal_jet,
+    strain_rows,
+    through_matrix,
+)
 from shellbench.solvers.ndf.jets import D1, D2, Placement, from_derivatives, matrix_product
-from shellbench.solvers.ndf.strain import apply_rows, energy_rows, strain_rows, through_matrix
 from tests.solvers.ndf.shells import SURFACES, differences, inner_points, shell
 
 PLACEMENT = Placement()

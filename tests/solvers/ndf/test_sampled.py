@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement
-from shellbench.solvers.ndf.mass import degrees, finer, rule_of, scales, smooth, widest
 from shellbench.solvers.ndf.motion_problem import Motion
-from shellbench.solvers.ndf.network import random_features
 from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.sampled import degrees, finer, rule_of, scales, smooth, widest
 from tests.solvers.ndf.shells import shell, support
 
 RHO = 2.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.solvers.fem import linear_solve
+from shellbench.solvers.fem import equilibrium
 from tests.solvers.fem.test_dissection import random_matrix
 
 
@@ -20,7 +20,7 @@ def test_all_methods_solve(method):
     if method == "pardiso":
         pytest.importorskip("pypardiso")
     matrix, right, mesh = problem()
-    answer = linear_solve.solve(matrix, right, mesh, method)
+    answer = equilibrium.solve_reduced(matrix, right, mesh, method)
     assert np.allclose(matrix @ answer.unknowns, right, atol=1e-12)
     assert answer.residual < 1e-13
 
@@ -30,26 +30,26 @@ def test_a_singular_matrix_is_said_to_be_one(method):
     matrix, right, mesh = problem()
     matrix.blocks[...] = 0.0
     with pytest.raises(SolveFailure, match="singular to working precision") as failure:
-        linear_solve.solve(matrix, right, mesh, method)
+        equilibrium.solve_reduced(matrix, right, mesh, method)
     assert "\n" not in str(failure.value)
 
 
 def test_a_bad_residual_is_a_failure(monkeypatch):
     matrix, right, mesh = problem()
-    wrong = {**linear_solve._FACTORISATIONS, "auto": lambda *_: lambda f: 0.5 * f}
-    monkeypatch.setattr(linear_solve, "_FACTORISATIONS", wrong)
+    wrong = {**equilibrium._FACTORISATIONS, "auto": lambda *_: lambda f: 0.5 * f}
+    monkeypatch.setattr(equilibrium, "_FACTORISATIONS", wrong)
     with pytest.raises(SolveFailure, match="relative residual"):
-        linear_solve.solve(matrix, right, mesh, "auto")
+        equilibrium.solve_reduced(matrix, right, mesh, "auto")
 
 
 def test_memory_that_does_not_suffice_is_said_in_one_sentence(monkeypatch):
     def exhausted(*_):
         raise MemoryError
 
-    monkeypatch.setattr(linear_solve, "_FACTORISATIONS", {"superlu": exhausted})
+    monkeypatch.setattr(equilibrium, "_FACTORISATIONS", {"superlu": exhausted})
     matrix, right, mesh = problem()
     with pytest.raises(SolveFailure, match="does not fit into memory"):
-        linear_solve.solve(matrix, right, mesh, "superlu")
+        equilibrium.solve_reduced(matrix, right, mesh, "superlu")
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
@@ -57,15 +57,15 @@ def test_what_is_not_finite_is_refused(bad):
     matrix, right, mesh = problem()
     right[3, 1] = bad
     with pytest.raises(SolveFailure, match="not finite"):
-        linear_solve.solve(matrix, right, mesh, "auto")
+        equilibrium.solve_reduced(matrix, right, mesh, "auto")
     matrix, right, mesh = problem()
     matrix.blocks[3, 4] = bad
     with pytest.raises(SolveFailure, match="not finite"):
-        linear_solve.solve(matrix, right, mesh, "auto")
+        equilibrium.solve_reduced(matrix, right, mesh, "auto")
 
 
 def test_pardiso_is_asked_for_in_vain_where_it_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "pypardiso", None)
     matrix, right, mesh = problem()
     with pytest.raises(InputError, match="not installed"):
-        linear_solve.solve(matrix, right, mesh, "pardiso")
+        equilibrium.solve_reduced(matrix, right, mesh, "pardiso")
