@@ -133,7 +133,9 @@ def about_the_origin(patch):
 def frozen_loads(patch):
     """Take loads as they are at t = 0 at all times."""
     original = fem_loads.Loading._density
-    patch.setattr(fem_loads.Loading, "_density", lambda self, loads, x, surface, t: original(self, loads, x, surface, 0.0))
+    patch.setattr(
+        fem_loads.Loading, "_density", lambda self, loads, x, surface, t: original(self, loads, x, surface, 0.0)
+    )
 
 
 def only_the_first_point(patch):
