@@ -77,13 +77,13 @@ def half_of_the_twists_christoffel_terms(rows):
 
 def suction(patch):
     """Let `fem` take pressures the other way round."""
-    original = fem_loads.Loading._density
+    original = fem_loads._Builder._density
 
     def wrong(self, loads, *args):
         pressures = [load for load in loads if isinstance(load, PressureLoad)]
         return original(self, loads, *args) - 2 * original(self, pressures, *args)
 
-    patch.setattr(fem_loads.Loading, "_density", wrong)
+    patch.setattr(fem_loads._Builder, "_density", wrong)
 
 
 def suction_on_fields(patch):
@@ -132,7 +132,7 @@ def about_the_origin(patch):
 
 def frozen_loads(patch):
     """Take loads as they are at t = 0 at all times."""
-    original = fem_loads.Loading._density
+    original = fem_loads._Builder._density
     patch.setattr(
         fem_loads.Loading, "_density", lambda self, loads, x, surface, t: original(self, loads, x, surface, 0.0)
     )

@@ -13,6 +13,7 @@ from shellbench.bench.reference import Tolerance
 from shellbench.model import Model
 from shellbench.problem import VARIANT
 
+UNEXPLAINED = 1.0  # relative: worse than answering nothing, and so another mistake than the one that is known
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
 RowStatus = Literal["ok", "failed", "timeout", "missing", "declined"]
 
@@ -162,6 +163,8 @@ class Row(Model):
         passed: bool | None = why_not is None
         if allowed.open_finding is not None:
             passed, why_not = (None, why_not) if why_not else (False, "it passes, but is an open finding")
+            if row.status == "ok" and row.relative_error is not None and abs(row.relative_error) > UNEXPLAINED:
+                passed, why_not = False, f"no open finding explains an error of {row.relative_error:.2g}"
         found = {"open_finding": allowed.open_finding, "passed": passed, "reason": row.reason or why_not}
         return row.model_copy(update=found)
 
