@@ -48,6 +48,16 @@ def cartesian(one: Array, two: Array, i: int, j: int) -> Array:
     return np.broadcast_to(np.eye(3) * (i + j == 0), (len(one), 3, 3))
 
 
+def elasticity(inverse: Array, poisson: float) -> Array:
+    """H (points, 3, 3) of (eps_11, eps_22, 2 eps_12) from the inverse metric (points, 2, 2)."""
+    found = np.empty((len(inverse), 3, 3))
+    for i, (a, b) in enumerate(PAIRS):
+        for j, (c, d) in enumerate(PAIRS):
+            crossed = inverse[:, a, c] * inverse[:, b, d] + inverse[:, a, d] * inverse[:, b, c]
+            found[:, i, j] = poisson * inverse[:, a, b] * inverse[:, c, d] + (1 - poisson) / 2 * crossed
+    return found
+
+
 @dataclass(frozen=True)
 class Answer:
     """A solved shell: its free coefficients, and half of the work of its loads, of membrane and of bending, J."""
@@ -149,13 +159,7 @@ class LinearShell:
         for kind, terms in PRODUCTS.items():
             for of_frame, of_function in terms:
                 strains[:, :, of_function] += np.einsum("pri,pci->prc", matrix[:, :, kind], frames[of_frame])
-        elastic = np.empty((len(one), 3, 3))
-        nu = self.poisson
-        for i, (a, b) in enumerate(PAIRS):
-            for j, (c, d) in enumerate(PAIRS):
-                crossed = inverse[:, a, c] * inverse[:, b, d] + inverse[:, a, d] * inverse[:, b, c]
-                elastic[:, i, j] = nu * inverse[:, a, b] * inverse[:, c, d] + (1 - nu) / 2 * crossed
-        return strains, elastic, area, frames[0]
+        return strains, elasticity(inverse, self.poisson), area, frames[0]
 
     @cached_property
     def system(self) -> tuple[sparse.csr_array, sparse.csr_array, Array]:
