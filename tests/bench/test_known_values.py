@@ -57,6 +57,7 @@ ORIGINS = {
     "sleeve_compression": origins.sleeve_compression,
     **origins.HYPERBOLOIDS,
     **origins.HYPARS,
+    **origins.MANUFACTURED,
     "hemisphere_hole": origins.hemisphere_hole,
 }
 LONG = {
