@@ -167,6 +167,8 @@ class _Placing:
                 given = quantity[name]
                 several = isinstance(given[0], list)
                 quantity[name] = [self.vector(d) for d in given] if several else self.vector(given)
+        if "exact" in quantity:
+            quantity["exact"] = self._without_constants(self.vector(quantity["exact"]))
         if quantity["kind"] == "torque":
             quantity["centre"] = self.point(quantity.get("centre", (0.0, 0.0, 0.0)))
 
@@ -221,6 +223,9 @@ def louder(case: Case, factor: float) -> Case:
                 motion[name] = times(motion[name], factor)
         if "vector" in motion:
             motion["vector"] = [times(f, factor) for f in motion["vector"]]
+    for quantity in data["quantities"]:
+        if "exact" in quantity:
+            quantity["exact"] = [times(f, factor) for f in quantity["exact"]]
     return Case.model_validate(data)
 
 
@@ -319,6 +324,8 @@ class _Conversion:
                 quantity["at"] *= marks
             if "centre" in quantity:
                 quantity["centre"] = self.vector(quantity["centre"], 1)
+            if "exact" in quantity:
+                quantity["exact"] = self.vector(quantity["exact"], 1)
         return data
 
     def _surface(self, surface: Mapping[str, Any]) -> dict[str, Any]:

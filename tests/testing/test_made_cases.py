@@ -106,3 +106,19 @@ def test_formulas_are_rewritten_whole_names_only():
     assert times("a + b", 2.0) == "2.0*(a + b)"
     assert combined([1.0, 2.0], [3.0, 4.0]) == 11.0
     assert combined(["xi1", 0.0], [0.0, 1.0]) == 0.0
+
+
+def test_made_cases_of_a_manufactured_solution_prescribe_its_displacement():
+    """Turned, in other units and under twice the load, the prescribed displacement is that of the case."""
+    case = named_case("manufactured_oblique_cylinder")
+    points = case.surface.domain.grid(5, 5)
+    rotation = turning(case)
+
+    def exact(made, at):
+        return made.evaluate(made.quantity("field_error").exact, at)[0, 0]
+
+    expected = exact(case, points)
+    np.testing.assert_allclose(exact(placed(case, rotation, SHIFT), points) @ rotation, expected, atol=1e-15)
+    np.testing.assert_allclose(exact(louder(case, 2.0), points), 2 * expected, atol=1e-15)
+    moved = exact(converted(case, MILLIMETRES), converted_points(case, MILLIMETRES, points))
+    np.testing.assert_allclose(moved / MILLIMETRES.length, expected, atol=1e-15)
