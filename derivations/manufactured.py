@@ -20,7 +20,7 @@ its variation, integrated by parts, gives the equation of Euler and Lagrange
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import factorial
@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.optimize import minimize
 
 from shellbench.problems.expression import Taylor
 from shellbench.problems.shell.case import Case, read_case
@@ -48,6 +49,8 @@ DIGITS = 13
 """After the point, of a coefficient relative to the largest load: rounding stays below what is dropped."""
 TRUNCATED = 1e-11
 """Relative error of a known value, as the load of a case is a polynomial: `manufactured_splines` shows a quarter of it."""
+GRID, STEP = 25, 0.02
+"""Points a side from which the largest displacement is sought, and the first step."""
 GAUSS = 30, 40
 """Points a side of the rules that energies are integrated by."""
 
@@ -245,9 +248,28 @@ def manufactured(name: str) -> dict[str, Estimate]:
             moved = case.evaluate(exact_formulas(case), points)[0, 0]
             value = float(np.mean(np.sum(moved * directions, axis=-1)))
             found[quantity.name] = Estimate(value, TRUNCATED * abs(value), "m")
+        elif quantity.kind == "largest_displacement":
+            value = largest(case, lambda points: case.evaluate(exact_formulas(case), points)[0, 0])
+            found[quantity.name] = Estimate(value, TRUNCATED * value, "m")
         else:
             found[quantity.name] = Estimate(0.0, TRUNCATED, "")
     return found
+
+
+def largest(case: Case, displacement: Callable[[Array], Array]) -> float:
+    """Return the largest magnitude of a displacement (n, 3) by points (n, 2): the best of a grid, climbed from.
+
+    Its error is the square of the distance to the summit, so that a simplex need not be small.
+    """
+    candidates = case.surface.domain.grid(GRID, GRID).reshape(-1, 2)
+    best = candidates[np.argmax(np.linalg.norm(displacement(candidates), axis=-1))]
+    found = minimize(
+        lambda xi: -float(np.linalg.norm(displacement(xi[None])[0])),
+        best,
+        method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 0.0, "initial_simplex": best + STEP * np.array([[0, 0], [1, 0], [0, 1]])},
+    )
+    return -float(found.fun)
 
 
 def parametric_rule(case: Case, count: int) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from shellbench.problems.shell.conditions import AreaLoad, Value
 
 from .estimate import Estimate
 from .linear_splines import Answer, Field, LinearShell, elasticity
-from .manufactured import CASES, exact_formulas, parametric_rule
+from .manufactured import CASES, exact_formulas, largest, parametric_rule
 from .spline_shell import Ends, Splines
 from .surface_strains import DERIVATIVES, Array, first_variation
 
@@ -114,6 +114,8 @@ def _measured(case: Case, answer: Answer) -> Mapping[str, float]:
             found[quantity.name] = float(
                 np.mean([d @ answer.displacement(*xi) for d, xi in zip(along, places, strict=True)])
             )
+        elif quantity.kind == "largest_displacement":
+            found[quantity.name] = largest(case, lambda points: np.array([answer.displacement(*xi) for xi in points]))
         else:
             points, weights = parametric_rule(case, SAMPLES)
             exact = case.evaluate(exact_formulas(case), points)[0, 0]
