@@ -1,7 +1,7 @@
 r"""Manufactured solutions: a displacement is prescribed, and the load is sought under which the shell takes it.
 
-The energy of a linear Kirchhoff-Love shell is the integral of (N^ab eps_ab + M^ab kappa_ab) / 2, with N = D H eps and
-M = B H kappa (Kairanda et al., eqs. (17)-(19)). With
+The energy of a Kirchhoff-Love shell is the integral of (N^ab eps_ab + M^ab kappa_ab) / 2, with N = D H eps and
+M = B H kappa (Kairanda et al., eqs. (17)-(19)). In the linear theory, with
 
     eps_ab = (x,a . u,b + x,b . u,a) / 2,    kappa_ab = -(u,ab - Gamma^m_ab u,m) . a3
 
@@ -9,12 +9,16 @@ its variation, integrated by parts, gives the equation of Euler and Lagrange
 
     J f = -(J N^ab x,a),b - (J M^ab a3),ab - (J M^ab Gamma^m_ab a3),m,    J = sqrt(a).
 
+In the exact theory eps and kappa are the changes of the metric and of the curvature, less the sign of the latter, and the
+equation holds with x,a, Gamma and a3 of the deformed surface; J and H stay those of the reference.
+
 1. Surface and displacement are Taylor series of order 4 at each point, read from the formulas of a case.
 2. Strains and stresses follow as Taylor series of order 2, and the load as their derivatives: exact, up to rounding.
 3. A case takes formulas: the load is interpolated at Chebyshev points, and what is left after the least coefficients are
    dropped is written as a nested polynomial.
 
-`python -m derivations.manufactured CASE.toml` prints the load of a case that asks for a `field_error`.
+`python -m derivations.manufactured CASE.toml` prints the load of a case that asks for a `field_error`. In the non-linear
+theory it is the load at the end of the path.
 """
 
 from __future__ import annotations
@@ -94,29 +98,34 @@ def manufactured_load(case: Case, points: Array) -> Array:
 def _state(case: Case, points: Array) -> _State:
     x = _series(case.surface.derivatives(points, 4))
     u = _series(case.evaluate(exact_formulas(case), points, order=4))
-    tangents, moved = (_slope(x, 0), _slope(x, 1)), (_slope(u, 0), _slope(u, 1))
-    second = {(a, b): _slope(tangents[a], b) for a, b in PAIRS}
+    reference, moved = (_slope(x, 0), _slope(x, 1)), (_slope(u, 0), _slope(u, 1))
     # 1. Geometry: J^2 is the determinant of the metric, and Gamma^m_ab = a^ml x,l . x,ab.
-    metric = {(a, b): _dot(tangents[a], tangents[b]) for a, b in PAIRS}
-    square = metric[0, 0] * metric[1, 1] - metric[0, 1] * metric[0, 1]
+    metric = {(a, b): _dot(reference[a], reference[b]) for a, b in PAIRS}
+    square, inverse = _inverse(metric)
     area = square.power(Taylor.constant(0.5, square.order))
-    normal = [c / area for c in _cross(*tangents)]
-    inverse = {(0, 0): metric[1, 1] / square, (1, 1): metric[0, 0] / square, (0, 1): -metric[0, 1] / square}
-    inverse[1, 0] = inverse[0, 1]
+    # The virtual work is done on the deformed surface in the exact theory, on the reference in the linear one.
+    tangents = reference if case.linear else tuple(_add(r, m) for r, m in zip(reference, moved, strict=True))
+    second = {(a, b): _slope(tangents[a], b) for a, b in PAIRS}
+    current_square, current = _inverse({(a, b): _dot(tangents[a], tangents[b]) for a, b in PAIRS})
+    normal = [c / current_square.power(Taylor.constant(0.5, square.order)) for c in _cross(*tangents)]
     christoffel = {
-        (m, pair): inverse[m, 0] * _dot(tangents[0], second[pair]) + inverse[m, 1] * _dot(tangents[1], second[pair])
+        (m, pair): current[m, 0] * _dot(tangents[0], second[pair]) + current[m, 1] * _dot(tangents[1], second[pair])
         for m in (0, 1)
         for pair in PAIRS
     }
-    # 2. Strains.
+    # 2. Strains: half of the change of the metric, and less the change of the curvature.
     strain, bending = {}, {}
     half = Taylor.constant(0.5, square.order)
+    reference_normal = [c / area for c in _cross(*reference)]
     for a, b in PAIRS:
-        strain[a, b] = half * (_dot(tangents[a], moved[b]) + _dot(tangents[b], moved[a]))
-        bent = _slope(moved[a], b)
-        for m in (0, 1):
-            bent = [p - christoffel[m, (a, b)] * q for p, q in zip(bent, moved[m], strict=True)]
-        bending[a, b] = -_dot(bent, normal)
+        strain[a, b] = half * (_dot(reference[a], moved[b]) + _dot(tangents[b], moved[a]))
+        if case.linear:
+            bent = _slope(moved[a], b)
+            for m in (0, 1):
+                bent = [p - christoffel[m, (a, b)] * q for p, q in zip(bent, moved[m], strict=True)]
+            bending[a, b] = -_dot(bent, normal)
+        else:
+            bending[a, b] = _dot(_slope(reference[a], b), reference_normal) - _dot(second[a, b], normal)
     # 3. Stresses: nu a^ab (a^cd eps_cd) + (1 - nu) a^ac a^bd eps_cd, times D or B.
     material = case.material
     stretching = material.youngs_modulus * material.thickness / (1 - material.poissons_ratio**2)
@@ -125,6 +134,13 @@ def _state(case: Case, points: Array) -> _State:
         for kind, factor in ((strain, stretching), (bending, stretching * material.thickness**2 / 12))
     ]
     return _State(tangents, normal, area, christoffel, (strain, bending), (stresses[0], stresses[1]))
+
+
+def _inverse(metric: Tensor) -> tuple[Taylor, Tensor]:
+    """Determinant and inverse of a metric."""
+    square = metric[0, 0] * metric[1, 1] - metric[0, 1] * metric[0, 1]
+    inverse = {(0, 0): metric[1, 1] / square, (1, 1): metric[0, 0] / square, (0, 1): -metric[0, 1] / square}
+    return square, inverse | {(1, 0): inverse[0, 1]}
 
 
 def _stress(strain: Tensor, inverse: Tensor, poisson: float, factor: float) -> Tensor:
@@ -169,6 +185,10 @@ def _dot(one: Vector, two: Vector) -> Taylor:
     return one[0] * two[0] + one[1] * two[1] + one[2] * two[2]
 
 
+def _add(one: Vector, two: Vector) -> Vector:
+    return [a + b for a, b in zip(one, two, strict=True)]
+
+
 def _cross(one: Vector, two: Vector) -> Vector:
     return [one[i] * two[j] - one[j] * two[i] for i, j in ((1, 2), (2, 0), (0, 1))]
 
@@ -177,7 +197,13 @@ def _cross(one: Vector, two: Vector) -> Vector:
 
 
 def load_formulas(case: Case) -> tuple[str, str, str]:
-    """Return the load as three polynomials in xi1 and xi2."""
+    """Return the load as three polynomials in xi1 and xi2.
+
+    Raises
+    ------
+    ValueError
+        If the load is not resolved by `POINTS` points a side.
+    """
     domain, nodes = case.surface.domain, chebyshev.chebpts1(POINTS)
     middle, half = np.add(domain.upper, domain.lower) / 2, np.subtract(domain.upper, domain.lower) / 2
     points = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 2) * half + middle
@@ -185,6 +211,8 @@ def load_formulas(case: Case) -> tuple[str, str, str]:
     transform = np.linalg.inv(chebyshev.chebvander(nodes, POINTS - 1))
     coefficients = np.einsum("ip,jq,pqc->cij", transform, transform, values)
     scale = np.abs(values).max()
+    if max(np.abs(coefficients[:, -2:]).max(), np.abs(coefficients[..., -2:]).max()) > KEPT * scale:
+        raise ValueError(f"the load varies too quickly to be a polynomial of degree {POINTS - 1} in each coordinate")
     kept = np.where(np.abs(coefficients) < KEPT * scale, 0.0, coefficients)
     places = DIGITS - int(np.ceil(np.log10(scale)))
     first, second = (_variable(f"xi{k + 1}", float(middle[k]), float(half[k])) for k in (0, 1))

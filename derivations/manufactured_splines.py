@@ -17,7 +17,7 @@ from shellbench.problems.shell.conditions import AreaLoad, Value
 
 from .estimate import Estimate
 from .linear_splines import Answer, Field, LinearShell, elasticity
-from .manufactured import CASES, exact_formulas, largest, parametric_rule
+from .manufactured import CASES, exact_formulas, largest, manufactured_load, parametric_rule
 from .spline_shell import Ends, Splines
 from .surface_strains import DERIVATIVES, Array, first_variation
 
@@ -128,28 +128,36 @@ def _measured(case: Case, answer: Answer) -> Mapping[str, float]:
 # --- the weak form -----------------------------------------------------------------------------------
 
 
-def residuals(case: Case, virtual: Sequence[tuple[str, str, str]]) -> Array:
+def residuals(case: Case, virtual: Sequence[tuple[str, str, str]], by_strong_form: bool = False) -> Array:
     """Return the virtual work of stresses less that of the load, over the sum of their magnitudes.
 
-    The displacement is the prescribed one, the load that of the case, and its strains are the first variation of the
-    exact ones. Virtual displacements are formulas that vanish with their slopes at all edges.
+    The displacement is the prescribed one, the load that of the case. Virtual strains are the first variation of the exact
+    ones, at rest in the linear theory. Virtual displacements are formulas that vanish with their slopes at all edges.
+    `by_strong_form` takes the load of `manufactured_load` instead of the declared one.
     """
     points, weights = parametric_rule(case, QUADRATURE)
     (load,) = case.loads
     assert isinstance(load, AreaLoad)
     x = case.surface.derivatives(points, 2)
     vectors = np.stack([x[order] for order in DERIVATIVES], axis=-2)
-    gradient, tangents = first_variation(vectors)[1], vectors[:, :2]
+    tangents = vectors[:, :2]
     metric = tangents @ np.swapaxes(tangents, 1, 2)
     weights = weights * np.sqrt(np.linalg.det(metric))
     elastic = elasticity(np.linalg.inv(metric), case.material.poissons_ratio)
     fields = [case.evaluate(formulas, points, order=2) for formulas in (exact_formulas(case), *virtual)]
-    strains = [np.einsum("nskc,nkc->ns", gradient, np.stack([u[o] for o in DERIVATIVES], axis=-2)) for u in fields]
-    density = case.evaluate(load.vector, points)[0, 0]
+    moved, *tests = (np.stack([u[o] for o in DERIVATIVES], axis=-2) for u in fields)
+    at_rest, gradient = first_variation(vectors)
+    if case.linear:
+        strain = np.einsum("nskc,nkc->ns", gradient, moved)
+    else:
+        deformed, gradient = first_variation(vectors + moved)
+        strain = deformed - at_rest
+    density = manufactured_load(case, points) if by_strong_form else case.evaluate(load.vector, points)[0, 0]
     found = []
-    for strain, field in zip(strains[1:], fields[1:], strict=True):
+    for test, field in zip(tests, fields[1:], strict=True):
+        varied = np.einsum("nskc,nkc->ns", gradient, test)
         stretched, bent = (
-            stiffness * np.einsum("ns,nst,nt->n", strains[0][:, part], elastic, strain[:, part])
+            stiffness * np.einsum("ns,nst,nt->n", strain[:, part], elastic, varied[:, part])
             for stiffness, part in (
                 (case.material.membrane_stiffness, slice(0, 3)),
                 (case.material.bending_stiffness, slice(3, 6)),

@@ -99,6 +99,47 @@ def test_variants_carry_load_and_displacement_along(variant):
         assert distance(case) < LOAD_ERROR
 
 
+# --- the exact theory ----------------------------------------------------------------------------
+
+CLAMPED = [{"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"], "clamped": True}]
+EXACT = {
+    "theory": "kirchhoff-love-nonlinear",
+    "supports": CLAMPED,
+    "loads": [{"kind": "area", "vector": [0, 0, "t"]}],
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_large_rotation_needs_no_load(name):
+    """By 90 degrees about z, and shifted: u = (-x - y + 1, x - y, 2)."""
+    x, y, _ = catalog.named_case(name).surface.formulas
+    case = with_displacement(catalog.named_case(name), [f"1 - ({x}) - ({y})", f"({x}) - ({y})", 2], **EXACT)
+    assert np.abs(manufactured_load(case, points_of(case))).max() < 1e-10 * case.material.membrane_stiffness
+
+
+def test_a_rolled_plate_needs_the_pressure_of_its_bending():
+    """Rolled to the radius r without stretching, its moment B/r is constant, and n,11 = -n/r^2: f = (B/r^3) n outward."""
+    rolled = ["0.5*sin(2*xi1) - xi1", 0, "0.5*cos(2*xi1)"]  # r = 1/2
+    plane = {"kind": "plane", "xi1": [-1, 1], "xi2": [-1, 1]}
+    case = with_displacement(catalog.named_case(NAMES[0]), rolled, surface=plane, **EXACT)
+    points = points_of(case)
+    outward = np.stack([np.sin(2 * points[:, 0]), 0 * points[:, 0], np.cos(2 * points[:, 0])], axis=-1)
+    pressure = 8 * case.material.bending_stiffness
+    np.testing.assert_allclose(manufactured_load(case, points), pressure * outward, atol=1e-9 * pressure)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_large_displacement_is_in_balance_with_its_load(name):
+    """Slopes of a half: by the weak form of the exact theory, with the first variation of the exact strains."""
+    exact = [f"0.05*{BUBBLE}*(1 + xi2)", f"0.05*{BUBBLE}*xi1", f"0.3*{BUBBLE}*(1 + 0.3*xi1 - 0.2*xi2)"]
+    case = with_displacement(catalog.named_case(name), exact, **EXACT)
+    assert np.abs(residuals(case, VIRTUAL, by_strong_form=True)).max() < 1e-9
+    linear = with_displacement(catalog.named_case(name), exact)
+    assert np.abs(residuals(linear, VIRTUAL, by_strong_form=True)).max() < 1e-9
+    apart = manufactured_load(case, points_of(case)) - manufactured_load(linear, points_of(case))
+    assert np.abs(apart).max() > 0.1 * np.abs(manufactured_load(linear, points_of(case))).max()
+
+
 # --- the weak form -------------------------------------------------------------------------------
 
 
