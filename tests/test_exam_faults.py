@@ -21,6 +21,7 @@ from shellbench.solvers.ndf.solution import NdfSolution
 from tests.test_faults import Fault, findings, must_be_red, wrapped
 
 ROOF, OBLIQUE, SWAPPED = "scordelis_lo", "scordelis_lo@oblique", "scordelis_lo@swapped"
+CROSSED, TWISTED, DOMED = "manufactured_oblique_cylinder", "manufactured_hypar", "manufactured_paraboloid"
 CLAMPED, PRESSED = "hyperboloid_clamped_1e_2", "hyperboloid_clamped_1e_2"
 
 
@@ -179,6 +180,16 @@ FAULTS = [
         wrapped(geometry, "strain_rows", half_of_the_twists_christoffel_terms),
     ),
     Fault("a clamp without the turning normal", "fem", CLAMPED, no_turning_normal),
+    Fault("a^12 forgotten", "fem", CROSSED, metric_without_shear),
+    Fault("a^12 forgotten", "ndf-ritz", CROSSED, field_metric_without_shear),
+    Fault("b_12 left in", "fem", TWISTED, normal_part_left(2)),
+    Fault("b_22 left in", "fem", DOMED, normal_part_left(1)),
+    Fault(
+        "the twist's Christoffel terms once",
+        "ndf-ritz",
+        TWISTED,
+        wrapped(geometry, "strain_rows", half_of_the_twists_christoffel_terms),
+    ),
     Fault("a rotation's centre ignored", "fem", "rigid_turn_about_point", about_the_origin),
     Fault("a load frozen at t = 0", "fem", "pressed_motion", frozen_loads),
     Fault("a mean that takes the first point", "fem", "plate_2_1_point", only_the_first_point),
@@ -187,7 +198,7 @@ FAULTS = [
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}, {f.case}: {f.name}")
 def test_a_fault_that_an_earlier_exam_let_through_turns_the_gate_red(fault, tmp_path, monkeypatch):
     must_be_red(fault, tmp_path, monkeypatch)
 

@@ -7,12 +7,13 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.classes import LOOSEST
+from shellbench.bench.classes import LOOSEST, judged_by_class
 from shellbench.bench.compare import rows
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import gate
 from shellbench.bench.lock import write_lock
 from shellbench.bench.reference import Tolerance, read_tolerances
+from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
 from shellbench.errors import InputError
@@ -111,3 +112,24 @@ def test_a_claim_does_not_widen_what_is_frozen_and_a_bad_one_does_no_harm(full: 
     verdict = gate(full, None, Scope(solvers=("toy",)))
     assert verdict.claims == ()
     assert "what solver 'toy' claims can't be read" in verdict.warnings[-1]
+
+
+def test_a_strangers_error_without_a_unit_is_relative_already() -> None:
+    """The error of a manufactured solution's field is zero: a class is held against it as it is."""
+    row = Row(
+        case="manufactured_hypar",
+        suite="shapes",
+        solver="stranger",
+        settings={},
+        seed=None,
+        quantity="field_error",
+        primary=False,
+        at=1.0,
+        value=1e-3,
+        reference=0.0,
+        reference_uncertainty=1e-11,
+        tolerance_is_absolute=True,
+        status="ok",
+        seconds=1.0,
+    )
+    assert judged_by_class(row).tolerance == LOOSEST
