@@ -107,8 +107,8 @@ class LinearShell:
     ends : for each component of the frame the conditions at the ends of xi1 and of xi2
     young, poisson, thickness : Pa, 1, m
     load : force per reference area, Pa: (3,), or a function of xi1 and xi2 that gives (points, 3)
-    moved : derivatives of a Cartesian displacement, (points, 3), that the splines are added to: one that supports prescribe
     forces : (xi1, xi2, force), N
+    moved : derivatives of a Cartesian displacement, (points, 3), that the splines are added to: one that supports prescribe
     """
 
     surface: Field
@@ -119,8 +119,8 @@ class LinearShell:
     poisson: float
     thickness: float
     load: tuple[float, float, float] | Callable[[Array, Array], Array] | None = None
-    moved: Field | None = None
     forces: tuple[tuple[float, float, tuple[float, float, float]], ...] = ()
+    moved: Field | None = None
 
     @cached_property
     def reduction(self) -> sparse.csr_array:
