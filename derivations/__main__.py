@@ -37,6 +37,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .discrete_catenary import hanging_chain
+from .shapes_by_series import JUDGES
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
 TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
@@ -73,6 +74,7 @@ CASES = {
     "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,
+    **JUDGES,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"
