@@ -11,15 +11,12 @@ import numpy as np
 import pandas as pd
 
 from shellbench.bench.row import Row
-from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
-from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence
-from shellbench.report.notation import TEXT
-from shellbench.report.rates import Rate, fitted_rate
+from shellbench.report.notation import TEXT, percent
+from shellbench.report.rates import SURFACE_DIMENSION, Course, Rate, Yardstick, courses, fitted_rate, yardstick_of
 from shellbench.report.runs import headlines
 from shellbench.report.solutions import seed_words
 from shellbench.report.table import Note
-from shellbench.report.yardstick import Yardstick, yardstick_of
 
 Measure = Literal["unknowns", "seconds", "memory"]
 SMALLEST = 1e-16  # relative error of an answer that agrees to the last digit, for a logarithmic axis

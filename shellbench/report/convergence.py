@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from shellbench.report.courses import SURFACE_DIMENSION, Abscissa, Course
 from shellbench.report.palette import DASHES, Dashes, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
@@ -23,7 +22,7 @@ from shellbench.report.panel import (
     open_figure,
     shade_entry,
 )
-from shellbench.report.rates import fitted_rate
+from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, fitted_rate
 from shellbench.report.shells import plain
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}

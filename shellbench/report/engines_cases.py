@@ -18,9 +18,9 @@ from shellbench.bench.row import Row
 from shellbench.bench.suite import Study, value_words
 from shellbench.report.accuracy import AnsweredCase, Family, Point, failed_runs, family, sizes
 from shellbench.report.evidence import Evidence
+from shellbench.report.rates import yardstick_of
 from shellbench.report.runs import headlines
 from shellbench.report.suites import study_of
-from shellbench.report.yardstick import yardstick_of
 
 STUDY: Study = "engines"
 TOGETHER = 60.0  # seconds between runs that one command planned: a plan of hundreds of runs takes a few

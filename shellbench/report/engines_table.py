@@ -11,9 +11,8 @@ from shellbench.bench.reference import KnownValue
 from shellbench.engine import ENGINE
 from shellbench.report.accuracy import Family
 from shellbench.report.columns import Column, Line, Way, column, error, present
-from shellbench.report.digits import duration, rounded
 from shellbench.report.engines_cases import CheckedCase
-from shellbench.report.notation import TEXT, Notation
+from shellbench.report.notation import TEXT, Notation, duration, rounded
 from shellbench.report.solutions import Known, heading, theory_words
 from shellbench.report.table import Note, Table
 

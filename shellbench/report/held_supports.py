@@ -8,9 +8,8 @@ import numpy as np
 
 from shellbench.bench.record import Record
 from shellbench.report.columns import Line, column, words
-from shellbench.report.digits import quoted
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.notation import Notation
+from shellbench.report.notation import Notation, quoted
 from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import in_order_of_cases
 from shellbench.report.solutions import STATUS_WORDS

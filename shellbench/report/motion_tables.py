@@ -26,10 +26,9 @@ from shellbench.report.columns import (
     significant,
     words,
 )
-from shellbench.report.digits import rounded
 from shellbench.report.effort import effort
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.notation import Notation
+from shellbench.report.notation import Notation, rounded
 from shellbench.report.solutions import BAD, EXPECTED, grouped, seed_words, verdict
 from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table

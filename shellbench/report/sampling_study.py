@@ -12,10 +12,9 @@ from matplotlib.figure import Figure
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.columns import Column, Line, column, share
-from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import TEXT, Notation
+from shellbench.report.notation import TEXT, Notation, percent
 from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, failed_entry, finish, open_figure
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.shells import plain

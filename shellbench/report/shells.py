@@ -20,8 +20,7 @@ from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
-from shellbench.report.digits import quoted
-from shellbench.report.notation import MARKDOWN
+from shellbench.report.notation import MARKDOWN, quoted
 
 Array = NDArray[np.float64]
 Up = Literal["x", "y", "z"]

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from shellbench.bench.row import Row
-from shellbench.report.digits import power_of_ten
-from shellbench.report.notation import Notation
+from shellbench.report.notation import Notation, power_of_ten
 from shellbench.report.solutions import (
     BAD,
     EXPECTED,

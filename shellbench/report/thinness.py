@@ -18,10 +18,9 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Column, Line, column, error, present, share
-from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import MARKDOWN, Notation, anchor
+from shellbench.report.notation import MARKDOWN, Notation, anchor, percent, rounded
 from shellbench.report.palette import Dashes, Ink, dashes_of
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.runs import in_study

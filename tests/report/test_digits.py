@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.digits import Digits, allowance, byte_size, duration, percent, quoted, rounded
+from shellbench.report.notation import Digits, allowance, byte_size, duration, percent, quoted, rounded
 
 reals = st.floats(1e-12, 1e12).flatmap(lambda x: st.sampled_from([x, -x]))
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.digits import Digits
-from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, anchor
+from shellbench.report.notation import HTML, LATEX_NOTATION, MARKDOWN, TEXT, Digits, anchor
 
 NOTATIONS = (TEXT, MARKDOWN, LATEX_NOTATION, HTML)
 HOSTILE = (

@@ -15,8 +15,8 @@ from shellbench.bench import store as bench
 from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
 from shellbench.report.columns import Column
-from shellbench.report.digits import quoted
 from shellbench.report.latex import PAGE_LINES, with_letters_of_latex, write_latex
+from shellbench.report.notation import quoted
 from shellbench.report.paper import write_paper
 from shellbench.report.table import Note, Table
 from tests.patience import GUARD

@@ -2,8 +2,8 @@ import pytest
 
 from shellbench.report.accuracy import accuracies
 from shellbench.report.cost import section
+from shellbench.report.rates import known_yardstick, yardstick_of
 from shellbench.report.seeds import seed_spreads
-from shellbench.report.yardstick import known_yardstick, yardstick_of
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import evidence, meshes
 
