@@ -16,10 +16,9 @@ from matplotlib.figure import Figure
 
 from shellbench.report.columns import Column, Line, code, column, error, frame, words
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Digits, Notation, percent
-from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.exhibit import DASHES, Dashes, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
     FOR_SLOPES,

@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
 from shellbench.report.columns import Line, Way, column, count, frame, seconds, size
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.notation import MINUS, Notation
-from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
     FOR_SLOPES,

@@ -11,12 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from shellbench.report.accuracy import Family, down_to
-from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
-from shellbench.report.engines_table import LEVELS, cross_check_table
+from shellbench.report.engines_table import LEVELS, STUDY, CheckedCase, checked_cases, cross_check_table, is_cross_check
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.notation import duration
-from shellbench.report.palette import Dashes, Ink, dashes_of
 from shellbench.report.panel import (
     ERROR_LABEL,
     add_legend,

@@ -17,8 +17,7 @@ import pandas as pd
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.palette import Ink, inks
+from shellbench.report.exhibit import Exhibit, Ink, inks
 from shellbench.report.runs import in_order_of_cases, table_of_runs
 from shellbench.report.solutions import Known
 from shellbench.report.suites import compared

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure
 from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import Exhibit, style
 from shellbench.report.newton import newton_exhibits
-from shellbench.report.palette import style
 from shellbench.report.rates import Abscissa, Course, courses, fitted_rate
 from shellbench.report.scene import lead_shells, pictured
 from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure

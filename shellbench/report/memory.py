@@ -22,10 +22,9 @@ from shellbench.report.answers import (
 from shellbench.report.columns import Column, Line, Show, column, error, frame, present, words
 from shellbench.report.consistency import yardstick_words
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation, byte_size, percent, quoted
-from shellbench.report.palette import DASHES, Ink
 from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
 from shellbench.report.resolution import of_largest
 from shellbench.report.suites import remarks_on

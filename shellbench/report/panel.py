@@ -18,8 +18,8 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
+from shellbench.report.exhibit import DASHES, Dashes, Ink
 from shellbench.report.notation import SUPERSCRIPTS
-from shellbench.report.palette import DASHES, Dashes, Ink
 from shellbench.report.rates import Rate
 from shellbench.report.shells import plain
 

@@ -23,11 +23,10 @@ from shellbench.errors import InputError
 from shellbench.report.bibliography import read_bibliography
 from shellbench.report.columns import present
 from shellbench.report.evidence import Evidence, Section, all_tables
-from shellbench.report.exhibit import PRINT_DPI, Exhibit
+from shellbench.report.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.latex import PACKAGES, with_letters_of_latex
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.own_files import list_own, remove_older, write
-from shellbench.report.palette import style
 from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import gather
 from shellbench.report.solutions import Known, theory_words

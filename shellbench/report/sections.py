@@ -15,24 +15,22 @@ from shellbench.bench.store import Say, Store
 from shellbench.report import (
     consistency,
     cost,
-    effort,
     engines,
     fields,
     held_supports,
     memory,
-    motion_tables,
     newton,
     sampling_study,
     seeds,
     strains,
     tables,
     thinness,
+    trace_tables,
     training_time,
 )
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import Exhibit, style
 from shellbench.report.exhibits import COMPOSITE, CONVERGENCE, PICTURE, exhibits
-from shellbench.report.palette import style
 from shellbench.report.solutions import Known
 from shellbench.report.suites import rows_at_home, suite_title, told_apart
 from shellbench.report.table import Table
@@ -48,10 +46,10 @@ def drawn(name: str, title: str, *prefixes: str) -> Maker:
 MAKERS: tuple[Maker, ...] = (
     tables.displacements,
     drawn("shells", "Shells", COMPOSITE, PICTURE),
-    effort.section,
+    trace_tables.paths,
     strains.section,
     newton.section,
-    motion_tables.section,
+    trace_tables.cloth,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     engines.section,

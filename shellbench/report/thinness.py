@@ -19,9 +19,8 @@ from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Column, Line, column, error, present, share
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.notation import MARKDOWN, Notation, anchor, percent, rounded
-from shellbench.report.palette import Dashes, Ink, dashes_of
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.runs import in_study
 from shellbench.report.solutions import Known

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.palette import DASHES, Ink
+from shellbench.report.exhibit import DASHES, Ink
 from shellbench.report.shells import plain
 from shellbench.report.traces import CRITICAL, KnownPoints, Trace, TracedRun
 

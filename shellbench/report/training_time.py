@@ -14,10 +14,9 @@ from matplotlib.figure import Figure
 from shellbench.bench.kinds import portrait_of
 from shellbench.report.columns import Column, Line, column
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import Exhibit, Ink
 from shellbench.report.fields import read_fields
 from shellbench.report.notation import TEXT, Notation, duration, percent, rounded
-from shellbench.report.palette import Ink
 from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, finish
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.scene import drawn

@@ -11,7 +11,7 @@ from shellbench.model import read_toml
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.convergence import GAP_LABEL, iteration_figure, refinement_figure
-from shellbench.report.palette import COLOURS, inks, style
+from shellbench.report.exhibit import COLOURS, inks, style
 from shellbench.report.panel import ERROR_LABEL
 from shellbench.report.rates import courses
 from shellbench.report.scene import picture_scale, pictured, shell

@@ -6,13 +6,13 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.evidence import Evidence
+from shellbench.report.exhibit import inks, style
 from shellbench.report.fields import read_fields
-from shellbench.report.motion_tables import by_time_tables, motion_table
-from shellbench.report.palette import inks, style
 from shellbench.report.shells import shapes_figure
 from shellbench.report.suites import leading_rows
 from shellbench.report.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
 from shellbench.report.trace_figure import TracePanel, trace_figure
+from shellbench.report.trace_tables import by_time_tables, motion_table
 from shellbench.report.traces import (
     BALANCE,
     Trace,
