@@ -22,7 +22,7 @@ from shellbench.report.notation import TEXT, Digits, Notation, percent
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
 
 WIDTH, ALONE, HEIGHT, MARGIN = 2.53, 3.3, 2.15, 0.62  # inches: a panel of three, of two, its height, and the legend

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
 from shellbench.report.columns import Line, Way, column, count, frame, seconds, size
+from shellbench.report.document import makings
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.notation import MINUS, Notation
@@ -27,9 +28,8 @@ from shellbench.report.panel import (
     open_figure,
     shade_entry,
 )
-from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)

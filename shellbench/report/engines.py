@@ -25,7 +25,7 @@ from shellbench.report.panel import (
     mark_entry,
     open_figure,
 )
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 
 WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
 IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other

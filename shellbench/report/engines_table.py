@@ -24,13 +24,28 @@ from shellbench.report.columns import Column, Line, Way, column, error, present
 from shellbench.report.evidence import Evidence
 from shellbench.report.notation import TEXT, Notation, duration, rounded
 from shellbench.report.rates import yardstick_of
-from shellbench.report.runs import headlines
+from shellbench.report.runs import headlines, study_of
 from shellbench.report.solutions import Known, heading, theory_words
-from shellbench.report.suites import study_of
 from shellbench.report.table import Note, Table
 
 STUDY: Study = "engines"
 TOGETHER = 60.0  # seconds between runs that one command planned: a plan of hundreds of runs takes a few
+LEVELS = (1e-3, 1e-4, 1e-5)
+COLUMNS = (
+    *("block", "case", "kind", "name", "solver", "settings", "value", "uncertainty", "source", "deviation", "error"),
+    *("reference_uncertainty", "doubtful", "extrapolated_error", "from_base", "unknowns"),
+    *(f"{what}_{level:g}" for level in LEVELS for what in ("seconds", "ratio")),
+    *("alone", "engine", "run_ids"),
+)
+ALONE = "†"
+TIMES = "×"
+CAPTION = (
+    "A line is one choice of a solver's settings, over all sizes that it ran with. Value, error and unknowns are those"
+    " of its finest run that ended well. Seconds: least wall time of a solve within the given error of the known value,"
+    " there and in all finer runs of the line, the uncertainty of the known value counted against it."
+    f" {ALONE}: one size alone, which no finer one confirms. Digits in brackets are the uncertainty of the last digits;"
+    " an error marked * is smaller than the uncertainty of the known value."
+)
 
 
 @dataclass(frozen=True)
@@ -160,24 +175,6 @@ def planned_apart(records: Sequence[Record]) -> list[str]:
     times = sorted(datetime.fromisoformat(created) for created in {record.created for record in records})
     later = [after for before, after in pairwise(times) if (after - before).total_seconds() > TOGETHER]
     return [time.strftime("%Y-%m-%d %H:%M:%S") for time in (*times[:1], *later)]
-
-
-LEVELS = (1e-3, 1e-4, 1e-5)
-COLUMNS = (
-    *("block", "case", "kind", "name", "solver", "settings", "value", "uncertainty", "source", "deviation", "error"),
-    *("reference_uncertainty", "doubtful", "extrapolated_error", "from_base", "unknowns"),
-    *(f"{what}_{level:g}" for level in LEVELS for what in ("seconds", "ratio")),
-    *("alone", "engine", "run_ids"),
-)
-ALONE = "†"
-TIMES = "×"
-CAPTION = (
-    "A line is one choice of a solver's settings, over all sizes that it ran with. Value, error and unknowns are those"
-    " of its finest run that ended well. Seconds: least wall time of a solve within the given error of the known value,"
-    " there and in all finer runs of the line, the uncertainty of the known value counted against it."
-    f" {ALONE}: one size alone, which no finer one confirms. Digits in brackets are the uncertainty of the last digits;"
-    " an error marked * is smaller than the uncertainty of the known value."
-)
 
 
 def cross_check_table(cases: Sequence[CheckedCase], known: Known) -> Table:

@@ -18,9 +18,8 @@ from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.exhibit import Exhibit, Ink, inks
-from shellbench.report.runs import in_order_of_cases, table_of_runs
+from shellbench.report.runs import compared, in_order_of_cases, table_of_runs
 from shellbench.report.solutions import Known
-from shellbench.report.suites import compared
 from shellbench.report.table import Table
 
 T = TypeVar("T")

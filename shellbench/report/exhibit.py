@@ -26,7 +26,7 @@ from shellbench.bench.environment import cores
 from shellbench.bench.suite import Study
 from shellbench.errors import ShellbenchError
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a table of text draws nothing
     from matplotlib.figure import Figure
 
 
@@ -68,6 +68,16 @@ STYLE: dict[str, Any] = {
     "svg.fonttype": "path",
     "svg.hashsalt": "shellbench",  # the same figure is the same file
 }
+PRINT_DPI, SCREEN_DPI = 300, 160
+PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and hardly a difference to be seen
+FARTHEST = 15  # of 255: how far a colour may be from the palette; farther, and bands are seen
+ROUNDED = 8  # of 255: half the bytes, and no difference to be seen
+COORDINATES = re.compile(rb'(?<= [dxy]=")[^"]*')
+REMARKS_AND_INDENTS = re.compile(rb"<!--.*?-->\s*|(?<=\n)\s+", re.DOTALL)
+LONG = re.compile(rb"-?\d+\.\d{3,}")
+IN_LINKS = " !$()*+,-./:;=?@[]_~{}|'"  # characters that need no escape in a link that holds mark-up
+Format = Literal["pdf", "png", "svg"]
+_save: list[Callable[[int], str]] = []  # what a forked process does; it is there when it begins
 
 
 @dataclass(frozen=True)
@@ -123,17 +133,6 @@ def declared_solvers() -> tuple[str, ...]:
     found = map(catalog.find_suite, catalog.suite_names())
     suites = sorted(found, key=lambda suite: (suite.study is not None, suite.study == LAST))
     return tuple(dict.fromkeys(run.solver for suite in suites for run in suite.runs))
-
-
-PRINT_DPI, SCREEN_DPI = 300, 160
-PALETTE = 256  # colours of a picture, chosen for it: a quarter of the bytes, and hardly a difference to be seen
-FARTHEST = 15  # of 255: how far a colour may be from the palette; farther, and bands are seen
-ROUNDED = 8  # of 255: half the bytes, and no difference to be seen
-COORDINATES = re.compile(rb'(?<= [dxy]=")[^"]*')
-REMARKS_AND_INDENTS = re.compile(rb"<!--.*?-->\s*|(?<=\n)\s+", re.DOTALL)
-LONG = re.compile(rb"-?\d+\.\d{3,}")
-IN_LINKS = " !$()*+,-./:;=?@[]_~{}|'"  # characters that need no escape in a link that holds mark-up
-Format = Literal["pdf", "png", "svg"]
 
 
 @dataclass(frozen=True)
@@ -216,9 +215,6 @@ def save_all(exhibits: Sequence[Exhibit], folder: Path, for_print: bool = True) 
     finally:
         _save.clear()
     return {exhibit.name: uri for exhibit, uri in zip(exhibits, uris, strict=True)}
-
-
-_save: list[Callable[[int], str]] = []  # what a forked process does; it is there when it begins
 
 
 def _save_one(number: int) -> str:

@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from shellbench.report.convergence import AXIS_LABELS, iteration_figure, refinement_figure
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit, style
+from shellbench.report.fields import lead_shells, pictured
 from shellbench.report.newton import newton_exhibits
 from shellbench.report.rates import Abscissa, Course, courses, fitted_rate
-from shellbench.report.scene import lead_shells, pictured
+from shellbench.report.runs import rows_at_home, suite_title
 from shellbench.report.shells import Shell, course_figure, scale_words, shell_figure
-from shellbench.report.suites import rows_at_home, suite_title
 from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
 MOST_TOGETHER = 15  # shells in one composite

@@ -27,7 +27,7 @@ from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
 from shellbench.report.notation import TEXT, Notation, byte_size, percent, quoted
 from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
 from shellbench.report.resolution import of_largest
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Table
 
 NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"

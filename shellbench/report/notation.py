@@ -20,6 +20,34 @@ FINEST = 1e-9  # finest relative digit worth printing: no figure here is known b
 QUOTED = 15  # significant digits in which a quoted figure survives double precision
 PERCENT_FIGURES = 2
 SMALLEST_PLAIN_PERCENT = -4  # errors below 1e-4 % are printed with a power of ten
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+MINUS, NARROW, NO_BREAK = "\N{MINUS SIGN}", "\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}"
+LATEX = {
+    "\\": r"\textbackslash{}",
+    "{": r"\{",
+    "}": r"\}",
+    "$": r"\$",
+    "&": r"\&",
+    "#": r"\#",
+    "%": r"\%",
+    "_": r"\_",
+    "^": r"\textasciicircum{}",
+    "~": r"\textasciitilde{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "×": r"$\times$",
+    "²": r"$^2$",
+    "³": r"$^3$",
+    "°": r"$^\circ$",
+    "†": r"$^\dagger$",
+    MINUS: r"$-$",
+    "–": "--",
+    "—": "---",
+    NO_BREAK: "~",
+    NARROW: r"\,",
+}
 
 
 @dataclass(frozen=True)
@@ -141,36 +169,6 @@ def duration(seconds: float) -> str:
     if seconds >= 9.95:
         return f"{seconds:.0f}"
     return f"{float(f'{seconds:.2g}'):.{max(0, 1 - order_of(seconds))}f}" if seconds > 0 else "0"
-
-
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-MINUS, NARROW, NO_BREAK = "\N{MINUS SIGN}", "\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}"
-LATEX = {
-    "\\": r"\textbackslash{}",
-    "{": r"\{",
-    "}": r"\}",
-    "$": r"\$",
-    "&": r"\&",
-    "#": r"\#",
-    "%": r"\%",
-    "_": r"\_",
-    "^": r"\textasciicircum{}",
-    "~": r"\textasciitilde{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
-    "×": r"$\times$",
-    "²": r"$^2$",
-    "³": r"$^3$",
-    "°": r"$^\circ$",
-    "†": r"$^\dagger$",
-    MINUS: r"$-$",
-    "–": "--",
-    "—": "---",
-    NO_BREAK: "~",
-    NARROW: r"\,",
-}
 
 
 @dataclass(frozen=True)

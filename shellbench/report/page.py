@@ -17,13 +17,19 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
-from shellbench.report.bibliography import read_bibliography
+from shellbench.report.document import (
+    Making,
+    environment_words,
+    list_own,
+    makings,
+    read_bibliography,
+    remove_older,
+    write,
+)
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.own_files import list_own, remove_older, write
-from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
 from shellbench.report.solutions import Known
 from shellbench.report.summary import matrix, overall, shortfalls

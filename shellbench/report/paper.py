@@ -20,18 +20,15 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
-from shellbench.report.bibliography import read_bibliography
 from shellbench.report.columns import present
+from shellbench.report.document import environment_words, list_own, makings, read_bibliography, remove_older, write
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit, style
-from shellbench.report.latex import PACKAGES, with_letters_of_latex
 from shellbench.report.notation import LATEX_NOTATION
-from shellbench.report.own_files import list_own, remove_older, write
-from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import gather
 from shellbench.report.solutions import Known, theory_words
 from shellbench.report.summary import overall
-from shellbench.report.table import Table
+from shellbench.report.table import PACKAGES, Table, with_letters_of_latex
 
 DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
 OWN = "shellbench"  # source of known values that were computed here, by independent programs

@@ -19,6 +19,13 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.solutions import variant_name
 
+Abscissa = Literal["unknowns", "seconds", "iteration"]
+SURFACE_DIMENSION = 2  # unknowns grow as the square of 1/h, h the mesh width
+FEWEST = 3  # points that make a slope believable
+COARSEST = 0.3  # relative errors above this are no asymptotic range
+ABOVE_FLOOR = 2.0  # errors closer than this factor to what is known of the answer say nothing about the rate
+LONGEST = 4  # points of a fit, from the finest backwards: the asymptotic range
+
 
 @dataclass(frozen=True)
 class Yardstick:
@@ -98,10 +105,6 @@ def _best_answer(rows: Sequence[Row]) -> Yardstick | None:
     return Yardstick(best.value, scale, (best.uncertainty or 0.0) / scale, words, best.run_id)
 
 
-Abscissa = Literal["unknowns", "seconds", "iteration"]
-SURFACE_DIMENSION = 2  # unknowns grow as the square of 1/h, h the mesh width
-
-
 @dataclass(frozen=True)
 class Course:
     """The history of one solve, ready to be drawn.
@@ -173,12 +176,6 @@ def courses(records: Mapping[str, Record], rows: Sequence[Row]) -> list[Course]:
             whose = (row.case, title, row.solver, variant_name(row), row.seed)
             found.append(Course(*whose, row.quantity, row.reference, doubt, steps, record.run_id))
     return found
-
-
-FEWEST = 3  # points that make a slope believable
-COARSEST = 0.3  # relative errors above this are no asymptotic range
-ABOVE_FLOOR = 2.0  # errors closer than this factor to what is known of the answer say nothing about the rate
-LONGEST = 4  # points of a fit, from the finest backwards: the asymptotic range
 
 
 @dataclass(frozen=True)

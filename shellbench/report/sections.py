@@ -31,8 +31,8 @@ from shellbench.report import (
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
 from shellbench.report.exhibits import COMPOSITE, CONVERGENCE, PICTURE, exhibits
+from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
-from shellbench.report.suites import rows_at_home, suite_title, told_apart
 from shellbench.report.table import Table
 
 START, WHOLE = "index", "report"  # files of a report that are no suite's

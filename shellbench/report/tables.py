@@ -17,8 +17,7 @@ from shellbench.report.columns import Column, Line, column, in_its_unit, present
 from shellbench.report.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation, allowance, quoted, rounded
-from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
-from shellbench.report.suites import (
+from shellbench.report.runs import (
     compared,
     is_study,
     rows_at_home,
@@ -28,6 +27,7 @@ from shellbench.report.suites import (
     suite_title,
     suites_of,
 )
+from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
 from shellbench.report.table import Format, Note, Table
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin

@@ -22,9 +22,8 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.notation import MARKDOWN, Notation, anchor, percent, rounded
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
-from shellbench.report.runs import in_study
+from shellbench.report.runs import in_study, remarks_on
 from shellbench.report.solutions import Known
-from shellbench.report.suites import remarks_on
 from shellbench.report.table import Note, Table
 
 STUDY: Study = "thinness"

@@ -29,11 +29,14 @@ from shellbench.report.columns import (
 )
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.notation import Notation, rounded
+from shellbench.report.runs import leading_rows
 from shellbench.report.solutions import BAD, EXPECTED, grouped, seed_words, verdict
-from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
 from shellbench.report.traces import Apart, Phase, apart, portrayed, steps_of
+
+TIMES = "times_"  # how names of tables by time begin
+GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 
 def paths(found: Evidence) -> Section:
@@ -82,10 +85,6 @@ def effort(records: Sequence[Record], phase: Phase) -> dict[str, Any]:
         "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
         "run_ids": " ".join(record.run_id for record in records),
     }
-
-
-TIMES = "times_"  # how names of tables by time begin
-GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 
 def cloth(found: Evidence) -> Section:

@@ -15,11 +15,10 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.report.columns import Column, Line, column
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, Ink
-from shellbench.report.fields import read_fields
+from shellbench.report.fields import drawn, read_fields
 from shellbench.report.notation import TEXT, Notation, duration, percent, rounded
 from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, finish
 from shellbench.report.runs import headlines, in_order_of_cases
-from shellbench.report.scene import drawn
 from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row
 from shellbench.report.table import Table
 

@@ -1,5 +1,5 @@
 from shellbench.bench import catalog
-from shellbench.report.bibliography import read_bibliography
+from shellbench.report.document import read_bibliography
 
 BIBTEX = r"""
 @article{someone1999,

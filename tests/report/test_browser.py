@@ -11,8 +11,7 @@ import pytest
 
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, exhibits, page, sections, shells
-from shellbench.report.fields import read_fields
-from shellbench.report.scene import lead_shells, pictured
+from shellbench.report.fields import lead_shells, pictured, read_fields
 from shellbench.report.shells import AXES_TO_UP
 from tests.patience import GUARD, until
 from tests.report.motion import BROKEN, OFFSET

@@ -11,7 +11,7 @@ from shellbench.report import tables
 from shellbench.report.engines import cross_check_figure, lines_of, section
 from shellbench.report.engines_table import LEVELS, TOGETHER, checked_cases, cross_check_table, why_incomparable
 from shellbench.report.exhibit import inks
-from shellbench.report.suites import compared
+from shellbench.report.runs import compared
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
 from tests.report.test_sections_agree import assert_they_agree

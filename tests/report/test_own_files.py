@@ -2,10 +2,10 @@ import pytest
 
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
-from shellbench.report.own_files import MANIFEST, list_own, remove_older
+from shellbench.report.document import MANIFEST, list_own, remove_older
 from shellbench.report.page import write_report
 from shellbench.report.paper import write_paper
-from shellbench.report.suites import told_apart
+from shellbench.report.runs import told_apart
 from tests.report.conftest import COURSE
 
 

@@ -24,11 +24,11 @@ from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
 from shellbench.report import exhibit, sections, shells
 from shellbench.report.columns import Column
+from shellbench.report.document import command
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
-from shellbench.report.provenance import command
-from shellbench.report.suites import rows_at_home, rows_of, suites_of
+from shellbench.report.runs import rows_at_home, rows_of, suites_of
 from shellbench.report.summary import overall, shortfalls
 from shellbench.report.table import Note, Table
 from shellbench.report.tables import render
