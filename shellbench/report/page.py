@@ -31,8 +31,7 @@ from shellbench.report.exhibit import Exhibit, data_uri, save_all
 from shellbench.report.exhibits import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
-from shellbench.report.solutions import Known
-from shellbench.report.summary import matrix, overall, shortfalls
+from shellbench.report.solutions import Known, matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views

@@ -26,8 +26,7 @@ from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.notation import LATEX_NOTATION
 from shellbench.report.sections import gather
-from shellbench.report.solutions import Known, theory_words
-from shellbench.report.summary import overall
+from shellbench.report.solutions import Known, overall, theory_words
 from shellbench.report.table import PACKAGES, Table, with_letters_of_latex
 
 DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"

@@ -17,16 +17,14 @@ from shellbench.report import (
     cost,
     engines,
     fields,
-    held_supports,
     memory,
     newton,
-    sampling_study,
+    paper_studies,
     seeds,
     strains,
     tables,
     thinness,
     trace_tables,
-    training_time,
 )
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
@@ -57,10 +55,10 @@ MAKERS: tuple[Maker, ...] = (
     consistency.section,
     memory.section,
     seeds.section,
-    training_time.section,
-    sampling_study.section,
+    paper_studies.training,
+    paper_studies.sampling,
     thinness.section,
-    held_supports.section,
+    paper_studies.supports,
     tables.quantities,
 )
 

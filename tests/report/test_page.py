@@ -29,7 +29,7 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
 from shellbench.report.runs import rows_at_home, rows_of, suites_of
-from shellbench.report.summary import overall, shortfalls
+from shellbench.report.solutions import overall, shortfalls
 from shellbench.report.table import Note, Table
 from shellbench.report.tables import render
 from tests.report.conftest import COURSE, Store
