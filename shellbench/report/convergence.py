@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from shellbench.report.exhibit import DASHES, Dashes, Ink
+from shellbench.report.evidence import Evidence
+from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.panel import (
     ERROR_LABEL,
     FOR_SLOPES,
@@ -22,15 +23,62 @@ from shellbench.report.panel import (
     open_figure,
     shade_entry,
 )
-from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, fitted_rate
+from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
+from shellbench.report.runs import rows_at_home, suite_title
 from shellbench.report.shells import plain
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}
 GAP_LABEL = "quadrature gap (%)"
 WIDTH, HEIGHT, MARGIN = 2.0, 1.9, 0.75  # inches a panel: four of them fill a page's width; and for the legend
 MOST_IN_A_ROW = 4  # panels; more cases go on below
+AXES: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
+CONVERGENCE = "convergence_"  # how names of figures begin
 CROWDED = 30  # points from which on a curve has no marks
 Strip = tuple[Abscissa, str, Callable[[Course], tuple[list[float], list[float]]]]
+
+
+def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the figures of each suite's convergence."""
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        shown = [course for course in courses(evidence.records, of_suite) if not course.variant]
+        refining = [course for course in shown if not course.is_field]
+        refinement = refinement_figure(shown, evidence.inks)
+        if refinement is not None:
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_refinement",
+                title=f"{suite_title(suite)}: convergence under refinement",
+                caption="Relative error of each case's headline figure against unknowns and wall time. Dashed: power"
+                " laws fitted to the finest steps whose error lies above the uncertainty of the known value; against"
+                " the unknowns the exponent is the order in the mesh width h.",
+                description=f"Errors fall with refinement. {_rates(refining)}",
+                figure=refinement,
+                run_ids=tuple(course.run_id for course in refining),
+            )
+        for abscissa in AXES:
+            figure = iteration_figure(shown, evidence.inks, abscissa)
+            if figure is None:
+                continue
+            solvers = ", ".join(dict.fromkeys(course.solver for course in shown))
+            against = AXIS_LABELS[abscissa].removesuffix(" (s)")
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_{abscissa}",
+                title=f"{suite_title(suite)}: error and quadrature gap against {against}",
+                caption="Relative error of each case's headline figure, and the gap between the energy on the"
+                " solve's own quadrature and on a finer one. The gap tells a field that exploits its quadrature; it"
+                " does not bound the error. A line or a mark for each seed.",
+                description=f"Error and gap of {solvers} against {against}, case by case",
+                figure=figure,
+                run_ids=tuple(course.run_id for course in shown),
+            )
+
+
+def _rates(refining: Sequence[Course]) -> str:
+    words = []
+    for course in refining:
+        rate = fitted_rate(*course.errors("unknowns"), course.floor)
+        if rate is not None:
+            words.append(f"{course.title}, {course.solver}: order {-2 * rate.slope:.1f} in h")
+    return "Fitted: " + "; ".join(dict.fromkeys(words)) + "." if words else ""
 
 
 def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Figure | None:

@@ -22,17 +22,19 @@ from shellbench.bench.row import Row
 from shellbench.portrait import Portrait, Scene
 from shellbench.report.columns import code, column, frame
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.runs import leading_rows
-from shellbench.report.shells import Camera, Shell
+from shellbench.report.exhibit import Exhibit
+from shellbench.report.runs import leading_rows, rows_at_home, suite_title
+from shellbench.report.shells import Camera, Shell, course_figure, scale_words, shell_figure
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Table
 
-Array = NDArray[np.float64]
 Array = NDArray[np.float64]
 T = TypeVar("T")
 DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
 STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 MOST_SHOWN = 6  # states
+MOST_TOGETHER = 15  # shells in one composite
+COMPOSITE, PICTURE = "course_", "shell_"  # how names of figures begin
 
 
 def section(found: Evidence) -> Section:
@@ -150,6 +152,43 @@ def areas(position: Array) -> Array:
             ends[axis] = end  # type: ignore[call-overload]
             weights[tuple(ends)] *= 0.5
     return np.asarray(weights)
+
+
+def pictures(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the pictures of deformed shells: of each suite together, and of each case."""
+    drawn: dict[str, Shell] = {}
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        candidates = pictured(evidence.records, [row for row in of_suite if row.default_settings])
+        shells = lead_shells(candidates, evidence.folder)
+        drawn |= {one.case: one for one in shells if one.case not in drawn}
+        if len(shells) > 1:
+            shown = shells[:MOST_TOGETHER]
+            left_out = f" {len(shown)} of {len(shells)} cases." if len(shown) < len(shells) else ""
+            yield Exhibit(
+                name=f"{COMPOSITE}{suite}",
+                title=suite_title(suite),
+                caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
+                " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
+                f" reference surface as a wire. {_solved_by(shown)}{left_out}",
+                description="; ".join(f"{one.title}: {one.words}" for one in shown),
+                figure=course_figure(shown),
+                run_ids=tuple(one.run_id for one in shown),
+                drawing=False,
+            )
+    for one in drawn.values():
+        yield Exhibit(
+            name=f"{PICTURE}{one.case}",
+            title=one.title,
+            caption=f"Deformed shell, {scale_words(one)}. {_solved_by([one])}",
+            description=f"{one.title}: {one.words}",
+            figure=shell_figure(one),
+            run_ids=(one.run_id,),
+            drawing=False,
+        )
+
+
+def _solved_by(shells: Sequence[Shell]) -> str:
+    return f"Solved by {' and '.join(dict.fromkeys(shell.solver for shell in shells))}."
 
 
 def pictured(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:

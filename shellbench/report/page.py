@@ -28,7 +28,7 @@ from shellbench.report.document import (
 )
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
-from shellbench.report.exhibits import PICTURE
+from shellbench.report.fields import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
 from shellbench.report.solutions import Known, matrix, overall, shortfalls

@@ -26,12 +26,15 @@ from shellbench.report import (
     thinness,
     trace_tables,
 )
+from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
 from shellbench.report.exhibit import Exhibit, style
-from shellbench.report.exhibits import COMPOSITE, CONVERGENCE, PICTURE, exhibits
+from shellbench.report.fields import COMPOSITE, PICTURE, pictures
+from shellbench.report.newton import newton_exhibits
 from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
 from shellbench.report.table import Table
+from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
 START, WHOLE = "index", "report"  # files of a report that are no suite's
 
@@ -73,6 +76,18 @@ def gather(
     found = Evidence(records, rows, store.folder, known, whole)
     found = replace(found, drawn=exhibits(found))
     return found, stored, sections(found)
+
+
+def exhibits(evidence: Evidence) -> list[Exhibit]:
+    """Return the figures of the report that compare solvers, case by case."""
+    with style():
+        return [
+            *pictures(evidence),
+            *path_exhibits(evidence),
+            *motion_exhibits(evidence),
+            *newton_exhibits(evidence),
+            *convergence_exhibits(evidence),
+        ]
 
 
 def sections(found: Evidence) -> list[Section]:
