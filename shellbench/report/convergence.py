@@ -9,20 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from shellbench.report import panel
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
-from shellbench.report.panel import (
-    ERROR_LABEL,
-    FOR_SLOPES,
-    ROOM,
-    add_legend,
-    draw,
-    draw_slopes,
-    entry,
-    finish,
-    open_figure,
-    shade_entry,
-)
 from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
 from shellbench.report.runs import rows_at_home, suite_title
 from shellbench.report.shells import plain
@@ -91,8 +80,8 @@ def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Fig
     if not any(course.refines for course in courses):
         return None
     strips: list[Strip] = [
-        ("unknowns", ERROR_LABEL, lambda course: course.errors("unknowns")),
-        ("seconds", ERROR_LABEL, lambda course: course.errors("seconds")),
+        ("unknowns", panel.ERROR_LABEL, lambda course: course.errors("unknowns")),
+        ("seconds", panel.ERROR_LABEL, lambda course: course.errors("seconds")),
     ]
     return _figure(courses, inks, strips, slopes=True)
 
@@ -110,7 +99,7 @@ def iteration_figure(courses: Sequence[Course], inks: Mapping[str, Ink], absciss
     if abscissa != "iteration":
         cases = {course.case for course in fields}
         fields = [course for course in measured if course.is_field or course.case in cases]
-    strips: list[Strip] = [(abscissa, ERROR_LABEL, lambda course: course.errors(abscissa))]
+    strips: list[Strip] = [(abscissa, panel.ERROR_LABEL, lambda course: course.errors(abscissa))]
     if any(course.gaps(abscissa)[0] for course in fields):
         strips.append((abscissa, GAP_LABEL, lambda course: course.gaps(abscissa)))
     return _figure(fields, inks, strips)
@@ -125,7 +114,7 @@ def _figure(
         cases.setdefault(course.case, []).append(course)
     columns, bands = min(len(cases), MOST_IN_A_ROW), -(-len(cases) // MOST_IN_A_ROW)
     size = max(3.4, WIDTH * columns), HEIGHT * len(strips) * bands + MARGIN
-    figure, panels = open_figure(size, len(strips) * bands, columns, sharey="row")
+    figure, panels = panel.open_figure(size, len(strips) * bands, columns, sharey="row")
     for band in range(bands):
         shown = list(cases.values())[band * columns : (band + 1) * columns]
         for i, (abscissa, label, measure) in enumerate(strips):
@@ -138,9 +127,16 @@ def _figure(
                     axes.sharex(panels[band * len(strips), column])
                 for course in of_case:
                     _draw(axes, course, *measure(course), abscissa, inks[course.solver])
-            floors = [100 * max(course.floor for course in of_case) * (label == ERROR_LABEL) for of_case in shown]
+            floors = [100 * max(course.floor for course in of_case) * (label == panel.ERROR_LABEL) for of_case in shown]
             log = "y" if abscissa == "iteration" else "xy"
-            finish(row, AXIS_LABELS[abscissa], label, floor=floors, log=log, below=FOR_SLOPES if slopes else ROOM)
+            panel.finish(
+                row,
+                AXIS_LABELS[abscissa],
+                label,
+                floor=floors,
+                log=log,
+                below=panel.FOR_SLOPES if slopes else panel.ROOM,
+            )
             for axes, of_case in zip(row, shown, strict=True):
                 if i == 0:
                     axes.set_title(plain(of_case[0].title).replace(", ", ",\n", 1), loc="left")
@@ -149,13 +145,13 @@ def _figure(
                 if slopes:
                     _draw_orders(axes, of_case, abscissa, inks)
     entries = {
-        f"{course.solver}, {course.variant}" if course.variant else course.solver: entry(
+        f"{course.solver}, {course.variant}" if course.variant else course.solver: panel.entry(
             inks[course.solver], linestyle=_dashes(course)
         )
         for course in courses
     }
     in_view = any(100 * course.floor > panels[0, 0].get_ylim()[0] for course in courses)
-    add_legend(figure, entries | shade_entry(in_view), 5)
+    panel.add_legend(figure, entries | panel.shade_entry(in_view), 5)
     return figure
 
 
@@ -164,7 +160,7 @@ def _draw(axes: Axes, course: Course, x: list[float], values: list[float], absci
     points = [(a, 100 * v) for a, v in zip(x, values, strict=True) if a > 0 and v > 0][-1 if last_only else 0 :]
     if points:
         look: dict[str, Any] = {"marker": None} if len(points) > CROWDED else {}
-        draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)
+        panel.draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)
 
 
 def _draw_orders(axes: Axes, courses: Sequence[Course], abscissa: Abscissa, inks: Mapping[str, Ink]) -> None:
@@ -176,7 +172,7 @@ def _draw_orders(axes: Axes, courses: Sequence[Course], abscissa: Abscissa, inks
             order = f"h^{{{-SURFACE_DIMENSION * rate.slope:.1f}}}"
             words = f"${order}$" if abscissa == "unknowns" else rf"$t^{{\,{rate.slope:.1f}}}$"
             fits.append((rate, words, inks[course.solver].colour))
-    draw_slopes(axes, fits)
+    panel.draw_slopes(axes, fits)
 
 
 def _dashes(course: Course) -> Dashes:

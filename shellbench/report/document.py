@@ -10,13 +10,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import jinja2
+
 from shellbench.bench.record import Environment, Record
 from shellbench.bench.row import Row
 
+BIBLIOGRAPHY = "bibliography.bib"
 MANIFEST = ".shellbench-report"
 ENTRY = re.compile(r"@(\w+)\s*\{\s*([^,\s{}]+)\s*,", re.ASCII)
 FIELD = re.compile(r"(\w+)\s*=\s*", re.ASCII)
 ACCENTS = {'"': "\u0308", "'": "\u0301", "`": "\u0300", "^": "\u0302", "~": "\u0303", "c": "\u0327"}
+
+
+def templates(**syntax: Any) -> jinja2.Environment:
+    """Return the templates of the report, which know no name that they were not given; `syntax` is jinja2's."""
+    return jinja2.Environment(
+        loader=jinja2.PackageLoader("shellbench.report"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+        **syntax,
+    )
 
 
 def remove_older(out: Path) -> None:

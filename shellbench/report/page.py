@@ -8,8 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from shellbench import __version__
 from shellbench.bench import catalog
 from shellbench.bench.compare import beyond
@@ -18,12 +16,14 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.document import (
+    BIBLIOGRAPHY,
     Making,
     environment_words,
     list_own,
     makings,
     read_bibliography,
     remove_older,
+    templates,
     write,
 )
 from shellbench.report.evidence import Evidence, Section, all_tables
@@ -36,7 +36,6 @@ from shellbench.report.table import Table
 from shellbench.report.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
-BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
 TOGETHER = (DISPLACEMENTS, QUANTITIES)  # tables with the same columns, in one CSV
 
@@ -186,13 +185,7 @@ def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
 
 
 def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("shellbench.report"),
-        autoescape=notation is HTML,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = templates(autoescape=notation is HTML)
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
     environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
     solvers, lines = matrix(leaf.rows, notation)

@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from shellbench import __version__
 from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of
@@ -21,7 +19,16 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
 from shellbench.report.columns import present
-from shellbench.report.document import environment_words, list_own, makings, read_bibliography, remove_older, write
+from shellbench.report.document import (
+    BIBLIOGRAPHY,
+    environment_words,
+    list_own,
+    makings,
+    read_bibliography,
+    remove_older,
+    templates,
+    write,
+)
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.notation import LATEX_NOTATION
@@ -29,7 +36,8 @@ from shellbench.report.sections import gather
 from shellbench.report.solutions import Known, overall, theory_words
 from shellbench.report.table import PACKAGES, Table, with_letters_of_latex
 
-DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
+DOCUMENT = "paper.tex"
+MARKUP = {"block": ("<%", "%>"), "variable": ("<<", ">>"), "comment": ("<#", "#>")}  # braces are LaTeX's
 OWN = "shellbench"  # source of known values that were computed here, by independent programs
 OWN_ENTRY = f"""@misc{{{OWN},
   title = {{shellbench {__version__}}},
@@ -106,19 +114,11 @@ def _stated(table: Table, found: Evidence) -> Table:
 
 def _document(chapters: Sequence[Section], records: Mapping[str, Record], found: Evidence) -> str:
     made, environments = makings(records, found.rows)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("shellbench.report"),
+    environment = templates(
         autoescape=False,
-        block_start_string="<%",
-        block_end_string="%>",
-        variable_start_string="<<",
-        variable_end_string=">>",
-        comment_start_string="<#",
-        comment_end_string="#>",
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
+        **{f"{what}_start_string": start for what, (start, _) in MARKUP.items()},
+        **{f"{what}_end_string": end for what, (_, end) in MARKUP.items()},
     )
     environment.filters["words"] = LATEX_NOTATION.escape
     facts: dict[str, Any] = {
