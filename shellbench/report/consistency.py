@@ -120,9 +120,7 @@ def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
         return None
     rate = order_of(case, ladder)
     return {
-        "block": case.title,
-        "case": case.case,
-        "solver": ladder.solver,
+        **case.line(ladder),
         "runs": len(ladder.runs),
         "coarsest_unknowns": ladder.runs[0].unknowns,
         "finest_unknowns": finest.unknowns,
@@ -280,8 +278,8 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
 
 
 def _common(case: CaseRuns, ladder: Ladder, run: Run, **kind: str) -> dict[str, Any]:
-    line = {"block": case.title, "case": case.case, "solver": ladder.solver, **kind, "run": run.name}
-    return line | {"unknowns": run.unknowns, "time_steps": run.time_steps}
+    said = {"run": run.name, "unknowns": run.unknowns, "time_steps": run.time_steps}
+    return case.line(ladder) | kind | said
 
 
 def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:

@@ -10,22 +10,24 @@ from __future__ import annotations
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait, Scene
-from shellbench.report.columns import code, column, frame
+from shellbench.report.columns import code, column
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.runs import leading_rows, rows_at_home, suite_title
 from shellbench.report.shells import Camera, Shell, course_figure, scale_words, shell_figure
-from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.solutions import grouped
 from shellbench.report.table import Table
 
 Array = NDArray[np.float64]
@@ -45,48 +47,40 @@ def section(found: Evidence) -> Section:
 
 def field_table(evidence: Evidence) -> Table:
     """Return the table of differences between fields."""
-    headline = [
-        row
-        for row in evidence.headline
-        if row.default_settings and row.status == "ok" and row.run_id in evidence.records  # the same load
-    ]
-    cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
-    lines = [line for of_case in cases for line in _lines(evidence, of_case)]
+    runs = evidence.made[evidence.made["default_settings"] & evidence.made["sound"]]  # the same load
+    cases = [_held(of_case, evidence.folder) for _, of_case in runs.groupby(["case", "own_case"], sort=False)]
+    held = pd.concat([runs.iloc[:0].assign(against="", mean_square=0.0, largest=0.0), *cases])
+    lines = held.groupby(["case", "own_case", "solution"], sort=False).agg(
+        block=("title", "first"),
+        against=("against", "first"),
+        seeds=("run_id", "size"),
+        mean_square=("mean_square", "max"),
+        largest=("largest", "max"),
+        run_ids=("run_id", " ".join),
+    )
+    shown = ["block", "case", "solution", "against", "seeds", "mean_square", "largest", "run_ids"]
     return Table(
         name="fields",
         title="Differences between fields",
         caption="Root of the mean square over the shell's area, and largest, of the difference between displacement"
         " fields, relative to the same measure of the field that they are held against; the worst seed of each.",
-        data=frame(lines),
+        data=lines.reset_index()[shown].astype({"seeds": "Int64"}),
         columns=(column("solution", way=code), "against", "seeds", "mean_square", "largest"),
     )
 
 
-def _lines(evidence: Evidence, rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
-    """Yield a line for each solution of a case that has a field beside that of the only deterministic one."""
-    kept = {row.run_id: read_fields(evidence.records[row.run_id or ""], evidence.folder) for row in rows}
-    certain = {row.run_id: row.solver for row in rows if row.seed is None}
-    theirs = kept[next(iter(certain))] if len(certain) == 1 else None
+def _held(runs: pd.DataFrame, folder: Path) -> pd.DataFrame:
+    """Return the runs of a case that have a field beside that of the only deterministic one, and how far they are."""
+    certain = runs[runs["seed"].isna()]
+    theirs = read_fields(certain["record"].iloc[0], folder) if len(certain) == 1 else None
     if theirs is None or not np.any(theirs.displacement):
-        return
-    for name, of_solver in grouped(rows, solution_name).items():
-        ours = {row.run_id: kept[row.run_id] for row in of_solver if row.run_id not in certain}
-        found = {
-            run_id: differences(one, theirs)
-            for run_id, one in ours.items()
-            if one is not None and one.position.shape == theirs.position.shape
-        }
-        if found:
-            yield {
-                "block": rows[0].case_title or rows[0].case,
-                "case": rows[0].case,
-                "solution": name,
-                "against": next(iter(certain.values())),
-                "seeds": len(found),
-                "mean_square": max(square for square, _ in found.values()),
-                "largest": max(largest for _, largest in found.values()),
-                "run_ids": " ".join(map(str, found)),
-            }
+        return runs.iloc[:0]
+    others = runs.drop(certain.index)
+    fields = [read_fields(record, folder) for record in others["record"]]
+    fit = [one is not None and one.position.shape == theirs.position.shape for one in fields]
+    apart = [differences(one, theirs) for one, fits in zip(fields, fit, strict=True) if one is not None and fits]
+    squares, largest = zip(*apart, strict=True) if apart else ((), ())
+    return others[fit].assign(against=certain["solver"].iloc[0], mean_square=squares, largest=largest)
 
 
 @dataclass(frozen=True)
@@ -193,15 +187,15 @@ def _solved_by(shells: Sequence[Shell]) -> str:
 
 def pictured(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
     """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
-    chosen: dict[str, dict[str, tuple[int, Record]]] = {}
-    for row in leading_rows([row for row in rows if row.primary]):
-        record = records.get(row.run_id or "")
-        if record is None or record.fields_file is None:
-            continue
-        of_case, seed = chosen.setdefault(row.case, {}), row.seed or 0
-        if row.solver not in of_case or seed < of_case[row.solver][0]:
-            of_case[row.solver] = (seed, record)
-    return {case: [record for _, record in of_case.values()] for case, of_case in chosen.items()}
+    leading = ((row, records.get(row.run_id or "")) for row in leading_rows([row for row in rows if row.primary]))
+    kept = [(row, record) for row, record in leading if record is not None and record.fields_file is not None]
+    return {
+        case: [
+            min(of_solver, key=lambda one: one[0].seed or 0)[1]
+            for of_solver in grouped(of_case, lambda one: one[0].solver).values()
+        ]
+        for case, of_case in grouped(kept, lambda one: one[0].case).items()
+    }
 
 
 def lead_shells(candidates: Mapping[str, Sequence[Record]], folder: Path) -> list[Shell]:
@@ -209,11 +203,9 @@ def lead_shells(candidates: Mapping[str, Sequence[Record]], folder: Path) -> lis
 
     That is the solver which answered most cases; of several, the one whose solutions take the fewest bytes.
     """
-    answered: dict[str, list[int]] = {}
-    for records in candidates.values():
-        for record in records:
-            answered.setdefault(record.identity.solver, []).append(record.storage_bytes or 0)
-    order = sorted(answered, key=lambda solver: (-len(answered[solver]), sum(answered[solver]), solver))
+    answered = grouped(chain.from_iterable(candidates.values()), lambda record: record.identity.solver)
+    size = {solver: sum(record.storage_bytes or 0 for record in records) for solver, records in answered.items()}
+    order = sorted(answered, key=lambda solver: (-len(answered[solver]), size[solver], solver))
     shells = []
     for records in candidates.values():
         ranked = sorted(records, key=lambda record: order.index(record.identity.solver))
