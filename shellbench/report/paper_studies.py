@@ -19,7 +19,7 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report.columns import Column, Line, column, rounded_value, share, words
-from shellbench.report.evidence import Evidence, Section
+from shellbench.report.evidence import Evidence, Section, failures
 from shellbench.report.exhibit import Exhibit, Ink
 from shellbench.report.fields import drawn, read_fields
 from shellbench.report.notation import TEXT, Notation, duration, percent, quoted, rounded
@@ -28,7 +28,7 @@ from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row, plain
 from shellbench.report.solutions import STATUS_WORDS
-from shellbench.report.table import Note, Table
+from shellbench.report.table import Table
 
 POINTS = "quadrature_points"  # a solver's own count of the points that it was solved on, if it says one
 CELLS = "cells"  # or the setting for the grid of its samples, one in each cell
@@ -373,7 +373,6 @@ def support_table(evidence: Evidence) -> Table | None:
     if found.empty:
         return None
     found = in_order_of_cases(found.assign(weight=found["penalty"].replace(0.0, np.nan)), ["weight"])
-    failed = found[~found["sound"] & (found["reason"] != "")].drop_duplicates(["solution", "reason"])
     ended = found["status"].map({"ok": "solved", **STATUS_WORDS})
     data = found.assign(block=found["title"], ended=ended.fillna(found["status"]))
     shown = ["block", "case", "solution", "run_id", "penalty", "support_error", "largest_displacement"]
@@ -392,7 +391,7 @@ def support_table(evidence: Evidence) -> Table | None:
             "relative_error",
             column("ended", way=words),
         ),
-        notes=tuple(Note(one.solution, one.reason) for one in failed.itertuples()),
+        notes=failures(found),
     )
 
 

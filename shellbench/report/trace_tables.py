@@ -27,10 +27,10 @@ from shellbench.report.columns import (
     significant,
     words,
 )
-from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.evidence import Evidence, Section, failures, given
 from shellbench.report.notation import Notation, rounded
 from shellbench.report.runs import leading_rows
-from shellbench.report.solutions import BAD, EXPECTED, grouped, seed_words, verdict
+from shellbench.report.solutions import BAD, EXPECTED, grouped, verdict
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
 from shellbench.report.traces import Apart, Phase, apart, portrayed, steps_of
@@ -47,17 +47,12 @@ def paths(found: Evidence) -> Section:
 
 def effort_table(evidence: Evidence) -> Table:
     """Return the table of path states, iterations and seconds."""
-    lines: list[dict[str, Any]] = []
-    notes: list[Note] = []
-    walked = evidence.made["record"].map(lambda record: bool(steps_of(record, "path"))).astype(bool)
-    for (case, _, name), runs in evidence.made[walked].groupby(["case", "own_case", "solution"], sort=False):
-        title, followed = runs["title"].iloc[0], list(runs["record"])
-        lines.append({"block": title, "case": case, "solution": name} | effort(followed, "path"))
-        failed = grouped((one for one in followed if one.status != "ok"), lambda one: one.reason or one.status)
-        for reason, alike in failed.items():
-            seeds = ", ".join(str(record.identity.seed) for record in alike if record.identity.seed is not None)
-            words = f"{title}, {name}" + (f", seed {seeds}" if seeds else "") + f" ({alike[0].status})"
-            notes.append(Note(words, reason))
+    followed = evidence.made["record"].map(lambda record: bool(steps_of(record, "path"))).astype(bool)
+    walked = evidence.made[followed]
+    lines = [
+        {"block": runs["title"].iloc[0], "case": case, "solution": name} | effort(list(runs["record"]), "path")
+        for (case, _, name), runs in walked.groupby(["case", "own_case", "solution"], sort=False)
+    ]
     return Table(
         name="effort",
         title="Iterations and seconds",
@@ -67,7 +62,7 @@ def effort_table(evidence: Evidence) -> Table:
         " to their failure.",
         data=frame(lines),
         columns=("solution", column("seeds", "Runs"), "states", "iterations", "most_in_a_step", *COST),
-        notes=tuple(notes),
+        notes=failures(walked),
     )
 
 
@@ -121,13 +116,9 @@ def motion_table(evidence: Evidence) -> Table:
         found = apart(of_case, evidence.folder)
         against |= dict.fromkeys(one.against for one in found.values())
         for name, of_solution in of_case.groupby("solution", sort=False):
-            made = list(of_solution["record"])
-            lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
-            notes += [
-                Note(f"{case.title}, {name}{seed_words(r.identity.seed)}", r.reason)
-                for r in made
-                if r.status != "ok" and r.reason
-            ]
+            course = _course(list(of_solution["record"]), case, found)
+            lines.append({"block": case.title, "case": case.name, "solution": name} | course)
+        notes += failures(of_case)
     standard = f" from that of {' or '.join(against)}" if against else ""
     return Table(
         name="motions",
@@ -148,7 +139,7 @@ def motion_table(evidence: Evidence) -> Table:
             column("asked_differences", "Differences at the times asked for", _asked, unit="m", right=False, wide=True),
             "seconds",
         ),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
     )
 
 
