@@ -15,6 +15,7 @@ from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
 from shellbench.report.runs import rows_at_home, suite_title
 from shellbench.report.shells import plain
+from shellbench.report.solutions import grouped
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}
 GAP_LABEL = "quadrature gap (%)"
@@ -109,9 +110,7 @@ def _figure(
     courses: Sequence[Course], inks: Mapping[str, Ink], strips: Sequence[Strip], *, slopes: bool = False
 ) -> Figure:
     """Draw a column of panels for each case, one for each strip; after `MOST_IN_A_ROW` of them a new band begins."""
-    cases: dict[str, list[Course]] = {}
-    for course in courses:
-        cases.setdefault(course.case, []).append(course)
+    cases = grouped(courses, lambda course: course.case)
     columns, bands = min(len(cases), MOST_IN_A_ROW), -(-len(cases) // MOST_IN_A_ROW)
     size = max(3.4, WIDTH * columns), HEIGHT * len(strips) * bands + MARGIN
     figure, panels = panel.open_figure(size, len(strips) * bands, columns, sharey="row")

@@ -25,7 +25,7 @@ from shellbench.report.evidence import Evidence
 from shellbench.report.notation import TEXT, Notation, duration, rounded
 from shellbench.report.rates import yardstick_of
 from shellbench.report.runs import headlines, study_of
-from shellbench.report.solutions import Known, heading, theory_words
+from shellbench.report.solutions import Known, grouped, heading, theory_words
 from shellbench.report.table import Note, Table
 
 STUDY: Study = "engines"
@@ -119,11 +119,7 @@ def _checked(runs: pd.DataFrame, evidence: Evidence) -> CheckedCase | None:
 
 def _families(points: Sequence[Point]) -> list[Family]:
     """Put runs of one solver that differ in one swept setting alone together, default settings among them."""
-    found: dict[tuple[str, str, str], list[Point]] = {}
-    for point in points:
-        row = point.rows[0]
-        swept = _swept(row)
-        found.setdefault((row.solver, _variant(row, swept), swept), []).append(point)
+    found = grouped(points, lambda point: _sweep(point.rows[0]))
     for solver, variant, swept in list(found):
         siblings = [key for key in found if key[:2] == (solver, variant) and key[2]]
         if not swept and siblings:  # a run with defaults is one size of a sweep that changes nothing else
@@ -131,16 +127,16 @@ def _families(points: Sequence[Point]) -> list[Family]:
     return [family(solver, swept, of_family, variant) for (solver, variant, swept), of_family in found.items()]
 
 
-def _swept(row: Row) -> str:
-    """Return the setting over which a suite swept to make a run, which may have its default there; empty if none."""
+def _sweep(row: Row) -> tuple[str, str, str]:
+    """Return solver, the settings beside the swept one, and the setting over which a suite swept to make a run.
+
+    That may have its default there, and is empty if there is none. A suite's own words will not do for the others, for
+    suites may share a run.
+    """
     named = row.label.rpartition(", ")[2].partition(" ")[0]
-    return named if named in row.settings else ""
-
-
-def _variant(row: Row, swept: str) -> str:
-    """Return the settings beside the swept one; a suite's own words will not do, for suites may share a run."""
-    fixed = {key: value for key, value in row.overrides.items() if key != swept}
-    return ", ".join(f"{key} {value_words(value)}" for key, value in sorted(fixed.items()))
+    swept = named if named in row.settings else ""
+    fixed = (f"{key} {value_words(value)}" for key, value in sorted(row.overrides.items()) if key != swept)
+    return row.solver, ", ".join(fixed), swept
 
 
 def why_incomparable(records: Sequence[Record]) -> str | None:
@@ -321,8 +317,8 @@ def _origin(value: KnownValue) -> str:
 
 def _withheld(cases: Sequence[CheckedCase]) -> list[Note]:
     """Say why ratios are withheld."""
-    reasons: dict[str, list[str]] = {}
-    for one in cases:
-        if one.incomparable:
-            reasons.setdefault(one.incomparable, []).append(one.title)
-    return [Note("; ".join(titles), f"no ratios of seconds, for {reason}.") for reason, titles in reasons.items()]
+    reasons = grouped((one for one in cases if one.incomparable), lambda one: one.incomparable)
+    return [
+        Note("; ".join(one.title for one in alike), f"no ratios of seconds, for {reason}.")
+        for reason, alike in reasons.items()
+    ]
