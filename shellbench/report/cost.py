@@ -184,13 +184,11 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
         if max(point.errors) > min(point.errors):
             ends = [100 * min(point.errors), 100 * max(point.errors)]
             axes.plot([x, x], ends, color=ink.colour, linewidth=0.8, alpha=0.7)
-    for sound in (True, False):
-        of_kind = [(x, point) for x, point in shown if point.sound is sound]
-        level = len({point.unknowns for _, point in of_kind}) == 1
-        line = "none" if not sound or len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
-        look = ALONE if sound and not family.swept else {}
-        places, errors = [x for x, _ in of_kind], [100 * point.error for _, point in of_kind]
-        panel.draw(axes, places, errors, ink, line, hollow=not sound, **{"linewidth": 1.0, **look})
+    level = len({point.unknowns for _, point in shown}) == 1
+    line = "none" if len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
+    look = {"linewidth": 1.0, **({} if family.swept else ALONE)}
+    drawn = [(x, 100 * point.error, point.sound) for x, point in shown]
+    panel.draw_runs(axes, drawn, ink, line, **look)
 
 
 def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -> dict[str, Any]:

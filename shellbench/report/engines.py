@@ -151,10 +151,8 @@ def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
 
 def _draw(axes: Axes, each: Family, ink: Ink, line: Dashes) -> None:
     look = {"markersize": BIG, "markeredgecolor": "black", "zorder": 3} if each.alone else {"markersize": SMALL}
-    for sound in (True, False):
-        points = [point for point in each.points if point.sound is sound]
-        seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
-        panel.draw(axes, seconds, errors, ink, line if sound else "none", hollow=not sound, linewidth=1.0, **look)
+    drawn = [(point.seconds, 100 * point.error, point.sound) for point in each.points]
+    panel.draw_runs(axes, drawn, ink, line, linewidth=1.0, **look)
 
 
 def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:

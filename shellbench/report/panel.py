@@ -50,6 +50,13 @@ def draw(axes: Axes, x: Any, y: Any, ink: Ink, line: Dashes = "-", *, hollow: bo
         axes.plot(x, y, **style)
 
 
+def draw_runs(axes: Axes, runs: Any, ink: Ink, line: Dashes = "none", **look: Any) -> None:
+    """Draw runs, rows (x, y, whether it ended well): a curve of the good ones, and open marks for the others."""
+    x, y, good = np.array(runs, dtype=float).reshape(-1, 3).T
+    draw(axes, x[good > 0], y[good > 0], ink, line, **look)
+    draw(axes, x[good == 0], y[good == 0], ink, "none", hollow=True, **look)
+
+
 def finish(
     panels: Iterable[Axes],
     x: str = "",

@@ -18,12 +18,12 @@ from matplotlib.figure import Figure
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
+from shellbench.report import panel
 from shellbench.report.columns import Column, Line, column, rounded_value, share, words
 from shellbench.report.evidence import Evidence, Section, failures
 from shellbench.report.exhibit import Exhibit, Ink
 from shellbench.report.fields import drawn, read_fields
 from shellbench.report.notation import TEXT, Notation, duration, percent, quoted, rounded
-from shellbench.report.panel import ERROR_LABEL, SMALLEST, add_legend, draw, entry, failed_entry, finish, open_figure
 from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import headlines, in_order_of_cases
 from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row, plain
@@ -150,24 +150,25 @@ def sampling_figure(runs: pd.DataFrame, evidence: Evidence) -> Figure:
     """Draw error above and gap below, a column for each case; all seeds, and failed runs among them."""
     cases = runs.groupby("case", sort=False)
     size = max(4.2, PANEL * len(cases)), 2 * PANEL_HEIGHT + LEGEND
-    figure, panels = open_figure(size, 2, len(cases), sharey="row", sharex=True)
+    figure, panels = panel.open_figure(size, 2, len(cases), sharey="row", sharex=True)
     for (_, of_case), pair in zip(cases, panels.T, strict=True):
         for axes, measure in zip(pair, ("error", "energy_gap"), strict=True):
-            shown = of_case.assign(height=100 * of_case[measure].abs().clip(lower=SMALLEST)).dropna(subset="height")
+            shown = of_case.assign(height=100 * of_case[measure].abs().clip(lower=panel.SMALLEST)).dropna(
+                subset="height"
+            )
             for solver, marks in shown.groupby("solver", sort=False):
                 ink, middle = evidence.inks[solver], marks.groupby("a_side")["height"].median()
                 axes.plot(middle.index, middle, color=ink.colour, linewidth=1.0, alpha=0.8)
-                for sound, of_kind in marks.groupby("sound"):
-                    draw(axes, of_kind["a_side"], of_kind["height"], ink, "none", hollow=not sound, zorder=3)
-    finish(panels[0], y=ERROR_LABEL, floor=list(100 * cases["floor"].max()), log="y")
-    finish(panels[1], y="energy gap (%)", log="y")
+                panel.draw_runs(axes, marks[["a_side", "height", "sound"]], ink, zorder=3)
+    panel.finish(panels[0], y=panel.ERROR_LABEL, floor=list(100 * cases["floor"].max()), log="y")
+    panel.finish(panels[1], y="energy gap (%)", log="y")
     for axes, title in zip(panels[0], cases["title"].first(), strict=True):
         axes.set_title(plain(title), loc="left")
     for axes in panels[1]:
         axes.set_xlabel("points a side")
         axes.set_xticks(sorted(set(runs["a_side"].round().astype(int))))
-    entries = {solver: entry(evidence.inks[solver]) for solver in runs["solver"].unique()}
-    add_legend(figure, entries | failed_entry(not runs["sound"].all()))
+    entries = {solver: panel.entry(evidence.inks[solver]) for solver in runs["solver"].unique()}
+    panel.add_legend(figure, entries | panel.failed_entry(not runs["sound"].all()))
     return figure
 
 
@@ -309,10 +310,10 @@ def training_figure(stops: pd.DataFrame, evidence: Evidence) -> Figure:
     for solver, of_solver in solvers:
         _draw_curves(errors, means, of_solver, evidence.inks[solver])
     unit = stops["unit"].iloc[0] or "m"
-    finish([errors], "training time (s)", ERROR_LABEL, floor=100 * stops["floor"].max())
-    finish([means], "training time (s)", f"mean displacement ({unit})", log="x")
+    panel.finish([errors], "training time (s)", panel.ERROR_LABEL, floor=100 * stops["floor"].max())
+    panel.finish([means], "training time (s)", f"mean displacement ({unit})", log="x")
     means.set_ylim(bottom=0.0)
-    add_legend(below, {solver: entry(evidence.inks[solver]) for solver, _ in solvers}, len(solvers))
+    panel.add_legend(below, {solver: panel.entry(evidence.inks[solver]) for solver, _ in solvers}, len(solvers))
     return figure
 
 
@@ -327,13 +328,12 @@ def _draw_curves(errors: Axes, means: Axes, stops: pd.DataFrame, ink: Ink) -> No
     longest = stops.loc[stops["iterations"].idxmax()]
     if longest["course"]:
         seconds, sizes = np.transpose(longest["course"])
-        errors.plot(seconds, 100 * sizes.clip(min=SMALLEST), color=ink.colour, linewidth=0.6, alpha=0.6)
+        errors.plot(seconds, 100 * sizes.clip(min=panel.SMALLEST), color=ink.colour, linewidth=0.6, alpha=0.6)
     shown = stops.dropna(subset="mean_displacement")
     means.plot(shown["seconds"], shown["mean_displacement"], color=ink.colour, linewidth=0.8)
-    for sound, of_kind in stops.groupby("sound"):
-        sizes = 100 * of_kind["relative_error"].abs().clip(lower=SMALLEST)
-        draw(errors, of_kind["seconds"], sizes, ink, "none", hollow=not sound)
-        draw(means, of_kind["seconds"], of_kind["mean_displacement"], ink, "none", hollow=not sound)
+    shown = stops.assign(size=100 * stops["relative_error"].abs().clip(lower=panel.SMALLEST))
+    panel.draw_runs(errors, shown[["seconds", "size", "sound"]], ink)
+    panel.draw_runs(means, shown[["seconds", "mean_displacement", "sound"]], ink)
 
 
 def supports(evidence: Evidence) -> Section | None:
