@@ -12,9 +12,9 @@ from matplotlib.ticker import MaxNLocator
 from shellbench.report import panel
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
+from shellbench.report.notation import plain
 from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
 from shellbench.report.runs import rows_at_home, suite_title
-from shellbench.report.shells import plain
 from shellbench.report.solutions import grouped
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}

@@ -242,6 +242,11 @@ def escape_html(text: str) -> str:
     return html.escape(_one_line(text), quote=True)
 
 
+def plain(text: str) -> str:
+    """Make words harmless to matplotlib's mathematical text."""
+    return text.replace("\\", "\\\\").replace("$", r"\$")
+
+
 def anchor(key: str) -> str:
     """Return a name for a link target: letters, digits and hyphens only."""
     return re.sub(r"[^A-Za-z0-9]+", "-", key).strip("-").lower()

@@ -19,9 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from shellbench.report.exhibit import DASHES, Dashes, Ink
-from shellbench.report.notation import SUPERSCRIPTS
+from shellbench.report.notation import SUPERSCRIPTS, plain
 from shellbench.report.rates import Rate
-from shellbench.report.shells import plain
 
 ERROR_LABEL = "relative error (%)"
 UNCERTAIN = "uncertainty of the known value"

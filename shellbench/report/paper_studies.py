@@ -23,10 +23,10 @@ from shellbench.report.columns import Column, Line, column, rounded_value, share
 from shellbench.report.evidence import Evidence, Section, failures
 from shellbench.report.exhibit import Exhibit, Ink
 from shellbench.report.fields import drawn, read_fields
-from shellbench.report.notation import TEXT, Notation, duration, percent, quoted, rounded
+from shellbench.report.notation import TEXT, Notation, duration, percent, plain, quoted, rounded
 from shellbench.report.resolution import metres, of_largest
 from shellbench.report.runs import headlines, in_order_of_cases
-from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row, plain
+from shellbench.report.shells import FEW_CELLS, Shell, aspect, colour_bar, draw_deformed, name_row
 from shellbench.report.solutions import STATUS_WORDS
 from shellbench.report.table import Table
 
@@ -153,9 +153,8 @@ def sampling_figure(runs: pd.DataFrame, evidence: Evidence) -> Figure:
     figure, panels = panel.open_figure(size, 2, len(cases), sharey="row", sharex=True)
     for (_, of_case), pair in zip(cases, panels.T, strict=True):
         for axes, measure in zip(pair, ("error", "energy_gap"), strict=True):
-            shown = of_case.assign(height=100 * of_case[measure].abs().clip(lower=panel.SMALLEST)).dropna(
-                subset="height"
-            )
+            height = 100 * of_case[measure].abs().clip(lower=panel.SMALLEST)
+            shown = of_case.assign(height=height).dropna(subset="height")
             for solver, marks in shown.groupby("solver", sort=False):
                 ink, middle = evidence.inks[solver], marks.groupby("a_side")["height"].median()
                 axes.plot(middle.index, middle, color=ink.colour, linewidth=1.0, alpha=0.8)
@@ -331,9 +330,9 @@ def _draw_curves(errors: Axes, means: Axes, stops: pd.DataFrame, ink: Ink) -> No
         errors.plot(seconds, 100 * sizes.clip(min=panel.SMALLEST), color=ink.colour, linewidth=0.6, alpha=0.6)
     shown = stops.dropna(subset="mean_displacement")
     means.plot(shown["seconds"], shown["mean_displacement"], color=ink.colour, linewidth=0.8)
-    shown = stops.assign(size=100 * stops["relative_error"].abs().clip(lower=panel.SMALLEST))
-    panel.draw_runs(errors, shown[["seconds", "size", "sound"]], ink)
-    panel.draw_runs(means, shown[["seconds", "mean_displacement", "sound"]], ink)
+    marks = stops.assign(size=100 * stops["relative_error"].abs().clip(lower=panel.SMALLEST))
+    panel.draw_runs(errors, marks[["seconds", "size", "sound"]], ink)
+    panel.draw_runs(means, marks[["seconds", "mean_displacement", "sound"]], ink)
 
 
 def supports(evidence: Evidence) -> Section | None:
@@ -351,7 +350,6 @@ def supports(evidence: Evidence) -> Section | None:
             " trial, and no weight holds the support exactly.",
         ),
         tables=(table,),
-        exhibits=(),
     )
 
 
@@ -385,7 +383,12 @@ def support_table(evidence: Evidence) -> Table | None:
         data=data[[*shown, "relative_error", "ended"]],
         columns=(
             "solution",
-            column("penalty", "Weight", _weight, instead=lambda line, notation: "none"),
+            column(
+                "penalty",
+                "Weight",
+                lambda weight, _, notation: notation.number(quoted(weight)),
+                instead=lambda line, notation: "none",
+            ),
             column("support_error", "At held places (m)", metres),
             column("support_error", "Of the largest", of_largest),
             "relative_error",
@@ -398,7 +401,3 @@ def support_table(evidence: Evidence) -> Table | None:
 def _diagnostic(record: Record, name: str) -> float:
     value = record.diagnostics.get(name)
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-
-
-def _weight(value: float, line: Line, notation: Notation) -> str:
-    return notation.number(quoted(value))
