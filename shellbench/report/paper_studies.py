@@ -45,8 +45,7 @@ PENALTY = "penalty"  # the weight of the penalty, None where supports are built 
 
 def sampling(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite studied sampling."""
-    runs = sampled_runs(evidence)
-    if runs.empty:
+    if (runs := sampled_runs(evidence)).empty:
         return None
     table = sampling_table(runs)
     lines = list(table.data.to_dict("records"))
@@ -173,8 +172,7 @@ def sampling_figure(runs: pd.DataFrame, evidence: Evidence) -> Figure:
 
 def training(evidence: Evidence) -> Section | None:
     """Return the section; None if no suite stopped a training early."""
-    stops = training_stops(evidence)
-    if stops.empty:
+    if (stops := training_stops(evidence)).empty:
         return None
     exhibits = [
         Exhibit(
@@ -337,8 +335,7 @@ def _draw_curves(errors: Axes, means: Axes, stops: pd.DataFrame, ink: Ink) -> No
 
 def supports(evidence: Evidence) -> Section | None:
     """Return the section; None if no run held its supports by a penalty."""
-    table = support_table(evidence)
-    if table is None:
+    if (table := support_table(evidence)) is None:
         return None
     return Section(
         name="supports",
@@ -383,12 +380,7 @@ def support_table(evidence: Evidence) -> Table | None:
         data=data[[*shown, "relative_error", "ended"]],
         columns=(
             "solution",
-            column(
-                "penalty",
-                "Weight",
-                lambda weight, _, notation: notation.number(quoted(weight)),
-                instead=lambda line, notation: "none",
-            ),
+            column("penalty", "Weight", _weight, instead=lambda line, notation: "none"),
             column("support_error", "At held places (m)", metres),
             column("support_error", "Of the largest", of_largest),
             "relative_error",
@@ -401,3 +393,7 @@ def support_table(evidence: Evidence) -> Table | None:
 def _diagnostic(record: Record, name: str) -> float:
     value = record.diagnostics.get(name)
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
+
+
+def _weight(value: float, line: Line, notation: Notation) -> str:
+    return notation.number(quoted(value))
