@@ -18,7 +18,7 @@ import pytest
 
 from shellbench.bench.row import Row
 from shellbench.report import tables
-from shellbench.report.digits import byte_size, duration, percent, quoted, rounded
+from shellbench.report.notation import byte_size, duration, percent, quoted, rounded
 
 ROOT = Path(__file__).parents[1]
 FINDINGS = ROOT / "docs/findings"

@@ -15,27 +15,26 @@ from shellbench.bench.store import Say, Store
 from shellbench.report import (
     consistency,
     cost,
-    effort,
     engines,
     fields,
-    held_supports,
     memory,
-    motion_tables,
     newton,
-    sampling_study,
+    paper_studies,
     seeds,
     strains,
     tables,
     thinness,
-    training_time,
+    trace_tables,
 )
+from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.exhibits import COMPOSITE, CONVERGENCE, PICTURE, exhibits
-from shellbench.report.palette import style
+from shellbench.report.exhibit import Exhibit, style
+from shellbench.report.fields import COMPOSITE, PICTURE, pictures
+from shellbench.report.newton import newton_exhibits
+from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
-from shellbench.report.suites import rows_at_home, suite_title, told_apart
 from shellbench.report.table import Table
+from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
 START, WHOLE = "index", "report"  # files of a report that are no suite's
 
@@ -48,10 +47,10 @@ def drawn(name: str, title: str, *prefixes: str) -> Maker:
 MAKERS: tuple[Maker, ...] = (
     tables.displacements,
     drawn("shells", "Shells", COMPOSITE, PICTURE),
-    effort.section,
+    trace_tables.paths,
     strains.section,
     newton.section,
-    motion_tables.section,
+    trace_tables.cloth,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     engines.section,
@@ -59,10 +58,10 @@ MAKERS: tuple[Maker, ...] = (
     consistency.section,
     memory.section,
     seeds.section,
-    training_time.section,
-    sampling_study.section,
+    paper_studies.training,
+    paper_studies.sampling,
     thinness.section,
-    held_supports.section,
+    paper_studies.supports,
     tables.quantities,
 )
 
@@ -77,6 +76,18 @@ def gather(
     found = Evidence(records, rows, store.folder, known, whole)
     found = replace(found, drawn=exhibits(found))
     return found, stored, sections(found)
+
+
+def exhibits(evidence: Evidence) -> list[Exhibit]:
+    """Return the figures of the report that compare solvers, case by case."""
+    with style():
+        return [
+            *pictures(evidence),
+            *path_exhibits(evidence),
+            *motion_exhibits(evidence),
+            *newton_exhibits(evidence),
+            *convergence_exhibits(evidence),
+        ]
 
 
 def sections(found: Evidence) -> list[Section]:

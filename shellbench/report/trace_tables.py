@@ -1,4 +1,4 @@
-"""The tables of motions: how each run went, and the quantities of a case by time, solvers side by side."""
+"""The tables of what was followed: what the way along a path took, and how cloth moved, in figures."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait
 from shellbench.report.columns import (
+    COST,
     Column,
     Line,
     at_most,
@@ -26,21 +27,62 @@ from shellbench.report.columns import (
     significant,
     words,
 )
-from shellbench.report.digits import rounded
-from shellbench.report.effort import effort
-from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.notation import Notation
-from shellbench.report.solutions import BAD, EXPECTED, grouped, seed_words, verdict
-from shellbench.report.suites import leading_rows
+from shellbench.report.evidence import Evidence, Section, failures, given
+from shellbench.report.notation import Notation, rounded
+from shellbench.report.runs import leading_rows
+from shellbench.report.solutions import BAD, EXPECTED, grouped, verdict
 from shellbench.report.table import Note, Table
-from shellbench.report.trace_exhibits import CLOTH
-from shellbench.report.traces import Apart, apart, portrayed, steps_of
+from shellbench.report.trace_exhibits import CLOTH, CURVE, STATES
+from shellbench.report.traces import Apart, Phase, apart, portrayed, steps_of
 
 TIMES = "times_"  # how names of tables by time begin
 GLANCE = significant(2)  # how an error, a drift and a difference are written
 
 
-def section(found: Evidence) -> Section:
+def paths(found: Evidence) -> Section:
+    """Return the section of paths: what they took, and how they went."""
+    tables, figures = given(effort_table(found)), found.figures(CURVE, STATES)
+    return Section("paths", "Load paths", tables=tables, exhibits=figures, place="its suites")
+
+
+def effort_table(evidence: Evidence) -> Table:
+    """Return the table of path states, iterations and seconds."""
+    followed = evidence.made["record"].map(lambda record: bool(steps_of(record, "path"))).astype(bool)
+    walked = evidence.made[followed]
+    lines = [
+        {"block": runs["title"].iloc[0], "case": case, "solution": name} | effort(list(runs["record"]), "path")
+        for (case, _, name), runs in walked.groupby(["case", "own_case", "solution"], sort=False)
+    ]
+    return Table(
+        name="effort",
+        title="Iterations and seconds",
+        caption="Converged states of the path, Newton iterations that they took in all and at most in one step, and"
+        " wall time and largest memory of the whole solve, in which there may be other discretisations too. Of several"
+        " seeds: the most states, iterations, unknowns and memory, and the mean time. Runs that failed are counted up"
+        " to their failure.",
+        data=frame(lines),
+        columns=("solution", column("seeds", "Runs"), "states", "iterations", "most_in_a_step", *COST),
+        notes=failures(walked),
+    )
+
+
+def effort(records: Sequence[Record], phase: Phase) -> dict[str, Any]:
+    """Return what the paths, or motions, of runs took."""
+    ways = [steps_of(record, phase) for record in records]
+    counted = [[step.iterations for step in way if step.iterations is not None] for way in ways]
+    return {
+        "seeds": len(records),
+        "states": max(map(len, ways)),
+        "iterations": max((sum(counts) for counts in counted if counts), default=None),
+        "most_in_a_step": max((max(counts) for counts in counted if counts), default=None),
+        "unknowns": max((step.unknowns for way in ways for step in way), default=None),
+        "seconds": fmean(record.seconds for record in records),
+        "peak_memory_bytes": max((r.peak_memory_bytes for r in records if r.peak_memory_bytes), default=None),
+        "run_ids": " ".join(record.run_id for record in records),
+    }
+
+
+def cloth(found: Evidence) -> Section:
     """Return the section of cloth in motion, with a part for each case."""
     by_time = {table.name: table for table in by_time_tables(found)}
     titles = {row.case: row.case_title or row.case for row in found.compared}
@@ -74,13 +116,9 @@ def motion_table(evidence: Evidence) -> Table:
         found = apart(of_case, evidence.folder)
         against |= dict.fromkeys(one.against for one in found.values())
         for name, of_solution in of_case.groupby("solution", sort=False):
-            made = list(of_solution["record"])
-            lines.append({"block": case.title, "case": case.name, "solution": name} | _course(made, case, found))
-            notes += [
-                Note(f"{case.title}, {name}{seed_words(r.identity.seed)}", r.reason)
-                for r in made
-                if r.status != "ok" and r.reason
-            ]
+            course = _course(list(of_solution["record"]), case, found)
+            lines.append({"block": case.title, "case": case.name, "solution": name} | course)
+        notes += failures(of_case)
     standard = f" from that of {' or '.join(against)}" if against else ""
     return Table(
         name="motions",
@@ -101,7 +139,7 @@ def motion_table(evidence: Evidence) -> Table:
             column("asked_differences", "Differences at the times asked for", _asked, unit="m", right=False, wide=True),
             "seconds",
         ),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
     )
 
 
