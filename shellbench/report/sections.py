@@ -66,6 +66,9 @@ MAKERS: tuple[Maker, ...] = (
 )
 
 
+OF_VARIANTS: tuple[Maker, ...] = (tables.displacements, tables.quantities)  # the sections that tell of variants too
+
+
 def gather(
     store: Store, rows: Sequence[Row], known: Known, whole: bool, say: Say
 ) -> tuple[Evidence, dict[str, Record], list[Section]]:
@@ -74,7 +77,7 @@ def gather(
     rows, records = told_apart(rows, stored)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     found = Evidence(records, rows, store.folder, known, whole)
-    found = replace(found, drawn=exhibits(found))
+    found = replace(found, drawn=exhibits(as_declared(found)))
     return found, stored, sections(found)
 
 
@@ -90,10 +93,16 @@ def exhibits(evidence: Evidence) -> list[Exhibit]:
         ]
 
 
+def as_declared(found: Evidence) -> Evidence:
+    """Return evidence without variants: they say whether a solver is right, and nothing new of cost or looks."""
+    return replace(found, rows=[row for row in found.rows if not row.variant])
+
+
 def sections(found: Evidence) -> list[Section]:
     """Return the sections that have something to show."""
+    declared = as_declared(found)
     with style():
-        made = [maker(found) for maker in MAKERS]
+        made = [maker(found if maker in OF_VARIANTS else declared) for maker in MAKERS]
     return [section for section in made if section is not None and section.shows]
 
 

@@ -131,8 +131,8 @@ def _block(runs: pd.DataFrame, known: Known) -> list[dict[str, Any]]:
     judge = next(iter(runs.loc[runs["reference"].notna(), "row"]), None)
     values = KnownValues() if first.own_case else known(first.case)
     absent = variants() - set(map(variant_name, runs["row"]))  # a variant's figure stands beside the variant alone
-    others = [v for v in values.of(first.quantity, "literature", "published") if v.label not in absent]
-    lines = [_figure(value, judge) for value in others]
+    quoted = () if first.variant else values.of(first.quantity, "literature", "published")  # said of the case itself
+    lines = [_figure(value, judge) for value in quoted if value.label not in absent]
     lines += [] if judge is None else [_judge(judge, values)]
     lines += [_solver(line) for _, line in runs.groupby("line", sort=False)]
     common = {"block": heading(first)} | {name: getattr(first, name) for name in ("case", "quantity", *MARKED)}

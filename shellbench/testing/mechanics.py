@@ -21,6 +21,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import Edge, Point
+from shellbench.problems.shell.placing import turning
+from shellbench.problems.shell.units import MILLIMETRES_KILONEWTONS, converted_points
+from shellbench.problems.shell.variants import SHIFT, size
 from shellbench.testing.examination import MOST as MOST_EXCUSED
 from shellbench.testing.examination import (
     OWN,
@@ -33,20 +36,7 @@ from shellbench.testing.examination import (
     not_applicable,
     scattered,
 )
-from shellbench.testing.made_cases import (
-    FALL,
-    MILLIMETRES,
-    SHIFT,
-    SHORT,
-    carried,
-    converted,
-    converted_points,
-    louder,
-    placed,
-    short_motion,
-    size,
-    turning,
-)
+from shellbench.testing.made_cases import FALL, SHORT, carried, converted, louder, placed, short_motion
 from shellbench.testing.subject import Answer
 
 TOGETHER = 1e-6  # of how far it falls, by which points of what falls may differ
@@ -70,12 +60,15 @@ EDGE_POINTS = 64  # of the rule along an edge
 
 def units(exam: Examination, case: Case) -> Verdict:
     """Check that the case in other units has the same physical displacement."""
-    other = converted(case, MILLIMETRES)
+    other = converted(case, MILLIMETRES_KILONEWTONS)
     if reason := exam.declined(other):
-        return not_applicable(f"it declines the case in {MILLIMETRES.words}: {reason}")
+        return not_applicable(f"it declines the case in {MILLIMETRES_KILONEWTONS.words}: {reason}")
     points, limit = grid(case), admissible(exam, case)
-    u = exam.solve(other).displacement(converted_points(case, MILLIMETRES, points)) / MILLIMETRES.length
-    return _same(exam, case, u, limit, f"in {MILLIMETRES.words}")
+    u = (
+        exam.solve(other).displacement(converted_points(case, MILLIMETRES_KILONEWTONS, points))
+        / MILLIMETRES_KILONEWTONS.length
+    )
+    return _same(exam, case, u, limit, f"in {MILLIMETRES_KILONEWTONS.words}")
 
 
 def linearity(exam: Examination, case: Case) -> Verdict:
@@ -92,11 +85,13 @@ def linearity(exam: Examination, case: Case) -> Verdict:
 def placement(exam: Examination, case: Case) -> Verdict:
     """Check that the case turned and shifted in space has the turned displacement."""
     rotation = turning(case)
-    other = placed(case, rotation, size(case) * np.array(SHIFT))
+    other = placed(case, rotation, [part * size(case) for part in SHIFT])
     if reason := exam.declined(other):
         return not_applicable(f"it declines the turned case: {reason}")
     limit = admissible(exam, case)
-    return _same(exam, case, exam.solve(other).displacement(grid(case)) @ rotation, limit, "turned and shifted")
+    return _same(
+        exam, case, exam.solve(other).displacement(grid(case)) @ np.array(rotation), limit, "turned and shifted"
+    )
 
 
 def _same(exam: Examination, case: Case, displacement: np.ndarray, limit: float, words: str) -> Verdict:
