@@ -12,6 +12,7 @@ from shellbench.bench.lock import write_lock
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
+from shellbench.errors import InputError
 from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
 from tests.bench.test_gate import scaled
@@ -60,11 +61,19 @@ def test_its_worst_figure_decides(strangers: Store, error: float, held: float | 
     assert verdict.good() == (held is not None)
 
 
-def test_it_owes_an_answer_to_every_case_of_a_suite_that_is_asked(toys: Path, store: Store) -> None:
-    """`falling` is named by no line of the suite, and fails: that is red, and no silence."""
+def test_who_declines_everything_is_not_judged(toys: Path, store: Store) -> None:
     run(store, "strip", solvers=("toy",))
-    verdict = gate(store, None, Scope(("toys",), ("falling",)))
-    assert {finding.colour for finding in verdict.accuracy} <= {"red", "not judged"}
+    with pytest.raises(InputError, match="of solver 'falling': it declines every case"):
+        gate(store, None, Scope(("toys",), ("falling",)))
+
+
+def test_it_owes_an_answer_to_every_case_of_a_suite_that_is_asked(strangers: Store) -> None:
+    """No record is red, and no silence."""
+    for record in strangers.read().records:
+        if record.identity.solver == "toy-noisy":
+            (strangers.folder / f"{record.run_id}.json").unlink()
+    verdict = judged(strangers, "toys")
+    assert {finding.colour for finding in verdict.accuracy} == {"red"}
     assert verdict.grades[0].held is None
 
 
