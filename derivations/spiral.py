@@ -97,12 +97,12 @@ def kiepert() -> dict[str, Estimate]:
         shortening, deflection = spiral(strip, pressure)
         bend = pressure * ((strip.length - shortening) ** 2 + deflection**2) / (2 * strip.bending_stiffness)
         spread = (strip.thickness * bend) ** 2 / 4 * strip.length
-        values[name("shortening", pressure)] = Estimate(shortening, spread, "m")
-        values[name("deflection", pressure)] = Estimate(deflection, spread, "m")
+        values[named("shortening", pressure)] = Estimate(shortening, spread, "m")
+        values[named("deflection", pressure)] = Estimate(deflection, spread, "m")
     return values
 
 
-def name(kind: str, pressure: float) -> str:
+def named(kind: str, pressure: float) -> str:
     """Name of a quantity at a pressure, which it gives in percent of the largest."""
     return f"{kind}_{100 * pressure / PRESSURES[-1]:.0f}"
 
@@ -115,7 +115,7 @@ def cantilever_pressure() -> dict[str, Estimate]:
         fine, coarse = (extensible(strip, pressure, tolerance) for tolerance in (FINE, COARSE))
         for kind in ("shortening", "deflection"):
             near, far = getattr(fine, kind), getattr(coarse, kind)
-            values[name(kind, pressure)] = Estimate.between(near, far, "m", 100 * ROUNDING * strip.length)
+            values[named(kind, pressure)] = Estimate.between(near, far, "m", 100 * ROUNDING * strip.length)
     rounding = 100 * ROUNDING * fine.bending
     total = fine.membrane + fine.bending
     return values | {

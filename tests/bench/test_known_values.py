@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import derivations as origins
-from derivations import elastica, plane_strip, roll_up
+from derivations import elastica, plane_strip, roll_up, spiral
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
 from derivations.levy_roof import scordelis_lo
@@ -40,6 +40,7 @@ ORIGINS = {
     "scordelis_lo_nonlinear": origins.scordelis_lo_nonlinear,
     "cantilever_shear": origins.cantilever_shear,
     "cantilever_moment": origins.cantilever_moment,
+    "cantilever_pressure": origins.cantilever_pressure,
     "slit_annular_plate": origins.slit_annular_plate,
     "cylinder_pull_out": origins.cylinder_pull_out,
     "hinged_roof_thick": origins.hinged_roof_thick,
@@ -77,9 +78,14 @@ LONG = {
 SECOND_FORMS = {
     "inextensible elastica in elliptic integrals": elastica.elastica,
     "inextensible circle": roll_up.inextensible_circle,
+    "arc of Kiepert's curve, inextensible": spiral.kiepert,
     "forms of the surface through sampled positions": lambda: {**sampled_plate(), **sampled_rotation()},
 }
-POLYNOMIALS = {"cantilever_shear": plane_strip.cantilever_shear, "cantilever_moment": plane_strip.cantilever_moment}
+POLYNOMIALS = {
+    "cantilever_shear": plane_strip.cantilever_shear,
+    "cantilever_moment": plane_strip.cantilever_moment,
+    "cantilever_pressure": plane_strip.cantilever_pressure,
+}
 
 
 @cache
@@ -140,12 +146,18 @@ def test_a_tolerance_is_absolute_where_the_error_is(name, quantity):
 
 @cache
 def second_form(name, origin):
-    return (POLYNOMIALS[name] if origin == "plane Ritz polynomials of the position" else SECOND_FORMS[origin])()
+    return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
 
 
 @pytest.mark.parametrize(
     "name",
-    ["cantilever_shear", pytest.param("cantilever_moment", marks=pytest.mark.long), "rolled_plate", "rigid_rotation"],
+    [
+        "cantilever_shear",
+        pytest.param("cantilever_moment", marks=pytest.mark.long),
+        "cantilever_pressure",
+        "rolled_plate",
+        "rigid_rotation",
+    ],
 )
 def test_second_forms_are_what_they_compute(name):
     known = [v for v in catalog.known_values(name).values if v.role == "origin" and v.source == "shellbench"]

@@ -17,6 +17,7 @@ preconditions an iteration for K - A. A acts through the edges alone, so that a 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -35,6 +36,7 @@ from shellbench.solvers.fem.strain_energy import Portion, StrainEnergy
 Array = NDArray[np.float64]
 
 SOLVED = 1e-12  # residual of a step, relative to its right-hand side
+ROWS, COLUMNS = (1, 2, 3), (4, 5, 6)  # axes of cells' matrices
 KRYLOV = 60  # products of a step; one that takes more is used as it is, and makes Newton's method an inexact one
 
 
@@ -62,7 +64,7 @@ class FollowingPressure:
         """(2 q, 256) values times slopes in each coordinate, of all pairs of the unit cell's functions."""
         unit = self.energy.quadrature.points
         slopes = np.stack([tabulate(unit, d).reshape(len(unit), FUNCTIONS) for d in ((1, 0), (0, 1))], axis=1)
-        return np.einsum("qi,qkj->qkij", self._values, slopes).reshape(-1, FUNCTIONS**2)
+        return np.asarray(np.einsum("qi,qkj->qkij", self._values, slopes).reshape(-1, FUNCTIONS**2))
 
     def _base(self, portion: Portion, q: Array) -> tuple[Array, Array]:
         """Return the deformed base vectors a1, a2 (n, 3)."""
@@ -82,19 +84,24 @@ class FollowingPressure:
                 forces[nodes[:, corner]] += np.swapaxes(local[:, corner], 1, 2).reshape(-1, NODE_DOFS)
         return forces
 
-    def tangent(self, q: Array, t: float) -> tuple[BlockMatrix, BlockMatrix]:
-        """Return the symmetric and the antisymmetric part of the forces' derivative."""
+    def add_tangent(self, matrix: BlockMatrix, q: Array, t: float) -> None:
+        """Subtract the symmetric part of the forces' derivative from a tangent stiffness, in place."""
+        for nodes, local in self._derivative(q, t):
+            add_cell_matrices(matrix.blocks, nodes, -(local + np.moveaxis(local, ROWS, COLUMNS)) / 2)
+
+    def skew(self, q: Array, t: float) -> BlockMatrix:
+        """Return the antisymmetric part A of the forces' derivative."""
         mesh = self.energy.mesh
-        blocks = np.zeros((2, mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
-        rows, columns = (1, 2, 3), (4, 5, 6)
+        blocks = np.zeros((mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
+        for nodes, local in self._derivative(q, t):
+            add_cell_matrices(blocks, nodes, (local - np.moveaxis(local, ROWS, COLUMNS)) / 2)
+        return BlockMatrix(blocks, neighbour_columns(mesh))
+
+    def _derivative(self, q: Array, t: float) -> Iterator[tuple[NDArray[np.int64], Array]]:
+        """Yield by portion the corners (cells, 4), and the forces' derivative (cells, 3, 4, 4, 3, 4, 4)."""
         for portion, (points, weights) in zip(self.energy.portions, self._points, strict=True):
-            local = self._cell_matrices(portion, q, self.case.pressure(points, t) * weights)
-            turned = np.moveaxis(local, rows, columns)
-            nodes = mesh.nodes[portion.cells]
-            add_cell_matrices(blocks[0], nodes, (local + turned) / 2)
-            add_cell_matrices(blocks[1], nodes, (local - turned) / 2)
-        neighbours = neighbour_columns(mesh)
-        return BlockMatrix(blocks[0], neighbours), BlockMatrix(blocks[1], neighbours)
+            pressure = self.case.pressure(points, t) * weights
+            yield self.energy.mesh.nodes[portion.cells], self._cell_matrices(portion, q, pressure)
 
     def _cell_matrices(self, portion: Portion, q: Array, pressure: Array) -> Array:
         """Return L as (cells, 3, 4, 4, 3, 4, 4), for pressures (n,) times parametric weights."""
@@ -163,3 +170,6 @@ class PressedFactor:
         operator = LinearOperator((right.size, right.size), matvec=product, dtype=float)
         found, _ = gmres(operator, start.ravel(), x0=start.ravel(), rtol=SOLVED, atol=0.0, restart=KRYLOV, maxiter=1)
         return np.asarray(found).reshape(shape)
+
+
+TangentFactor = Factor | PressedFactor

@@ -28,7 +28,7 @@ from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
-from shellbench.solvers.fem.following import FollowingPressure, PressedFactor
+from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
@@ -76,7 +76,7 @@ class FiniteState:
     q: Array
     strained: Strained
     angles: tuple[Array, ...]
-    factor: Factor | PressedFactor | None
+    factor: TangentFactor | None
     iterations: int = 0
     residuals: tuple[float, ...] = ()
     critical: bool = False
@@ -84,8 +84,9 @@ class FiniteState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy; under a pressure that follows, whether all steps from
-        it do positive work.
+        """Whether the state is a minimum of the potential energy.
+
+        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
         """
         return self.factor is not None and self.factor.negative == self.forgiven
 
@@ -121,7 +122,7 @@ class Hold:
     negative: bool = False
 
     @classmethod
-    def from_ties(cls, ties: Ties, factor: Factor | PressedFactor, row: Array | None) -> Hold:
+    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
         """Hold a direction, if there is one, beside the supports."""
         if row is None:
             return cls(np.zeros(0))
@@ -273,7 +274,7 @@ class FiniteProblem:
         """
         matrix = self.energy.tangent(strained, stresses)
         if self.pressure is not None:
-            matrix.blocks[...] -= self.pressure.tangent(q, t)[0].blocks
+            self.pressure.add_tangent(matrix, q, t)
         for moment in self.moments:
             moment.add_tangent(matrix, q, t)
         for clamp in self.clamps:
@@ -355,7 +356,7 @@ class FiniteProblem:
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
         # caller instead.
         q, strained, stresses = start.q, start.strained, start.strained.stresses
-        factor: Factor | PressedFactor | None = None
+        factor: TangentFactor | None = None
         if np.any(step):
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
@@ -397,13 +398,7 @@ class FiniteProblem:
         raise NotConvergedError
 
     def _bordered(
-        self,
-        ties: Ties,
-        factor: Factor | PressedFactor,
-        right: Array,
-        q: Array,
-        t: float,
-        constraint: Constraint,
+        self, ties: Ties, factor: TangentFactor, right: Array, q: Array, t: float, constraint: Constraint
     ) -> tuple[Array, float]:
         # Bordering: the matrix [K, -f'; c, d] is neither symmetric nor of the mesh's pattern. Two solves with the
         # factor of K replace it: dq = K^-1 r + dt K^-1 f', with dt from the constraint. At a limit point itself K is
@@ -424,14 +419,12 @@ class FiniteProblem:
         """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
         return self.applied(q, 1.0)
 
-    def _factorised(
-        self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]
-    ) -> Factor | PressedFactor:
+    def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> TangentFactor:
         ties = self.ties(t)
         symmetric = self._reduced_factor(ties, self.tangent(q, t, strained, stresses))
         if self.pressure is None:
             return symmetric
-        return PressedFactor.on_free(symmetric, self.pressure.tangent(q, t)[1], ties)
+        return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
 
     def _reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
         reduced = ties.reduce(matrix)
@@ -444,7 +437,7 @@ class FiniteProblem:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
 
 
-def _on_free(ties: Ties, factor: Factor | PressedFactor, right: Array) -> Array:
+def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
 
