@@ -62,7 +62,7 @@ def test_what_can_not_be_followed_is_declined():
     case = strip(EVEN)
     control = {"control": "displacement", "quantity": "up", "until": 0.5}
     controlled = strip(EVEN, path=control, quantities=[UP | {"at": 0.5}])
-    loose = strip(EVEN, supports=[WALL | {"components": ["y", "z"]}], remove_rigid_motions=["translation_x"])
+    loose = strip(EVEN, supports=[WALL | {"components": ["x", "z"]}], remove_rigid_motions=["translation_y"])
     moving = strip(EVEN, supports=[WALL | {"clamped": False}], dynamics={"until": 1.0})
     assert why_not_followed(case) is None
     assert "keep the normal of the shell at rest in motion" in why_not_moved(moving)
