@@ -33,7 +33,7 @@ from .elastica import COARSE, FINE, Cantilever, stretch
 from .estimate import ROUNDING, Estimate
 
 PRESSURES = 0.25, 0.5, 1.0
-"""Pressures (N/m^2) that quantities are asked at: the deflections are 3 to 7 tenths of the length."""
+"""Pressures (N/m^2) that quantities are asked at: the deflections are .3, .56 and .83 of the length."""
 
 
 @dataclass(frozen=True)
