@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import derivations as origins
-from derivations import elastica, plane_strip, roll_up, shapes_by_series
+from derivations import elastica, plane_strip, roll_up, shapes_by_series, spiral
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
 from derivations.exponential_shells import free_cylinder_by_exponentials, roof_by_exponentials
@@ -41,6 +41,7 @@ ORIGINS = {
     "scordelis_lo_nonlinear": origins.scordelis_lo_nonlinear,
     "cantilever_shear": origins.cantilever_shear,
     "cantilever_moment": origins.cantilever_moment,
+    "cantilever_pressure": origins.cantilever_pressure,
     "slit_annular_plate": origins.slit_annular_plate,
     "cylinder_pull_out": origins.cylinder_pull_out,
     "hinged_roof_thick": origins.hinged_roof_thick,
@@ -83,9 +84,14 @@ SECOND_FORMS = {
     "Fourier series along the arc, Legendre-Ritz along the axis, tail extrapolated": diaphragm_by_polynomials,
     "inextensible elastica in elliptic integrals": elastica.elastica,
     "inextensible circle": roll_up.inextensible_circle,
+    "arc of Kiepert's curve, inextensible": spiral.kiepert,
     "forms of the surface through sampled positions": lambda: {**sampled_plate(), **sampled_rotation()},
 }
-POLYNOMIALS = {"cantilever_shear": plane_strip.cantilever_shear, "cantilever_moment": plane_strip.cantilever_moment}
+POLYNOMIALS = {
+    "cantilever_shear": plane_strip.cantilever_shear,
+    "cantilever_moment": plane_strip.cantilever_moment,
+    "cantilever_pressure": plane_strip.cantilever_pressure,
+}
 
 
 @cache
@@ -148,7 +154,7 @@ def test_a_tolerance_is_absolute_where_the_error_is(name, quantity):
 def second_form(name, origin):
     if name in shapes_by_series.SECOND_FORMS:
         return shapes_by_series.SECOND_FORMS[name]()
-    return (POLYNOMIALS[name] if origin == "plane Ritz polynomials of the position" else SECOND_FORMS[origin])()
+    return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
 
 
 def of_quantity(values, quantity):
@@ -170,6 +176,7 @@ def of_quantity(values, quantity):
             pytest.param(name, marks=pytest.mark.long if name == "pressed_motion" else ())
             for name in shapes_by_series.JUDGES
         ),
+        "cantilever_pressure",
     ],
 )
 def test_second_forms_are_what_they_compute(name):
