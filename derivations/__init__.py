@@ -14,6 +14,7 @@ from .hypar import HYPARS
 from .hyperboloid import HYPERBOLOIDS
 from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
 from .levy_roof import scordelis_lo
+from .manufactured import MANUFACTURED
 from .motion import napkin_plane, napkin_soft_pin
 from .navier_plate import square_plate
 from .paper_napkins import napkin_corner, napkin_fixed_edges, napkin_moving_corners
@@ -30,6 +31,7 @@ from .torsion import sleeve_torque
 __all__ = [
     "HYPARS",
     "HYPERBOLOIDS",
+    "MANUFACTURED",
     "Estimate",
     "annular_plate",
     "cantilever_moment",

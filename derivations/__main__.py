@@ -7,6 +7,7 @@ from functools import partial
 from . import (
     HYPARS,
     HYPERBOLOIDS,
+    MANUFACTURED,
     annular_plate,
     cantilever_moment,
     cantilever_pressure,
@@ -73,6 +74,7 @@ CASES = {
     "pendulum_strip": pendulum_strip,
     **HYPERBOLOIDS,
     **HYPARS,
+    **MANUFACTURED,
     "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,

@@ -48,6 +48,35 @@ def cartesian(one: Array, two: Array, i: int, j: int) -> Array:
     return np.broadcast_to(np.eye(3) * (i + j == 0), (len(one), 3, 3))
 
 
+def elasticity(inverse: Array, poisson: float) -> Array:
+    """H (points, 3, 3) of (eps_11, eps_22, 2 eps_12) from the inverse metric (points, 2, 2)."""
+    found = np.empty((len(inverse), 3, 3))
+    for i, (a, b) in enumerate(PAIRS):
+        for j, (c, d) in enumerate(PAIRS):
+            crossed = inverse[:, a, c] * inverse[:, b, d] + inverse[:, a, d] * inverse[:, b, c]
+            found[:, i, j] = poisson * inverse[:, a, b] * inverse[:, c, d] + (1 - poisson) / 2 * crossed
+    return found
+
+
+@dataclass(frozen=True)
+class System:
+    """What the free coefficients are solved from.
+
+    Attributes
+    ----------
+    membrane, bending : stiffnesses
+    load : work of the loads on each function
+    pulled : by part of the energy, work of the stresses of `LinearShell.moved` on each function, (2, free)
+    stored : by part, the energy of `LinearShell.moved` itself, J
+    """
+
+    membrane: sparse.csr_array
+    bending: sparse.csr_array
+    load: Array
+    pulled: Array
+    stored: Array
+
+
 @dataclass(frozen=True)
 class Answer:
     """A solved shell: its free coefficients, and half of the work of its loads, of membrane and of bending, J."""
@@ -60,7 +89,10 @@ class Answer:
 
     def displacement(self, one: float, two: float) -> Array:
         """Cartesian displacement (3,) at a point, m."""
-        return np.asarray(self.shell.rows(one, two) @ self.free)
+        found = np.asarray(self.shell.rows(one, two) @ self.free)
+        if self.shell.moved is not None:
+            found += self.shell.moved(np.array([one]), np.array([two]), 0, 0)[0]
+        return found
 
 
 @dataclass(frozen=True)
@@ -74,7 +106,8 @@ class LinearShell:
     splines : along xi1 and xi2
     ends : for each component of the frame the conditions at the ends of xi1 and of xi2
     young, poisson, thickness : Pa, 1, m
-    load : force per reference area (3,), Pa
+    load : force per reference area, Pa: (3,), or a function of xi1 and xi2 that gives (points, 3)
+    moved : derivatives of a Cartesian displacement, (points, 3), that the splines are added to: one that supports prescribe
     forces : (xi1, xi2, force), N
     """
 
@@ -85,7 +118,8 @@ class LinearShell:
     young: float
     poisson: float
     thickness: float
-    load: tuple[float, float, float] | None = None
+    load: tuple[float, float, float] | Callable[[Array, Array], Array] | None = None
+    moved: Field | None = None
     forces: tuple[tuple[float, float, tuple[float, float, float]], ...] = ()
 
     @cached_property
@@ -126,8 +160,8 @@ class LinearShell:
             found.append(product.reshape(s, p * q, m * n))
         return np.stack(found, axis=2)
 
-    def _point_matrices(self, one: Array, two: Array) -> tuple[Array, Array, Array, Array]:
-        """Strains from phi (points, 6, 6 x 3), H (points, 3, 3), root of the metric's determinant, and F (points, 3, 3)."""
+    def _point_matrices(self, one: Array, two: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Strains from phi and from u (points, 6, 6, 3), H and F (points, 3, 3), root of the metric's determinant."""
         x = [self.surface(one, two, *orders) for orders in ORDERS]
         tangents = np.stack(x[1:3], axis=1)
         normal = np.cross(x[1], x[2])
@@ -149,26 +183,21 @@ class LinearShell:
         for kind, terms in PRODUCTS.items():
             for of_frame, of_function in terms:
                 strains[:, :, of_function] += np.einsum("pri,pci->prc", matrix[:, :, kind], frames[of_frame])
-        elastic = np.empty((len(one), 3, 3))
-        nu = self.poisson
-        for i, (a, b) in enumerate(PAIRS):
-            for j, (c, d) in enumerate(PAIRS):
-                crossed = inverse[:, a, c] * inverse[:, b, d] + inverse[:, a, d] * inverse[:, b, c]
-                elastic[:, i, j] = nu * inverse[:, a, b] * inverse[:, c, d] + (1 - nu) / 2 * crossed
-        return strains, elastic, area, frames[0]
+        return strains, matrix, elasticity(inverse, self.poisson), frames[0], area
 
     @cached_property
-    def system(self) -> tuple[sparse.csr_array, sparse.csr_array, Array]:
-        """Membrane and bending stiffness and load, of the free coefficients."""
+    def system(self) -> System:
+        """Stiffnesses and loads of the free coefficients."""
         spans, size = self._numbers.shape
         blocks = np.empty((2, spans, size, size))
         work = np.zeros(self.reduction.shape[0])
+        pulled, stored = np.zeros((2, len(work))), np.zeros(2)
         stretching = self.young * self.thickness / (1 - self.poisson**2)
         factors = stretching, stretching * self.thickness**2 / 12
         for start in range(0, spans, CHUNK):
             part = slice(start, start + CHUNK)
             one, two, weight = (array[part] for array in self._places)
-            strains, elastic, area, frame = self._point_matrices(one.ravel(), two.ravel())
+            strains, of_moved, elastic, frame, area = self._point_matrices(one.ravel(), two.ravel())
             shapes = self._shapes(part)
             shape = weight.shape
             area = area.reshape(shape) * weight
@@ -179,8 +208,16 @@ class LinearShell:
                 stress = elastic.reshape(*shape, 3, 3) @ rows * (factor * area[..., None, None])
                 flat = len(rows), -1, size
                 blocks[number, part] = np.swapaxes(rows.reshape(flat), 1, 2) @ stress.reshape(flat)
+                if self.moved is not None:
+                    u = np.stack([self.moved(one.ravel(), two.ravel(), *orders) for orders in ORDERS], axis=1)
+                    strain = np.einsum("prki,pki->pr", of_moved[:, 3 * number : 3 * number + 3], u).reshape(*shape, 3)
+                    np.add.at(pulled[number], self._numbers[part], np.einsum("sprn,spr->sn", stress, strain))
+                    tension = elastic.reshape(*shape, 3, 3) @ strain[..., None]
+                    stored[number] += factor / 2 * np.sum(strain * tension[..., 0] * area[..., None])
             if self.load is not None:
-                pushed = np.einsum("spci,i->spc", frame.reshape(*shape, 3, 3), self.load) * area[..., None]
+                load = self.load(one.ravel(), two.ravel()) if callable(self.load) else np.asarray(self.load)
+                load = np.broadcast_to(load, (one.size, 3)).reshape(*shape, 3)
+                pushed = np.einsum("spci,spi->spc", frame.reshape(*shape, 3, 3), load) * area[..., None]
                 local = np.einsum("spc,spn->scn", pushed, shapes[:, :, 0])
                 np.add.at(work, self._numbers[part], local.reshape(len(local), -1))
         for one, two, force in self.forces:
@@ -189,7 +226,7 @@ class LinearShell:
         columns = np.broadcast_to(self._numbers[:, None, :], blocks.shape[1:]).ravel()
         full = [sparse.csr_array((block.ravel(), (rows, columns)), shape=(len(work),) * 2) for block in blocks]
         membrane, bending = (sparse.csr_array(self.reduction.T @ k @ self.reduction) for k in full)
-        return membrane, bending, np.asarray(self.reduction.T @ work)
+        return System(membrane, bending, np.asarray(self.reduction.T @ work), pulled @ self.reduction, stored)
 
     def _all_rows(self, one: float, two: float) -> Array:
         first, second = (s.matrix(np.array([at]), 0)[0] for s, at in zip(self.splines, (one, two), strict=True))
@@ -202,8 +239,8 @@ class LinearShell:
 
     def solve(self, held: Sequence[Array] = ()) -> Answer:
         """Minimise the potential energy; the rows `held`, each of one free coefficient's number, take rigid motions."""
-        membrane, bending, load = self.system
-        matrix = membrane + bending
+        system = self.system
+        load, matrix = system.load - system.pulled.sum(axis=0), system.membrane + system.bending
         kept = np.setdiff1d(np.arange(len(load)), np.asarray(held, dtype=int))
         scale = 1 / np.sqrt(matrix.diagonal()[kept])
         scaled = sparse.diags_array(scale) @ matrix[kept][:, kept] @ sparse.diags_array(scale)
@@ -215,6 +252,6 @@ class LinearShell:
         found += solve(right - scaled @ found)
         free = np.zeros_like(load)
         free[kept] = scale * found
-        return Answer(
-            self, free, *(float(v) / 2 for v in (load @ free, free @ (membrane @ free), free @ (bending @ free)))
-        )
+        parts = zip((system.membrane, system.bending), system.pulled, system.stored, strict=True)
+        energies = [float(free @ (k @ free) / 2 + pulled @ free + stored) for k, pulled, stored in parts]
+        return Answer(self, free, float(system.load @ free) / 2, *energies)

@@ -109,6 +109,9 @@ EXAMPLES = {
     ),
     "CentreOfMass": Example('[[quantities]]\nname = "centre_z"\nkind = "centre_of_mass"\ndirection = [0, 0, 1]\nat = 0.5', "motion"),
     "LargestDisplacement": Example('[[quantities]]\nname = "largest_displacement"\nkind = "largest_displacement"'),
+    "FieldError": Example(
+        '[[quantities]]\nname = "field_error"\nkind = "field_error"\nexact = [0, 0, "1e-3*xi1**2*(1 - xi2)"]  # m, by component'
+    ),
     "EnergyQuantity": Example('[[quantities]]\nname = "stored"\nkind = "strain_energy"  # or membrane_energy, bending_energy'),
     "MotionEnergy": Example('[[quantities]]\nname = "kinetic"\nkind = "kinetic_energy"  # or total_energy\nat = 0.5', "motion"),
     "ReactionQuantity": Example('[[quantities]]\nname = "wall_force"\nkind = "reaction"\nsupport = "wall"\ndirection = [0, 0, 1]'),
@@ -132,7 +135,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),
     ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
-     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "EnergyQuantity", "MotionEnergy",
+     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy",
       "ReactionQuantity", "TorqueQuantity", "LoadQuantity", "LimitPoint", "CriticalPoint")),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip
@@ -155,7 +158,7 @@ What is wrong with a file is said in one sentence that names the field. Unknown 
 **Places.** Edges are `xi1_min`, `xi1_max`, `xi2_min`, `xi2_max`; a coordinate in which the surface closes has none. Corners are named by
 their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`. `"surface"` is the whole of it.
 
-**Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH} characters: numbers, names, `+ - * / **`,
+**Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH:,} characters: numbers, names, `+ - * / **`,
 parentheses, {", ".join(f"`{name}`" for name in FUNCTIONS)} of one argument, and {", ".join(f"`{name}`" for name in CONSTANTS)}. It may name `xi1`, `xi2` (radians if an angle), `t`, and the
 surface's `constants`. It is never evaluated as Python.
 

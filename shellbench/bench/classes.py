@@ -86,7 +86,12 @@ def _allowed(row: Row, size: float) -> Tolerance | None:
 
 
 def _scale(name: str, unit: str) -> float:
-    """Return the largest known value of a case in a unit: what errors of values near zero are held against."""
+    """Return the largest known value of a case in a unit: what errors of values near zero are held against.
+
+    What has no unit is relative already.
+    """
+    if not unit:
+        return 1.0
     case = catalog.named_case(name.partition(VARIANT)[0])
     judges = (catalog.known_values(name).judge(q.name, case.theory) for q in case.quantities if q.unit == unit)
     return max((abs(judge.value) for judge in judges if judge), default=0.0)

@@ -59,6 +59,7 @@ ORIGINS = {
     "sleeve_compression": origins.sleeve_compression,
     **origins.HYPERBOLOIDS,
     **origins.HYPARS,
+    **origins.MANUFACTURED,
     "hemisphere_hole": origins.hemisphere_hole,
     **shapes_by_series.JUDGES,
 }

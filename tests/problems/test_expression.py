@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shellbench.errors import InputError
-from shellbench.problems.expression import FUNCTIONS, Expression
+from shellbench.problems.expression import FUNCTIONS, MAX_LENGTH, Expression
 
 # Coordinates in the interior of every function's domain.
 POINTS = np.array([[0.31, 0.57], [0.62, 0.41], [0.45, 0.73]])
@@ -66,7 +66,7 @@ def test_a_whole_power_of_zero_has_finite_derivatives():
     [
         "__import__('os').system('true')", "().__class__", "xi1.real", "lambda: 1", "[xi1]", "xi1 if xi2 else 0", "xi1 and xi2",
         "open('x')", "cos(xi1, xi2)", "cos(x=xi1)", "cos(*xi1)", "abs(xi1)", "'text'", "1j", "True", "f'{xi1}'", "xi3", "xi1 ^ 2",
-        "xi1 // 2", "xi1 % 2", "~xi1", "xi1 < 2", "(xi1 := 2)", "", "1 +", "1" * 501, "1e999", "9" * 400, "(" * 400, "-" * 499 + "1",
+        "xi1 // 2", "xi1 % 2", "~xi1", "xi1 < 2", "(xi1 := 2)", "", "1 +", "1" * (MAX_LENGTH + 1), "1e999", "9" * 400, "(" * 400, "-" * 499 + "1",
         "cos", "xi1;xi2", "xi1\nxi2", "\x00",
     ],
 )  # fmt: skip
@@ -74,6 +74,32 @@ def test_anything_but_a_formula_is_refused_in_one_sentence(text):
     with pytest.raises(InputError) as caught:
         Expression(text)
     assert "Traceback" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["-" * MAX_LENGTH, "1" + "+1" * (MAX_LENGTH // 2 - 1), "2" + "**2" * (MAX_LENGTH // 3 - 1), "sin(" * 4000, "1" * MAX_LENGTH]
+)  # fmt: skip
+def test_the_longest_formulas_are_refused_where_they_are_too_deep(text):
+    """The parser of Python ends in one of three exceptions, by its version."""
+    with pytest.raises(InputError):
+        Expression(text)
+
+
+def test_a_long_polynomial_is_read():
+    """The load of a manufactured solution: hundreds of coefficients, nested in two coordinates."""
+    rng = np.random.default_rng(0)
+    coefficients = rng.normal(size=(18, 18))
+    rows = [
+        "".join(f"{c!r}+xi2*(" for c in row[:-1].tolist()) + repr(float(row[-1])) + ")" * 17 for row in coefficients
+    ]
+    text = "".join(f"{row}+xi1*(" for row in rows[:-1]) + rows[-1] + ")" * 17
+    assert len(text) > 5000
+    found = Expression(text).derivatives(POINTS, order=1)
+    for key in ((0, 0), (1, 0), (0, 1)):
+        terms = coefficients
+        for axis, count in enumerate(key):
+            terms = np.polynomial.polynomial.polyder(terms, count, axis=axis)
+        np.testing.assert_allclose(found[key], np.polynomial.polynomial.polyval2d(*POINTS.T, terms), rtol=1e-12)
 
 
 @given(st.text(max_size=60))

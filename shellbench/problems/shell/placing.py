@@ -148,5 +148,7 @@ class _Placing:
                 given = quantity[name]
                 several = isinstance(given[0], list)
                 quantity[name] = [self.vector(d) for d in given] if several else self.vector(given)
+        if "exact" in quantity:
+            quantity["exact"] = self._without_constants(self.vector(quantity["exact"]))
         if quantity["kind"] == "torque":
             quantity["centre"] = self.point(quantity.get("centre", (0.0, 0.0, 0.0)))

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field, model_validator
 
+from shellbench.errors import InputError
 from shellbench.load_curve import Curve
 from shellbench.model import Finite, Name, Vector
 from shellbench.problem import Quantity
-from shellbench.problems.shell.conditions import Places
+from shellbench.problems.shell.conditions import Places, VectorFormula
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import area_rule, kinetic_energy, total_energy, unit
 from shellbench.problems.shell.places import Point
@@ -189,6 +190,43 @@ class LargestDisplacement(ShellQuantity):
     def measure(self, solution: DisplacementField) -> float:
         """Return the largest magnitude, metres."""
         return largest_displacement(solution, self.at)
+
+
+class FieldError(ShellQuantity):
+    """How far the displacement is from a prescribed one: the norm over the midsurface of u - v, over that of v.
+
+    The norm is the root of the integral of the squared magnitude. A case whose load makes v the answer has the known
+    value 0.
+
+    Attributes
+    ----------
+    exact
+        v by component, m: numbers or formulas in xi1, xi2 and t.
+    """
+
+    series: ClassVar[Literal["motion", "path", ""]] = ""
+    of_field: ClassVar[bool] = True
+    powers: ClassVar[tuple[int, int]] = (0, 0)
+    kind: Literal["field_error"]
+    exact: VectorFormula
+    unit: str = ""
+
+    def check(self, shell: Any) -> None:
+        """Raise ValueError if the prescribed displacement is no formula, not finite, or zero everywhere."""
+        points, _ = area_rule(shell)
+        try:
+            exact = shell.evaluate(self.exact, points, self.at)[0, 0]
+        except InputError as error:
+            raise ValueError(f"quantity '{self.name}': {error}") from None
+        if not np.all(np.isfinite(exact)) or not np.any(exact):
+            raise ValueError(f"the displacement of quantity '{self.name}' is zero, or not finite, on the shell")
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the relative error in the mean square."""
+        points, weights = area_rule(solution.case)
+        exact = solution.case.evaluate(self.exact, points, self.at)[0, 0]
+        error = solution.displacement(points, at=self.at) - exact
+        return float(np.sqrt(weights @ np.sum(error**2, axis=-1) / (weights @ np.sum(exact**2, axis=-1))))
 
 
 class EnergyQuantity(ShellQuantity):

@@ -234,6 +234,8 @@ class _Reparametrisation:
         for quantity in data["quantities"]:
             if "points" in quantity:
                 quantity["points"] = [self.place(name) for name in quantity["points"]]
+            if "exact" in quantity:
+                quantity["exact"] = self.vector(quantity["exact"])
         return data
 
     def _support(self, support: dict[str, Any]) -> dict[str, Any]:

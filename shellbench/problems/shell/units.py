@@ -91,6 +91,8 @@ class _Conversion:
                 quantity["at"] *= marks
             if "centre" in quantity:
                 quantity["centre"] = self.vector(quantity["centre"], 1)
+            if "exact" in quantity:
+                quantity["exact"] = self.vector(quantity["exact"], 1)
             back = 1 / factor(*asked.dimension(self.case))
             if back != 1:
                 quantity["factor"] = asked.factor * back

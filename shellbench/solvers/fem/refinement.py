@@ -23,6 +23,7 @@ from shellbench.problems.shell.quantities import (
     CriticalPoint,
     DisplacementQuantity,
     EnergyQuantity,
+    FieldError,
     LargestDisplacement,
     LimitPoint,
     LoadQuantity,
@@ -242,6 +243,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
         case EnergyQuantity():
             unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
+        case FieldError():
+            return 1.0  # it is relative already, and goes to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint():
             return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():

@@ -1,9 +1,12 @@
 """Measuring: exact on fields that are known in closed form."""
 
+import re
+
 import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.errors import InputError
 from shellbench.model import read_toml
 from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
@@ -50,6 +53,33 @@ def test_directions_are_normalised_and_points_averaged():
     case = catalog.named_case("pinched_cylinder_free")
     pinch = ClosedFormField(case, lambda p: np.stack([0 * p[..., 0], 0 * p[..., 0], -np.sin(p[..., 0]) * 2.0], axis=-1))
     assert measure(pinch, case.primary) == pytest.approx(2.0)
+
+
+def test_the_error_of_a_field_is_relative_and_in_the_mean_square():
+    """A field that is a tenth too large errs by a tenth; one that lacks a part errs by the part's share of the norm."""
+    case = catalog.named_case("manufactured_oblique_cylinder")
+    exact = case.primary.exact
+    tenth = ClosedFormField(case, lambda p: 1.1 * case.evaluate(exact, p)[0, 0])
+    assert measure(tenth, case.primary) == pytest.approx(0.1, rel=1e-12)
+    points, weights = area_rule(case)
+    squares = weights @ case.evaluate(exact, points)[0, 0] ** 2
+    without_y = ClosedFormField(case, lambda p: case.evaluate(exact, p)[0, 0] * [1.0, 0.0, 1.0])
+    assert measure(without_y, case.primary) == pytest.approx(np.sqrt(squares[1] / squares.sum()), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("exact", "words"),
+    [
+        ([0, 0, "0*xi1"], "the displacement of quantity 'error' is zero, or not finite, on the shell"),
+        ([0, 0, "1/(xi1 - xi1)"], "the displacement of quantity 'error' is zero, or not finite, on the shell"),
+        ([0, 0, "xi3"], "quantity 'error': 'xi3' uses the unknown name 'xi3'"),
+    ],
+)
+def test_an_error_needs_a_field_that_it_is_an_error_of(exact, words):
+    data = read_toml(catalog.data_folder("cases") / "square_plate.toml")
+    data["quantities"].append({"name": "error", "kind": "field_error", "exact": exact})
+    with pytest.raises(InputError, match=re.escape(words)):
+        build_case(data, "plate", "plate.toml")
 
 
 class SnappingPath:

@@ -18,7 +18,15 @@ from shellbench.problems.shell.surface import COORDINATES
 from shellbench.problems.shell.variants import VARIANTS, size
 
 SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]
-CASES = ("square_plate", "scordelis_lo", "pinched_cylinder_free", "annular_plate", "sleeve_torque", "napkin_corner")
+CASES = (
+    "square_plate",
+    "scordelis_lo",
+    "pinched_cylinder_free",
+    "annular_plate",
+    "sleeve_torque",
+    "napkin_corner",
+    "manufactured_oblique_cylinder",
+)
 CHARTS = {
     "flipped": flipped,
     "swapped": swapped,
