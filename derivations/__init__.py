@@ -24,6 +24,7 @@ from .roll_up import cantilever_moment
 from .rolled_plate import rigid_rotation, rolled_plate
 from .sleeve_buckling import sleeve_compression, sleeve_compression_thin, sleeve_twist_thin
 from .sleeve_path import sleeve_twist
+from .spiral import cantilever_pressure
 from .swinging_strip import pendulum_strip
 from .torsion import sleeve_torque
 
@@ -34,6 +35,7 @@ __all__ = [
     "Estimate",
     "annular_plate",
     "cantilever_moment",
+    "cantilever_pressure",
     "cantilever_shear",
     "cylinder_pull_out",
     "free_fall",

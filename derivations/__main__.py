@@ -10,6 +10,7 @@ from . import (
     MANUFACTURED,
     annular_plate,
     cantilever_moment,
+    cantilever_pressure,
     cantilever_shear,
     cylinder_pull_out,
     free_fall,
@@ -38,6 +39,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .discrete_catenary import hanging_chain
+from .shapes_by_series import JUDGES
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
 TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
@@ -53,6 +55,7 @@ CASES = {
     "rigid_rotation": rigid_rotation,
     "cantilever_shear": cantilever_shear,
     "cantilever_moment": cantilever_moment,
+    "cantilever_pressure": cantilever_pressure,
     "square_plate_nonlinear": square_plate_nonlinear,
     "scordelis_lo_nonlinear": scordelis_lo_nonlinear,
     "slit_annular_plate": slit_annular_plate,
@@ -75,6 +78,7 @@ CASES = {
     "hemisphere_hole": hemisphere_hole,
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,
+    **JUDGES,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

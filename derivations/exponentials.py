@@ -106,10 +106,28 @@ def constrained_stationary_point(matrix: np.ndarray, right_side: np.ndarray, con
     return basis @ (scale * np.linalg.solve(balanced, scale * (basis.T @ right_side)))
 
 
-def edge_displacement_of_roof_harmonic(
-    strains: np.ndarray, elasticity: np.ndarray, half_angle: float, load: float
-) -> np.ndarray:
-    """(U, V, W) at the free edge t = half_angle under (0, load sin t, -load cos t), V(0) = W'(0) = 0.
+@dataclass(frozen=True)
+class ExponentialSum:
+    """A solution of one harmonic: exponential terms with their coefficients (J,)."""
+
+    terms: ExponentialTerms
+    coefficients: np.ndarray
+
+    def at(self, s: float, derivative: int = 0) -> np.ndarray:
+        """(U, V, W) or a derivative of it at one point, real (3,)."""
+        return (self.terms.evaluate(s, derivative) @ self.coefficients).real
+
+    def energies(self, strains: np.ndarray, elasticities: tuple[np.ndarray, ...]) -> list[float]:
+        """Energy 1/2 int (S q) . C (S q) ds for each C (6, 6); the integrals are elementary."""
+        own, overlap = self.terms.strains(strains), self.terms.overlap(self.terms)
+        return [
+            float((self.coefficients @ ((own.T @ c @ own) * overlap) @ self.coefficients).real) / 2
+            for c in elasticities
+        ]
+
+
+def roof_harmonic(strains: np.ndarray, elasticity: np.ndarray, half_angle: float, load: float) -> ExponentialSum:
+    """One harmonic of the roof under (0, load sin t, -load cos t), V(0) = W'(0) = 0, free at t = half_angle.
 
     The particular solution is the real part of A(i)^-1 f exp(i t), f = load (0, -i, -1): U and W are
     even and V is odd, which meets the conditions at the crown.
@@ -127,16 +145,28 @@ def edge_displacement_of_roof_harmonic(
     work = (terms.vectors.T @ force) * terms.overlap(particular)
     constraints = np.array([terms.evaluate(0.0)[1], terms.evaluate(0.0, 1)[2]])
     c = constrained_stationary_point(matrix, (work - cross).sum(axis=1), constraints)
-    edge = terms.evaluate(half_angle) @ c + particular.evaluate(half_angle).sum(axis=1)
-    return edge.real
+    exponents = np.concatenate([terms.exponents, pair])
+    both = ExponentialTerms(0.0, half_angle, exponents, np.hstack([terms.vectors, particular.vectors]))
+    return ExponentialSum(both, np.concatenate([c, np.ones(2)]))
 
 
-def end_displacement_under_point_load(strains: np.ndarray, elasticity: np.ndarray, length: float, load: float) -> float:
-    """W(0) of a strip [0, length] with U(0) = W'(0) = 0, load on W at 0, the far end free."""
+def point_load_harmonic(strains: np.ndarray, elasticity: np.ndarray, length: float, load: float) -> ExponentialSum:
+    """A strip [0, length] with U(0) = W'(0) = 0, load on W at 0, the far end free."""
     coefficients = symbol_coefficients(strains, elasticity)
     terms = ExponentialTerms.homogeneous(coefficients, 0.0, length)
     own = terms.strains(strains)
     matrix = (own.T @ elasticity @ own) * terms.overlap(terms)
     constraints = np.array([terms.evaluate(0.0)[0], terms.evaluate(0.0, 1)[2]])
-    c = constrained_stationary_point(matrix, load * terms.evaluate(0.0)[2], constraints)
-    return float((terms.evaluate(0.0)[2] @ c).real)
+    return ExponentialSum(terms, constrained_stationary_point(matrix, load * terms.evaluate(0.0)[2], constraints))
+
+
+def edge_displacement_of_roof_harmonic(
+    strains: np.ndarray, elasticity: np.ndarray, half_angle: float, load: float
+) -> np.ndarray:
+    """(U, V, W) of a harmonic of the roof at its free edge t = half_angle; see `roof_harmonic`."""
+    return roof_harmonic(strains, elasticity, half_angle, load).at(half_angle)
+
+
+def end_displacement_under_point_load(strains: np.ndarray, elasticity: np.ndarray, length: float, load: float) -> float:
+    """W(0) of a strip under a load on W at 0; see `point_load_harmonic`."""
+    return float(point_load_harmonic(strains, elasticity, length, load).at(0.0)[2])

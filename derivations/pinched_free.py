@@ -81,17 +81,22 @@ def solve_pinched(cylinder: Cylinder, far_end: tuple[str, ...], last_harmonic: i
     return PinchedSeries(cylinder, strip, even, coefficients, inward, np.array(membrane_energies))
 
 
+def _summed(far_end: tuple[str, ...], last_harmonic: int, degree: int) -> dict[str, Estimate]:
+    """Known values with that far end; the uncertainty is the change from 2/3 of harmonics and degree, both summed."""
+    cylinder = pinched_cylinder()
+    levels = (last_harmonic, degree), (2 * last_harmonic // 3, 2 * degree // 3)
+    fine, coarse = (solve_pinched(cylinder, far_end, harmonic, p).totals() for harmonic, p in levels)
+    return pinched_estimates(cylinder, fine, coarse)
+
+
 def pinched_cylinder_free(last_harmonic: int = 160, degree: int = 64) -> dict[str, Estimate]:
-    """Known values; the uncertainty is the change from 2/3 of harmonics and degree, both summed.
+    """Known values of the free cylinder.
 
     The largest abs(u) is the displacement under a load (the test looks for a larger one).
     """
-    cylinder = pinched_cylinder()
-    fine, coarse = (
-        solve_pinched(cylinder, FREE_END, harmonic, p).totals()
-        for harmonic, p in (
-            (last_harmonic, degree),
-            (2 * last_harmonic // 3, 2 * degree // 3),
-        )
-    )
-    return pinched_estimates(cylinder, fine, coarse)
+    return _summed(FREE_END, last_harmonic, degree)
+
+
+def diaphragm_by_polynomials(last_harmonic: int = 160, degree: int = 64) -> dict[str, Estimate]:
+    """Values of the cylinder between diaphragms: the second form of `pinched_diaphragm`."""
+    return _summed(DIAPHRAGM_END, last_harmonic, degree)

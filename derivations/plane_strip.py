@@ -1,9 +1,10 @@
-r"""A strip that bends in a plane, by its potential energy in polynomials of its position: a second form of two cases.
+r"""A strip that bends in a plane, by virtual work in polynomials of its position: a second form of three cases.
 
 With p = x' and q = x'' along the reference length, eps = (p.p - 1) / 2 and b = (p1 q2 - p2 q1) / abs(p). The position is
 (s, 0) plus Chebyshev polynomials of s times s for x and s^2 for z, which clamps the strip at s = 0. Loads at the tip are
-a dead force across the strip and a moment, whose work is its product with the angle of p there. `elastica` and
-`roll_up` start from angle and stretch instead, and from the equations of equilibrium.
+a dead force across the strip and a moment, whose work is its product with the angle of p there. A pressure P that
+follows the strip exerts P (-p2, p1) per reference length: no gradient, as its derivative is not symmetric. `elastica`,
+`roll_up` and `spiral` start from angle and stretch instead, and from the equations of equilibrium.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from .elastica import FORCES, Cantilever
 from .estimate import Estimate
 from .roll_up import MARKS, Strip
+from .spiral import PRESSURES, named
 
 Array = np.ndarray
 ITERATIONS = 60
@@ -60,9 +62,18 @@ class PlaneStrip:
     @cached_property
     def _gauss(self) -> tuple[Array, Array, Array]:
         """Weights, and first and second derivatives at 3 count Gauss points."""
+        s, weights = self._rule
+        return weights, self.derivative(s, 1), self.derivative(s, 2)
+
+    @cached_property
+    def _values(self) -> Array:
+        """Values of the functions at the same points."""
+        return self.derivative(self._rule[0], 0)
+
+    @property
+    def _rule(self) -> tuple[Array, Array]:
         x, w = np.polynomial.legendre.leggauss(3 * self.count)
-        s = (1 + x) * self.length / 2
-        return w * self.length / 2, self.derivative(s, 1), self.derivative(s, 2)
+        return (1 + x) * self.length / 2, w * self.length / 2
 
     def position(self, coefficients: Array, s: float) -> Array:
         """Position at a reference length, (2,)."""
@@ -113,7 +124,18 @@ class PlaneStrip:
         second = np.array([[2 * p1 * p2, p2**2 - p1**2], [p2**2 - p1**2, -2 * p1 * p2]]) / square**2
         return gradient, moment * shapes.T @ second @ shapes
 
-    def path(self, factors: Array, force: float = 0.0, moment: float = 0.0) -> Iterator[Bent]:
+    def _push(self, coefficients: Array, pressure: float) -> tuple[Array, Array]:
+        """Forces of a pressure that follows per width, and their derivative, by the coefficients."""
+        weight, first, _ = self._gauss
+        values = self._values
+        p1, p2 = np.einsum("cpi,ci->cp", first, coefficients) + np.array([[1.0], [0.0]])
+        force = pressure * np.concatenate([-(weight * p2) @ values[0], (weight * p1) @ values[1]])
+        across = pressure * (weight[:, None] * values[0]).T @ first[1]
+        along = pressure * (weight[:, None] * values[1]).T @ first[0]
+        zero = np.zeros_like(across)
+        return force, np.block([[zero, -across], [along, zero]])
+
+    def path(self, factors: Array, force: float = 0.0, moment: float = 0.0, pressure: float = 0.0) -> Iterator[Bent]:
         """Yield the equilibria under rising fractions of a load per width.
 
         Raises
@@ -126,7 +148,8 @@ class PlaneStrip:
             for _ in range(ITERATIONS):
                 inner, stiffness = self._energy(coefficients)[2:]
                 outer, of_load = self._work(coefficients, factor * force, factor * moment)
-                step = np.linalg.solve(stiffness - of_load, outer - inner)
+                push, of_push = self._push(coefficients, factor * pressure)
+                step = np.linalg.solve(stiffness - of_load - of_push, outer + push - inner)
                 coefficients = coefficients + step.reshape(2, -1)
                 if np.abs(step).max() < CONVERGED * self.length:
                     break
@@ -161,3 +184,20 @@ def cantilever_moment() -> dict[str, Estimate]:
         if factor < 1.0:
             values[f"deflection_{name}"] = found[factor].deflection
     return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()}
+
+
+def cantilever_pressure() -> dict[str, Estimate]:
+    """Known values of the strip under a pressure that follows it; the wall's moment is p d^2 / 2, see `spiral`."""
+    case = Cantilever()
+    strip = PlaneStrip(case.length, case.thickness, case.young)
+    found = {bent.factor: bent for bent in strip.path(np.arange(1, 9) / 8, pressure=PRESSURES[-1])}
+    lengths, spread = {}, SPREAD * case.length
+    for pressure in PRESSURES:
+        bent = found[pressure / PRESSURES[-1]]
+        lengths |= {named("shortening", pressure): bent.shortening, named("deflection", pressure): bent.deflection}
+    energy, arm = case.width * (bent.membrane + bent.bending), (case.length - bent.shortening, bent.deflection)
+    moment = case.width * PRESSURES[-1] * float(np.dot(arm, arm)) / 2
+    return {key: Estimate(value, spread, "m") for key, value in lengths.items()} | {
+        "strain_energy": Estimate(energy, SPREAD * energy, "J"),
+        "wall_moment": Estimate(moment, 2 * SPREAD * moment, "N m"),
+    }

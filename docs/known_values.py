@@ -1,21 +1,28 @@
-"""Write the table of known values from references/: `python docs/known_values.py`."""
+"""Write known values from references/, as a page and as one table for programs: `python docs/known_values.py`."""
 
 from __future__ import annotations
 
-import tomllib
+import json
 from pathlib import Path
+from typing import Any
 
+from shellbench.bench import catalog
 from shellbench.bench.kinds import read_problem
+from shellbench.bench.reference import KnownValue
+from shellbench.model import read_toml
+from shellbench.problem import Problem, Quantity
 
 ROOT = Path(__file__).parents[1]
 PAGE = Path(__file__).with_name("known_values.md")
+TABLE = ROOT / "references" / "references.json"
 PREFACE = """# Known values
 
 <!-- Written by docs/known_values.py from references/. Change those, and run it. -->
 
 What judges the headline of each case, and what else arrives at it. A value stands with the half width that surely covers the truth.
 All other quantities of a case, and the figures usually quoted, are in `references/<case>.toml`; sources are keys of
-`references/bibliography.bib`.
+`references/bibliography.bib`. For programs all of it is one table, `references/references.json`: a line for each quantity with its judge,
+its other origins and what the literature says. To cite it, name the version of the exam, which is in the file and in every record.
 
 A **judge** decides under the theory of its case. An **origin** is an independent second derivation. Where the source is
 `shellbench` the locator names the file that computes it; `python -m derivations CASE` runs it. Tests recompute judges and origins
@@ -41,7 +48,7 @@ def row(case_file: Path) -> str:
     case = read_problem(case_file)
     quantity = case.primary
     file = ROOT / "references" / case_file.name
-    values = tomllib.loads(file.read_text(encoding="utf-8"))["values"] if file.is_file() else []
+    values = read_toml(file)["values"] if file.is_file() else []
     found = [v for v in values if v["quantity"] == quantity.name and v["theory"] == case.theory]
     judges = [v for v in found if v["role"] == "judge"]
     value = " ".join(f"{v['value']:.13g} ± {v['uncertainty']:.2g} {quantity.unit}" for v in judges) or "no known value"
@@ -57,5 +64,43 @@ def page() -> str:
     return PREFACE + "\n" + "\n".join([head, *rows]) + "\n"
 
 
+def figure(value: KnownValue) -> dict[str, Any]:
+    """Return one known value as data."""
+    keys = ("value", "uncertainty", "theory", "origin", "source", "locator", "note")
+    return {key: getattr(value, key) for key in keys if getattr(value, key) not in ("", None)}
+
+
+def entry(case: Problem, quantity: Quantity) -> dict[str, Any] | None:
+    """Return what is known of a quantity; None if nothing judges it."""
+    known = catalog.known_values(case.name)
+    judge = known.judge(quantity.name, case.theory)
+    if judge is None:
+        return None
+    origins = [v for v in known.of(quantity.name, "origin") if v.theory == case.theory]
+    return {
+        "case": case.name,
+        "title": case.title,
+        "kind": case.kind,
+        "quantity": quantity.name,
+        "description": quantity.description,
+        "unit": quantity.unit,
+        "at": quantity.mark,
+        "headline": quantity.primary,
+        "judge": figure(judge),
+        "origins": [figure(value) for value in origins],
+        "literature": [figure(value) for value in known.of(quantity.name, "literature")],
+    }
+
+
+def table() -> str:
+    """Return all known values that judge, for programs."""
+    cases = [catalog.named_case(name) for name in catalog.case_names()]
+    entries = [found for case in cases for q in case.quantities if (found := entry(case, q)) is not None]
+    head = {"exam": catalog.exam_version(), "source": "shellbench; see CITATION.cff", "values": len(entries)}
+    lines = ",\n".join(f"  {json.dumps(one, ensure_ascii=False)}" for one in entries)
+    return f'{json.dumps(head)[:-1]}, "known": [\n{lines}\n]}}\n'
+
+
 if __name__ == "__main__":
     PAGE.write_text(page(), encoding="utf-8")
+    TABLE.write_text(table(), encoding="utf-8")

@@ -99,6 +99,10 @@ def test_known_values_are_those_of_the_references():
     assert written == known_values.page(), "write it anew by `python docs/known_values.py`"
 
 
+def test_the_table_of_known_values_is_that_of_the_references():
+    assert known_values.TABLE.read_text(encoding="utf-8") == known_values.table(), "as above"
+
+
 def test_what_the_site_needs_is_pinned():
     with (ROOT / "pyproject.toml").open("rb") as file:
         extra = tomllib.load(file)["project"]["optional-dependencies"]["docs"]

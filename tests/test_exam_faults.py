@@ -135,7 +135,7 @@ def frozen_loads(patch):
     """Take loads as they are at t = 0 at all times."""
     original = fem_loads._Builder._density
     patch.setattr(
-        fem_loads.Loading, "_density", lambda self, loads, x, surface, t: original(self, loads, x, surface, 0.0)
+        fem_loads._Builder, "_density", lambda self, loads, x, surface, t: original(self, loads, x, surface, 0.0)
     )
 
 

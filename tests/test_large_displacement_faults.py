@@ -2,8 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from shellbench.problems.shell.shell import Shell
+from shellbench.solvers.fem import following as fem_following
 from shellbench.solvers.fem import kinematics, loads, problem, strain_energy
 from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
 from tests.test_faults import (
@@ -18,6 +21,7 @@ from tests.test_faults import (
 )
 
 PLATE, ROOF, SHEAR, MOMENT = "square_plate_nonlinear", "scordelis_lo_nonlinear", "cantilever_shear", "cantilever_moment"
+PRESSED = "cantilever_pressure"
 ROLLED, TURNED = "rolled_plate", "rigid_rotation"
 
 
@@ -99,7 +103,27 @@ def too_early(patch):
     patch.setattr(equilibrium.PathProblem, "_forces", lambda self, t: original(self, 1.01 * t))
 
 
+def dead_pressure(patch):
+    """Let pressures that follow act along the reference normal."""
+    patch.setattr(Shell, "following", property(lambda case: ()))
+
+
+def on_reference_area(patch):
+    """Let the fem pressure follow the normal alone, and act per reference area."""
+    original = fem_following.FollowingPressure._base
+
+    def unstretched(self, portion, q):
+        a1, a2 = original(self, portion, q)
+        area = np.linalg.norm(np.cross(a1, a2), axis=-1)
+        return a1 * (portion.reference.area / area)[:, None], a2
+
+    patch.setattr(fem_following.FollowingPressure, "_base", unstretched)
+
+
 FAULTS = [
+    Fault("a dead pressure", "fem", PRESSED, dead_pressure),
+    Fault("a pressure per reference area", "fem", PRESSED, on_reference_area),
+    Fault("a dead pressure", "ndf-ritz", PRESSED, dead_pressure),
     Fault("a linear normal", "fem", TURNED, linear_normal),
     Fault("linear membrane strains", "fem", PLATE, fem_strain(without_product)),
     Fault("no curvature of its own", "fem", TURNED, fem_strain(unbent)),
@@ -121,8 +145,19 @@ FAULTS = [
 ]
 
 
-LONG_GREEN = {("fem", PLATE), ("fem", ROOF), ("fem", SHEAR), ("ndf-ritz", ROOF), ("ndf-ritz", SHEAR)}
+LONG_GREEN = {
+    ("fem", PRESSED),
+    ("ndf-ritz", PRESSED),
+    ("fem", PLATE),
+    ("fem", ROOF),
+    ("fem", SHEAR),
+    ("ndf-ritz", ROOF),
+    ("ndf-ritz", SHEAR),
+}
 LONG_FAULTS = {
+    ("fem", "a dead pressure"),
+    ("fem", "a pressure per reference area"),
+    ("ndf-ritz", "a dead pressure"),
     ("fem", "halved moments"),
     ("fem", "linear membrane strains"),
     ("fem", "loads that grow otherwise"),
@@ -138,7 +173,9 @@ def marked(found, long):
     return [pytest.param(*one, marks=[pytest.mark.long] if long(*one) else []) for one in found]
 
 
-CASES_SOLVED = [(solver, case) for solver in ("fem", "ndf-ritz") for case in (PLATE, ROOF, SHEAR, ROLLED, TURNED)]
+CASES_SOLVED = [
+    (solver, case) for solver in ("fem", "ndf-ritz") for case in (PLATE, ROOF, SHEAR, PRESSED, ROLLED, TURNED)
+]
 
 
 @pytest.mark.parametrize(("solver", "case"), marked(CASES_SOLVED, lambda *pair: pair in LONG_GREEN))

@@ -18,7 +18,7 @@ import pytest
 
 from shellbench.bench.row import Row
 from shellbench.report import tables
-from shellbench.report.digits import byte_size, duration, percent, quoted, rounded
+from shellbench.report.notation import byte_size, duration, percent, quoted, rounded
 
 ROOT = Path(__file__).parents[1]
 FINDINGS = ROOT / "docs/findings"
@@ -33,6 +33,7 @@ FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 DEFINED = (  # no figures of a run: what things are called, what was asked for, what others have published
     r"C1 finite",
+    r"\b1e-2, 1e-3 and 1e-4|an error above 1e-2|within three uncertainties",
     r"\b(5|10) minutes|\b(1\.4|2\.4) GB",  # measured by hand, and said roughly
     r"Python 3\.11",
     r"\(20\d\d\)",

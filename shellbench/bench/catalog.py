@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE, one_sentence, read_toml
 from shellbench.problem import VARIANT, Problem
 
+LOCK = "lock.json"  # see `shellbench.bench.lock`
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -189,6 +191,15 @@ def _drawn(case: Problem, count: int | None, seed: int) -> Iterator[str]:
 
 def _suites_that_ask(variant: str) -> tuple[str, ...]:
     return tuple(name for name in suite_names() if variant in variants_asked(name))
+
+
+def exam_version() -> int | None:
+    """Return the version of the exam, as its lock says; None if there is no lock that can be read."""
+    try:
+        found = json.loads((data_folder("references") / LOCK).read_bytes())["version"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if isinstance(found, int) else None
 
 
 @cache

@@ -75,9 +75,11 @@ class Expected:
         for quantity in map(self.case.quantity, names) if self.by_class else gated_quantities(self.case, self.solver):
             if self.run is None:
                 yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
-            else:
-                row = row_of(self.run, quantity)
-                yield judged_by_class(row) if self.by_class else row
+                continue
+            row = row_of(self.run, quantity)
+            row = judged_by_class(row) if self.by_class else row
+            if row.gated:  # a class says nothing of a zero that has no other value of its unit beside it
+                yield row
 
 
 def expected_runs(scope: Scope, current: CurrentRuns, ask: bool = True) -> Iterator[Expected]:

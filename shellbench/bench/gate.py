@@ -111,6 +111,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
     _check_judged(rows, scope, cases)
+    _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
     return Verdict(
@@ -224,6 +225,20 @@ def _in_scope(row: Row, scope: Scope, cases: set[tuple[str, bool]]) -> bool:
         and (not scope.seeds or row.seed is None or row.seed in scope.seeds)
         and (not scope.cases or (row.case, row.own_case) in cases)
     )
+
+
+def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
+    """Refuse to judge a stranger that declines every case.
+
+    Raises
+    ------
+    InputError
+        In one sentence that names it.
+    """
+    for solver in graded:
+        of_solver = [row for row in rows if row.solver == solver]
+        if of_solver and all(row.status == "declined" for row in of_solver):
+            raise InputError(f"nothing was judged of solver '{solver}': it declines every case that was asked for")
 
 
 def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]]) -> None:

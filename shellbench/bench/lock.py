@@ -11,12 +11,13 @@ What makes the exam easier, or another one, is red. What makes it harder is said
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
@@ -27,7 +28,6 @@ from shellbench.errors import InputError
 from shellbench.model import Finite, Model, one_sentence
 from shellbench.problem import Problem
 
-FILE = "lock.json"
 COMMAND = "python -m shellbench.bench.lock --write"
 SHOWN = 12  # characters of a digest
 
@@ -68,9 +68,16 @@ class LockedCase(Model):
 
 
 class Lock(Model):
-    """All that is gated, by name of the case; and by suite the digests of the variants that it asks."""
+    """All that is judged, by name of the case; and by suite the digests of the variants that it asks.
+
+    Attributes
+    ----------
+    version
+        Of the exam: one more whenever the lock is moved.
+    """
 
     schema_version: Literal[1] = 1
+    version: Annotated[int, Field(ge=1)] = 1
     cases: dict[str, LockedCase]
     variants: dict[str, dict[str, str]] = Field(default_factory=dict)
 
@@ -82,7 +89,9 @@ class LockCheck:
     Attributes
     ----------
     cases, figures
-        How many are gated today.
+        How many are judged today.
+    version
+        Of the exam that is locked; None if there is no lock.
     broken
         What makes the exam easier or another one, one sentence each; the gate is then red.
     unlocked
@@ -91,13 +100,14 @@ class LockCheck:
 
     cases: int
     figures: int
+    version: int | None = None
     broken: tuple[str, ...] = ()
     unlocked: tuple[str, ...] = ()
 
 
 def lock_path() -> Path:
     """Return where the lock is."""
-    return catalog.data_folder("references") / FILE
+    return catalog.data_folder("references") / catalog.LOCK
 
 
 def todays_lock() -> Lock:
@@ -167,7 +177,12 @@ def read_lock(path: Path) -> Lock:
 
 def write_lock() -> None:
     """Make today's exam the lock; each figure has a line, so that a commit shows what it changes."""
-    data = todays_lock().model_dump(mode="json", exclude_none=True)
+    now = todays_lock()
+    with contextlib.suppress(InputError):  # no lock yet
+        old = read_lock(lock_path())
+        same = now.model_copy(update={"version": old.version}) == old
+        now = now.model_copy(update={"version": old.version + (not same)})
+    data = now.model_dump(mode="json", exclude_none=True)
     cases = []
     for name, case in data["cases"].items():
         figures = ",\n".join(f"    {json.dumps(key)}: {json.dumps(figure)}" for key, figure in case["figures"].items())
@@ -176,7 +191,8 @@ def write_lock() -> None:
     joined = ",\n".join(cases)
     variants = json.dumps(data["variants"], indent=1)
     text = (
-        f'{{\n "schema_version": {data["schema_version"]},\n "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
+        f'{{\n "schema_version": {data["schema_version"]},\n "version": {data["version"]},\n'
+        f' "cases": {{\n{joined}\n }},\n "variants": {variants}\n}}\n'
     )
     lock_path().write_text(text, encoding="utf-8")
 
@@ -188,10 +204,11 @@ def check_lock() -> LockCheck:
     try:
         locked = read_lock(lock_path())
     except InputError as error:
-        return LockCheck(len(now.cases), figures, (str(error),))
+        return LockCheck(len(now.cases), figures, broken=(str(error),))
     found = [*_dangling(), *_differences(locked, now)]
     broken = tuple(words for kind, words in found if kind == "broken")
-    return LockCheck(len(now.cases), figures, broken, tuple(words for kind, words in found if kind == "unlocked"))
+    unlocked = tuple(words for kind, words in found if kind == "unlocked")
+    return LockCheck(len(now.cases), figures, locked.version, broken, unlocked)
 
 
 def _dangling() -> Iterator[Found]:

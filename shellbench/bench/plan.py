@@ -227,6 +227,7 @@ def _task(
         settings={**overrides, **apart},
         defaults=defaults,
         solver_label=solver.capabilities.label,
+        exam=catalog.exam_version(),
         environment=place(
             device,
             entry.distribution,

@@ -134,6 +134,8 @@ class Record(Model):
         The solver's default settings, without seed and device: valid as long as its source is the same.
     solver_label
         One line that says what the solver is.
+    exam
+        Version of the exam when the run was planned: of cases, known values and tolerances.
     seconds
         Wall time of the solve, start of the process and measuring excluded.
     peak_memory_bytes
@@ -167,6 +169,7 @@ class Record(Model):
     own_case: bool = False
     defaults: Plain = Field(default_factory=dict)
     solver_label: str
+    exam: Annotated[int, Field(ge=1, le=MOST)] | None = None
     status: Status
     reason: Annotated[str, Field(max_length=LONGEST_REASON)] | None = None
     seconds: Seconds

@@ -42,6 +42,7 @@ class Task(Model):
     settings: dict[str, Any]
     defaults: dict[str, Any] = Field(default_factory=dict)
     solver_label: str
+    exam: int | None = None
     environment: Environment
 
     def record(self, reason: str | None = None, **result: Any) -> Record:
@@ -56,6 +57,7 @@ class Task(Model):
             own_case=self.own_case,
             defaults=self.defaults,
             solver_label=self.solver_label,
+            exam=self.exam,
             environment=self.environment,
             **result,
         )

@@ -55,8 +55,8 @@ def _gate(
 
 
 def _lock(lock: LockCheck) -> Iterator[str]:
-    exam = f"{lock.cases} cases, {lock.figures} figures"
-    yield f"lock: {len(lock.broken)} RED of {exam}" if lock.broken else f"lock: {exam} as locked"
+    exam = f"exam {lock.version or '?'}: {lock.cases} cases, {lock.figures} figures"
+    yield f"lock: {len(lock.broken)} RED of {exam}" if lock.broken else f"lock: {exam}, as locked"
     yield from (f"  RED  {words}" for words in lock.broken)
     if lock.unlocked:
         yield f"  not yet locked: {'; '.join(lock.unlocked)}"

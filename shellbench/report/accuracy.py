@@ -11,15 +11,12 @@ import numpy as np
 import pandas as pd
 
 from shellbench.bench.row import Row
-from shellbench.report.courses import SURFACE_DIMENSION, Course, courses
-from shellbench.report.digits import percent
 from shellbench.report.evidence import Evidence
-from shellbench.report.notation import TEXT
-from shellbench.report.rates import Rate, fitted_rate
+from shellbench.report.notation import TEXT, percent
+from shellbench.report.rates import SURFACE_DIMENSION, Course, Rate, Yardstick, courses, fitted_rate, yardstick_of
 from shellbench.report.runs import headlines
-from shellbench.report.solutions import seed_words
+from shellbench.report.solutions import grouped, seed_words
 from shellbench.report.table import Note
-from shellbench.report.yardstick import Yardstick, yardstick_of
 
 Measure = Literal["unknowns", "seconds", "memory"]
 SMALLEST = 1e-16  # relative error of an answer that agrees to the last digit, for a logarithmic axis
@@ -240,9 +237,7 @@ def accuracies(evidence: Evidence) -> list[CaseAccuracy]:
 def _accuracy(runs: pd.DataFrame, evidence: Evidence) -> CaseAccuracy | None:
     rows = list(runs["row"])
     yardstick = yardstick_of(evidence.records, rows)
-    families: dict[tuple[str, str], list[Point]] = {}
-    for point in sizes(runs, yardstick):
-        families.setdefault((point.rows[0].solver, swept_setting(point.rows[0])), []).append(point)
+    families = grouped(sizes(runs, yardstick), lambda point: (point.rows[0].solver, swept_setting(point.rows[0])))
     if yardstick is None or not families:
         return None
     histories = courses(evidence.records, [row for row in rows if row.default_settings])

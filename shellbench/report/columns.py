@@ -18,8 +18,7 @@ from typing import Any
 
 import pandas as pd
 
-from shellbench.report.digits import byte_size, duration, percent, quoted, rounded
-from shellbench.report.notation import Notation
+from shellbench.report.notation import Notation, byte_size, duration, percent, quoted, rounded
 
 Line = Mapping[str, Any]
 Show = Callable[[Line, Notation], str]

@@ -15,16 +15,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from shellbench.report.columns import Column, Line, code, column, error, frame, words
-from shellbench.report.digits import Digits, percent
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import ALIKE, FINER, CaseRuns, Difference, Ladder, Run, case_runs
-from shellbench.report.notation import TEXT, Notation
-from shellbench.report.palette import DASHES, Ink
+from shellbench.report.notation import TEXT, Digits, Notation, percent
 from shellbench.report.panel import FOR_SLOPES, add_legend, draw, draw_slopes, entry, finish, mark_entry, open_figure
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.resolution import frame_rate_table, mesh_table, of_largest, resolution_table
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
 
 WIDTH, ALONE, HEIGHT, MARGIN = 2.53, 3.3, 2.15, 0.62  # inches: a panel of three, of two, its height, and the legend
@@ -122,9 +120,7 @@ def _line(case: CaseRuns, ladder: Ladder) -> dict[str, Any] | None:
         return None
     rate = order_of(case, ladder)
     return {
-        "block": case.title,
-        "case": case.case,
-        "solver": ladder.solver,
+        **case.line(ladder),
         "runs": len(ladder.runs),
         "coarsest_unknowns": ladder.runs[0].unknowns,
         "finest_unknowns": finest.unknowns,
@@ -282,8 +278,8 @@ def pair_table(cases: Sequence[CaseRuns]) -> Table:
 
 
 def _common(case: CaseRuns, ladder: Ladder, run: Run, **kind: str) -> dict[str, Any]:
-    line = {"block": case.title, "case": case.case, "solver": ladder.solver, **kind, "run": run.name}
-    return line | {"unknowns": run.unknowns, "time_steps": run.time_steps}
+    said = {"run": run.name, "unknowns": run.unknowns, "time_steps": run.time_steps}
+    return case.line(ladder) | kind | said
 
 
 def _pairs(case: CaseRuns, ladder: Ladder) -> Iterator[tuple[str, Run, Run]]:

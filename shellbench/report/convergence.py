@@ -2,36 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from shellbench.report.courses import SURFACE_DIMENSION, Abscissa, Course
-from shellbench.report.palette import DASHES, Dashes, Ink
-from shellbench.report.panel import (
-    ERROR_LABEL,
-    FOR_SLOPES,
-    ROOM,
-    add_legend,
-    draw,
-    draw_slopes,
-    entry,
-    finish,
-    open_figure,
-    shade_entry,
-)
-from shellbench.report.rates import fitted_rate
-from shellbench.report.shells import plain
+from shellbench.report import panel
+from shellbench.report.evidence import Evidence
+from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
+from shellbench.report.notation import plain
+from shellbench.report.rates import SURFACE_DIMENSION, Abscissa, Course, courses, fitted_rate
+from shellbench.report.runs import rows_at_home, suite_title
+from shellbench.report.solutions import grouped
 
 AXIS_LABELS: dict[Abscissa, str] = {"unknowns": "unknowns", "seconds": "wall time (s)", "iteration": "iteration"}
 GAP_LABEL = "quadrature gap (%)"
 WIDTH, HEIGHT, MARGIN = 2.0, 1.9, 0.75  # inches a panel: four of them fill a page's width; and for the legend
 MOST_IN_A_ROW = 4  # panels; more cases go on below
+AXES: tuple[Abscissa, ...] = ("unknowns", "seconds", "iteration")
+CONVERGENCE = "convergence_"  # how names of figures begin
 CROWDED = 30  # points from which on a curve has no marks
 Strip = tuple[Abscissa, str, Callable[[Course], tuple[list[float], list[float]]]]
+
+
+def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the figures of each suite's convergence."""
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        shown = [course for course in courses(evidence.records, of_suite) if not course.variant]
+        refining = [course for course in shown if not course.is_field]
+        refinement = refinement_figure(shown, evidence.inks)
+        if refinement is not None:
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_refinement",
+                title=f"{suite_title(suite)}: convergence under refinement",
+                caption="Relative error of each case's headline figure against unknowns and wall time. Dashed: power"
+                " laws fitted to the finest steps whose error lies above the uncertainty of the known value; against"
+                " the unknowns the exponent is the order in the mesh width h.",
+                description=f"Errors fall with refinement. {_rates(refining)}",
+                figure=refinement,
+                run_ids=tuple(course.run_id for course in refining),
+            )
+        for abscissa in AXES:
+            figure = iteration_figure(shown, evidence.inks, abscissa)
+            if figure is None:
+                continue
+            solvers = ", ".join(dict.fromkeys(course.solver for course in shown))
+            against = AXIS_LABELS[abscissa].removesuffix(" (s)")
+            yield Exhibit(
+                name=f"{CONVERGENCE}{suite}_{abscissa}",
+                title=f"{suite_title(suite)}: error and quadrature gap against {against}",
+                caption="Relative error of each case's headline figure, and the gap between the energy on the"
+                " solve's own quadrature and on a finer one. The gap tells a field that exploits its quadrature; it"
+                " does not bound the error. A line or a mark for each seed.",
+                description=f"Error and gap of {solvers} against {against}, case by case",
+                figure=figure,
+                run_ids=tuple(course.run_id for course in shown),
+            )
+
+
+def _rates(refining: Sequence[Course]) -> str:
+    words = []
+    for course in refining:
+        rate = fitted_rate(*course.errors("unknowns"), course.floor)
+        if rate is not None:
+            words.append(f"{course.title}, {course.solver}: order {-2 * rate.slope:.1f} in h")
+    return "Fitted: " + "; ".join(dict.fromkeys(words)) + "." if words else ""
 
 
 def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Figure | None:
@@ -44,8 +81,8 @@ def refinement_figure(courses: Sequence[Course], inks: Mapping[str, Ink]) -> Fig
     if not any(course.refines for course in courses):
         return None
     strips: list[Strip] = [
-        ("unknowns", ERROR_LABEL, lambda course: course.errors("unknowns")),
-        ("seconds", ERROR_LABEL, lambda course: course.errors("seconds")),
+        ("unknowns", panel.ERROR_LABEL, lambda course: course.errors("unknowns")),
+        ("seconds", panel.ERROR_LABEL, lambda course: course.errors("seconds")),
     ]
     return _figure(courses, inks, strips, slopes=True)
 
@@ -63,7 +100,7 @@ def iteration_figure(courses: Sequence[Course], inks: Mapping[str, Ink], absciss
     if abscissa != "iteration":
         cases = {course.case for course in fields}
         fields = [course for course in measured if course.is_field or course.case in cases]
-    strips: list[Strip] = [(abscissa, ERROR_LABEL, lambda course: course.errors(abscissa))]
+    strips: list[Strip] = [(abscissa, panel.ERROR_LABEL, lambda course: course.errors(abscissa))]
     if any(course.gaps(abscissa)[0] for course in fields):
         strips.append((abscissa, GAP_LABEL, lambda course: course.gaps(abscissa)))
     return _figure(fields, inks, strips)
@@ -73,12 +110,10 @@ def _figure(
     courses: Sequence[Course], inks: Mapping[str, Ink], strips: Sequence[Strip], *, slopes: bool = False
 ) -> Figure:
     """Draw a column of panels for each case, one for each strip; after `MOST_IN_A_ROW` of them a new band begins."""
-    cases: dict[str, list[Course]] = {}
-    for course in courses:
-        cases.setdefault(course.case, []).append(course)
+    cases = grouped(courses, lambda course: course.case)
     columns, bands = min(len(cases), MOST_IN_A_ROW), -(-len(cases) // MOST_IN_A_ROW)
     size = max(3.4, WIDTH * columns), HEIGHT * len(strips) * bands + MARGIN
-    figure, panels = open_figure(size, len(strips) * bands, columns, sharey="row")
+    figure, panels = panel.open_figure(size, len(strips) * bands, columns, sharey="row")
     for band in range(bands):
         shown = list(cases.values())[band * columns : (band + 1) * columns]
         for i, (abscissa, label, measure) in enumerate(strips):
@@ -91,9 +126,16 @@ def _figure(
                     axes.sharex(panels[band * len(strips), column])
                 for course in of_case:
                     _draw(axes, course, *measure(course), abscissa, inks[course.solver])
-            floors = [100 * max(course.floor for course in of_case) * (label == ERROR_LABEL) for of_case in shown]
+            floors = [100 * max(course.floor for course in of_case) * (label == panel.ERROR_LABEL) for of_case in shown]
             log = "y" if abscissa == "iteration" else "xy"
-            finish(row, AXIS_LABELS[abscissa], label, floor=floors, log=log, below=FOR_SLOPES if slopes else ROOM)
+            panel.finish(
+                row,
+                AXIS_LABELS[abscissa],
+                label,
+                floor=floors,
+                log=log,
+                below=panel.FOR_SLOPES if slopes else panel.ROOM,
+            )
             for axes, of_case in zip(row, shown, strict=True):
                 if i == 0:
                     axes.set_title(plain(of_case[0].title).replace(", ", ",\n", 1), loc="left")
@@ -102,13 +144,13 @@ def _figure(
                 if slopes:
                     _draw_orders(axes, of_case, abscissa, inks)
     entries = {
-        f"{course.solver}, {course.variant}" if course.variant else course.solver: entry(
+        f"{course.solver}, {course.variant}" if course.variant else course.solver: panel.entry(
             inks[course.solver], linestyle=_dashes(course)
         )
         for course in courses
     }
     in_view = any(100 * course.floor > panels[0, 0].get_ylim()[0] for course in courses)
-    add_legend(figure, entries | shade_entry(in_view), 5)
+    panel.add_legend(figure, entries | panel.shade_entry(in_view), 5)
     return figure
 
 
@@ -117,7 +159,7 @@ def _draw(axes: Axes, course: Course, x: list[float], values: list[float], absci
     points = [(a, 100 * v) for a, v in zip(x, values, strict=True) if a > 0 and v > 0][-1 if last_only else 0 :]
     if points:
         look: dict[str, Any] = {"marker": None} if len(points) > CROWDED else {}
-        draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)
+        panel.draw(axes, [a for a, _ in points], [v for _, v in points], ink, _dashes(course), alpha=0.85, **look)
 
 
 def _draw_orders(axes: Axes, courses: Sequence[Course], abscissa: Abscissa, inks: Mapping[str, Ink]) -> None:
@@ -129,7 +171,7 @@ def _draw_orders(axes: Axes, courses: Sequence[Course], abscissa: Abscissa, inks
             order = f"h^{{{-SURFACE_DIMENSION * rate.slope:.1f}}}"
             words = f"${order}$" if abscissa == "unknowns" else rf"$t^{{\,{rate.slope:.1f}}}$"
             fits.append((rate, words, inks[course.solver].colour))
-    draw_slopes(axes, fits)
+    panel.draw_slopes(axes, fits)
 
 
 def _dashes(course: Course) -> Dashes:

@@ -9,28 +9,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from shellbench.report import panel
 from shellbench.report.accuracy import CaseAccuracy, Family, Measure, accuracies, down_to
 from shellbench.report.columns import Line, Way, column, count, frame, seconds, size
+from shellbench.report.document import makings
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.notation import MINUS, Notation
-from shellbench.report.palette import DASHES, Ink
-from shellbench.report.panel import (
-    ERROR_LABEL,
-    FOR_SLOPES,
-    add_legend,
-    draw,
-    draw_slopes,
-    entry,
-    failed_entry,
-    finish,
-    mark_entry,
-    open_figure,
-    shade_entry,
-)
-from shellbench.report.provenance import makings
 from shellbench.report.rates import FEWEST
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Note, Table
 
 LEVELS = (1e-2, 1e-3, 1e-4, 1e-5)
@@ -170,7 +157,7 @@ def _description(one: CaseAccuracy) -> str:
 
 def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
     """Draw error against unknowns, seconds and memory, with the slopes of each solver's largest family."""
-    figure, (panels,) = open_figure((WIDTH, HEIGHT + MARGIN), 1, len(LABELS), sharey=True)
+    figure, (panels,) = panel.open_figure((WIDTH, HEIGHT + MARGIN), 1, len(LABELS), sharey=True)
     floor = accuracy.yardstick.floor
     for axes, measure in zip(panels, LABELS, strict=True):
         for course in accuracy.refinements:
@@ -181,12 +168,12 @@ def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
         for family in accuracy.families:
             _draw(axes, family, measure, inks[family.solver])
         axes.set_xlabel(LABELS[measure])
-    finish(panels, y=ERROR_LABEL, floor=100 * floor, below=FOR_SLOPES)
+    panel.finish(panels, y=panel.ERROR_LABEL, floor=100 * floor, below=panel.FOR_SLOPES)
     for axes, measure in zip(panels, LABELS, strict=True):
         rates = {solver: accuracy.of(solver)[0].rate(measure, floor) for solver in accuracy.solvers}
         fits = [(rate, f"{rate.slope:.1f}", inks[solver].colour) for solver, rate in rates.items() if rate is not None]
-        draw_slopes(axes, fits, UNITS[measure])
-    add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0]))
+        panel.draw_slopes(axes, fits, UNITS[measure])
+    panel.add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0]))
     return figure
 
 
@@ -197,23 +184,21 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
         if max(point.errors) > min(point.errors):
             ends = [100 * min(point.errors), 100 * max(point.errors)]
             axes.plot([x, x], ends, color=ink.colour, linewidth=0.8, alpha=0.7)
-    for sound in (True, False):
-        of_kind = [(x, point) for x, point in shown if point.sound is sound]
-        level = len({point.unknowns for _, point in of_kind}) == 1
-        line = "none" if not sound or len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
-        look = ALONE if sound and not family.swept else {}
-        places, errors = [x for x, _ in of_kind], [100 * point.error for _, point in of_kind]
-        draw(axes, places, errors, ink, line, hollow=not sound, **{"linewidth": 1.0, **look})
+    level = len({point.unknowns for _, point in shown}) == 1
+    line = "none" if len(family.points) < FEWEST else DASHES[2] if level else DASHES[0]
+    look = {"linewidth": 1.0, **({} if family.swept else ALONE)}
+    drawn = [(x, 100 * point.error, point.sound) for x, point in shown]
+    panel.draw_runs(axes, drawn, ink, line, **look)
 
 
 def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -> dict[str, Any]:
     families = accuracy.families
-    entries = {solver: entry(inks[solver]) for solver in accuracy.solvers}
+    entries = {solver: panel.entry(inks[solver]) for solver in accuracy.solvers}
     if any(not family.swept for family in families):
-        entries["default settings"] = mark_entry(**ALONE)
+        entries["default settings"] = panel.mark_entry(**ALONE)
     if accuracy.refinements:
-        entries["refinement within a run"] = entry(linewidth=0.6)
-    entries |= failed_entry(any(not point.sound for family in families for point in family.points))
+        entries["refinement within a run"] = panel.entry(linewidth=0.6)
+    entries |= panel.failed_entry(any(not point.sound for family in families for point in family.points))
     if any(family.rate(measure, accuracy.yardstick.floor) for family in families for measure in LABELS):
-        entries["fitted slope"] = entry(linewidth=0.8, linestyle=DASHES[1])
-    return entries | shade_entry(in_view, "uncertainty of the reference")
+        entries["fitted slope"] = panel.entry(linewidth=0.8, linestyle=DASHES[1])
+    return entries | panel.shade_entry(in_view, "uncertainty of the reference")

@@ -10,24 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from shellbench.report import panel
 from shellbench.report.accuracy import Family, down_to
-from shellbench.report.digits import duration
-from shellbench.report.engines_cases import STUDY, CheckedCase, checked_cases, is_cross_check
-from shellbench.report.engines_table import LEVELS, cross_check_table
+from shellbench.report.engines_table import LEVELS, STUDY, CheckedCase, checked_cases, cross_check_table, is_cross_check
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.palette import Dashes, Ink, dashes_of
-from shellbench.report.panel import (
-    ERROR_LABEL,
-    add_legend,
-    draw,
-    entry,
-    failed_entry,
-    finish,
-    mark_entry,
-    open_figure,
-)
-from shellbench.report.suites import remarks_on
+from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
+from shellbench.report.notation import duration
+from shellbench.report.runs import remarks_on
 
 WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
 IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
@@ -140,7 +129,7 @@ def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) ->
     dashes = lines_of(drawn)
     rows = math.ceil(len(drawn) / IN_A_ROW)
     height = rows * HEIGHT + MARGIN + ENTRY * math.ceil((len(dashes) + 2) / ENTRIES)
-    figure, panels = open_figure((WIDTH, height), rows, min(IN_A_ROW, len(drawn)))
+    figure, panels = panel.open_figure((WIDTH, height), rows, min(IN_A_ROW, len(drawn)))
     for axes in panels.flat[len(drawn) :]:
         axes.set_axis_off()
     for i, (axes, one) in enumerate(zip(panels.flat, drawn, strict=False)):
@@ -148,9 +137,9 @@ def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) ->
             _draw(axes, each, inks[each.solver], dashes.get(each.name, "none"))
         for level in LEVELS:
             axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
-        ordinate = "" if i % IN_A_ROW else ERROR_LABEL
-        finish([axes], "wall time of the solve (s)", ordinate, one.title, floor=100 * one.yardstick.floor)
-    add_legend(figure, _legend(drawn, inks, dashes), ENTRIES)
+        ordinate = "" if i % IN_A_ROW else panel.ERROR_LABEL
+        panel.finish([axes], "wall time of the solve (s)", ordinate, one.title, floor=100 * one.yardstick.floor)
+    panel.add_legend(figure, _legend(drawn, inks, dashes), ENTRIES)
     return figure
 
 
@@ -162,16 +151,16 @@ def lines_of(cases: Sequence[CheckedCase]) -> dict[str, Dashes]:
 
 def _draw(axes: Axes, each: Family, ink: Ink, line: Dashes) -> None:
     look = {"markersize": BIG, "markeredgecolor": "black", "zorder": 3} if each.alone else {"markersize": SMALL}
-    for sound in (True, False):
-        points = [point for point in each.points if point.sound is sound]
-        seconds, errors = [point.seconds for point in points], [100 * point.error for point in points]
-        draw(axes, seconds, errors, ink, line if sound else "none", hollow=not sound, linewidth=1.0, **look)
+    drawn = [(point.seconds, 100 * point.error, point.sound) for point in each.points]
+    panel.draw_runs(axes, drawn, ink, line, linewidth=1.0, **look)
 
 
 def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
     families = [each for one in cases for each in one.families]
     solver_of = {each.name: each.solver for each in families}
-    entries = {name: entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()}
+    entries = {
+        name: panel.entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()
+    }
     if any(each.alone for each in families):
-        entries["one size alone"] = mark_entry(markersize=BIG, markeredgecolor="black")
-    return entries | failed_entry(any(not point.sound for each in families for point in each.points))
+        entries["one size alone"] = panel.mark_entry(markersize=BIG, markeredgecolor="black")
+    return entries | panel.failed_entry(any(not point.sound for each in families for point in each.points))

@@ -17,12 +17,10 @@ import pandas as pd
 from shellbench.bench import catalog
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.palette import Ink, inks
-from shellbench.report.runs import in_order_of_cases, table_of_runs
+from shellbench.report.exhibit import Exhibit, Ink, inks
+from shellbench.report.runs import compared, in_order_of_cases, table_of_runs
 from shellbench.report.solutions import Known
-from shellbench.report.suites import compared
-from shellbench.report.table import Table
+from shellbench.report.table import Note, Table
 
 T = TypeVar("T")
 
@@ -159,6 +157,17 @@ Maker = Callable[[Evidence], Section | None]
 def given(*tables: Table | None) -> tuple[Table, ...]:
     """Return the tables that there are and that have lines."""
     return tuple(table for table in tables if table is not None and len(table.data))
+
+
+def failures(runs: pd.DataFrame) -> tuple[Note, ...]:
+    """Say why runs failed that left a record; those of one solution that failed for the same reason together."""
+    failed = runs[~runs["sound"]].dropna(subset="record").drop_duplicates(["title", "run_id"])
+    failed = failed.assign(why=[record.reason or record.status for record in failed["record"]])
+    found = []
+    for (title, solution, status, why), alike in failed.groupby(["title", "solution", "status", "why"], sort=False):
+        seeds = ", ".join(f"{seed:.0f}" for seed in alike["seed"].dropna())
+        found.append(Note(f"{title}, {solution}{f', seed {seeds}' if seeds else ''} ({status})", why))
+    return tuple(found)
 
 
 def all_tables(sections: Iterable[Section]) -> list[Table]:

@@ -1,28 +1,42 @@
-"""The table of fields: how far the solvers' whole displacement fields are from each other.
+"""The fields that runs kept: how far the solvers' are from each other, and the deformed shells made of them.
 
 A headline figure can be right by chance; a field can't. All fields are held on the grid that every record keeps,
-against the field of a deterministic solver if there is exactly one, and of no other.
+against the field of a deterministic solver if there is exactly one, and of no other. Pictures and views are made of
+the same fields.
 """
 
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import code, column, frame
+from shellbench.portrait import Portrait, Scene
+from shellbench.report.columns import code, column
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.exhibit import Exhibit
+from shellbench.report.runs import leading_rows, rows_at_home, suite_title
+from shellbench.report.shells import Camera, Shell, course_figure, scale_words, shell_figure
+from shellbench.report.solutions import grouped
 from shellbench.report.table import Table
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
+DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
+STEPS = np.array([1.0, 2.0, 5.0, 10.0])
+MOST_SHOWN = 6  # states
+MOST_TOGETHER = 15  # shells in one composite
+COMPOSITE, PICTURE = "course_", "shell_"  # how names of figures begin
 
 
 def section(found: Evidence) -> Section:
@@ -33,48 +47,40 @@ def section(found: Evidence) -> Section:
 
 def field_table(evidence: Evidence) -> Table:
     """Return the table of differences between fields."""
-    headline = [
-        row
-        for row in evidence.headline
-        if row.default_settings and row.status == "ok" and row.run_id in evidence.records  # the same load
-    ]
-    cases = grouped(headline, lambda row: (row.case, row.own_case)).values()
-    lines = [line for of_case in cases for line in _lines(evidence, of_case)]
+    runs = evidence.made[evidence.made["default_settings"] & evidence.made["sound"]]  # the same load
+    cases = [_held(of_case, evidence.folder) for _, of_case in runs.groupby(["case", "own_case"], sort=False)]
+    held = pd.concat([runs.iloc[:0].assign(against="", mean_square=0.0, largest=0.0), *cases])
+    lines = held.groupby(["case", "own_case", "solution"], sort=False).agg(
+        block=("title", "first"),
+        against=("against", "first"),
+        seeds=("run_id", "size"),
+        mean_square=("mean_square", "max"),
+        largest=("largest", "max"),
+        run_ids=("run_id", " ".join),
+    )
+    shown = ["block", "case", "solution", "against", "seeds", "mean_square", "largest", "run_ids"]
     return Table(
         name="fields",
         title="Differences between fields",
         caption="Root of the mean square over the shell's area, and largest, of the difference between displacement"
         " fields, relative to the same measure of the field that they are held against; the worst seed of each.",
-        data=frame(lines),
+        data=lines.reset_index()[shown].astype({"seeds": "Int64"}),
         columns=(column("solution", way=code), "against", "seeds", "mean_square", "largest"),
     )
 
 
-def _lines(evidence: Evidence, rows: Sequence[Row]) -> Iterator[dict[str, Any]]:
-    """Yield a line for each solution of a case that has a field beside that of the only deterministic one."""
-    kept = {row.run_id: read_fields(evidence.records[row.run_id or ""], evidence.folder) for row in rows}
-    certain = {row.run_id: row.solver for row in rows if row.seed is None}
-    theirs = kept[next(iter(certain))] if len(certain) == 1 else None
+def _held(runs: pd.DataFrame, folder: Path) -> pd.DataFrame:
+    """Return the runs of a case that have a field beside that of the only deterministic one, and how far they are."""
+    certain = runs[runs["seed"].isna()]
+    theirs = read_fields(certain["record"].iloc[0], folder) if len(certain) == 1 else None
     if theirs is None or not np.any(theirs.displacement):
-        return
-    for name, of_solver in grouped(rows, solution_name).items():
-        ours = {row.run_id: kept[row.run_id] for row in of_solver if row.run_id not in certain}
-        found = {
-            run_id: differences(one, theirs)
-            for run_id, one in ours.items()
-            if one is not None and one.position.shape == theirs.position.shape
-        }
-        if found:
-            yield {
-                "block": rows[0].case_title or rows[0].case,
-                "case": rows[0].case,
-                "solution": name,
-                "against": next(iter(certain.values())),
-                "seeds": len(found),
-                "mean_square": max(square for square, _ in found.values()),
-                "largest": max(largest for _, largest in found.values()),
-                "run_ids": " ".join(map(str, found)),
-            }
+        return runs.iloc[:0]
+    others = runs.drop(certain.index)
+    fields = [read_fields(record, folder) for record in others["record"]]
+    fit = [one is not None and one.position.shape == theirs.position.shape for one in fields]
+    apart = [differences(one, theirs) for one, fits in zip(fields, fit, strict=True) if one is not None and fits]
+    squares, largest = zip(*apart, strict=True) if apart else ((), ())
+    return others[fit].assign(against=certain["solver"].iloc[0], mean_square=squares, largest=largest)
 
 
 @dataclass(frozen=True)
@@ -140,3 +146,153 @@ def areas(position: Array) -> Array:
             ends[axis] = end  # type: ignore[call-overload]
             weights[tuple(ends)] *= 0.5
     return np.asarray(weights)
+
+
+def pictures(evidence: Evidence) -> Iterator[Exhibit]:
+    """Yield the pictures of deformed shells: of each suite together, and of each case."""
+    drawn: dict[str, Shell] = {}
+    for suite, of_suite in rows_at_home(evidence.headline).items():
+        candidates = pictured(evidence.records, [row for row in of_suite if row.default_settings])
+        shells = lead_shells(candidates, evidence.folder)
+        drawn |= {one.case: one for one in shells if one.case not in drawn}
+        if len(shells) > 1:
+            shown = shells[:MOST_TOGETHER]
+            left_out = f" {len(shown)} of {len(shells)} cases." if len(shown) < len(shells) else ""
+            yield Exhibit(
+                name=f"{COMPOSITE}{suite}",
+                title=suite_title(suite),
+                caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
+                " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
+                f" reference surface as a wire. {_solved_by(shown)}{left_out}",
+                description="; ".join(f"{one.title}: {one.words}" for one in shown),
+                figure=course_figure(shown),
+                run_ids=tuple(one.run_id for one in shown),
+                drawing=False,
+            )
+    for one in drawn.values():
+        yield Exhibit(
+            name=f"{PICTURE}{one.case}",
+            title=one.title,
+            caption=f"Deformed shell, {scale_words(one)}. {_solved_by([one])}",
+            description=f"{one.title}: {one.words}",
+            figure=shell_figure(one),
+            run_ids=(one.run_id,),
+            drawing=False,
+        )
+
+
+def _solved_by(shells: Sequence[Shell]) -> str:
+    return f"Solved by {' and '.join(dict.fromkeys(shell.solver for shell in shells))}."
+
+
+def pictured(records: Mapping[str, Record], rows: Sequence[Row]) -> dict[str, list[Record]]:
+    """Return, for each case, a record for each solver: of its own runs that kept a field, that of the lowest seed."""
+    leading = ((row, records.get(row.run_id or "")) for row in leading_rows([row for row in rows if row.primary]))
+    kept = [(row, record) for row, record in leading if record is not None and record.fields_file is not None]
+    return {
+        case: [
+            min(of_solver, key=lambda one: one[0].seed or 0)[1]
+            for of_solver in grouped(of_case, lambda one: one[0].solver).values()
+        ]
+        for case, of_case in grouped(kept, lambda one: one[0].case).items()
+    }
+
+
+def lead_shells(candidates: Mapping[str, Sequence[Record]], folder: Path) -> list[Shell]:
+    """Return one shell a case, by one solver as far as possible.
+
+    That is the solver which answered most cases; of several, the one whose solutions take the fewest bytes.
+    """
+    answered = grouped(chain.from_iterable(candidates.values()), lambda record: record.identity.solver)
+    size = {solver: sum(record.storage_bytes or 0 for record in records) for solver, records in answered.items()}
+    order = sorted(answered, key=lambda solver: (-len(answered[solver]), size[solver], solver))
+    shells = []
+    for records in candidates.values():
+        ranked = sorted(records, key=lambda record: order.index(record.identity.solver))
+        shells.append(next((one for record in ranked if (one := shell(record, folder)) is not None), None))
+    return [one for one in shells if one is not None]
+
+
+def shell(record: Record, folder: Path) -> Shell | None:
+    """Return the deformed shell of a run; None if it kept no fields or they can't be read."""
+    fields, case = read_fields(record, folder), portrait_of(record)
+    return None if fields is None or case is None else drawn(record, case, fields, fields.displacement)
+
+
+def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
+    """Return the deformed shell at each state of its path that a run kept, with the words for its mark."""
+    fields, case = read_fields(record, folder), portrait_of(record)
+    if fields is None or case is None:
+        return []
+    kept = zip(fields.marks, fields.displacements, strict=True)
+    shells = [(case.mark_words(float(mark)), drawn(record, case, fields, state)) for mark, state in kept]
+    return [(words, one) for words, one in shells if one is not None]
+
+
+def spread(states: Sequence[T], most: int = MOST_SHOWN) -> list[T]:
+    """Return so many of the states at most, the last one among them, evenly spread."""
+    if len(states) <= most:
+        return list(states)
+    kept = np.unique(np.round(np.linspace(0, len(states), most + 1)[1:]).astype(int) - 1)
+    return [states[i] for i in kept]
+
+
+def drawn(
+    record: Record, case: Portrait, fields: Fields, displacement: Array, among: Sequence[Fields] = ()
+) -> Shell | None:
+    """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn; None if its case can't be.
+
+    Its scale suits all states of its run, and those that it stands among.
+    """
+    scene = case.scene
+    if scene is None:
+        return None
+    states = [state for one in (fields, *among) for state in (one.displacement, *one.displacements)]
+    return Shell(
+        case=record.case_name,
+        title=case.title,
+        solver=record.identity.solver,
+        position=fields.position,
+        displacement=displacement,
+        scale=picture_scale(scene, fields.position, [displacement, *states]),
+        camera=Camera(*scene.view, scene.up),
+        direction=scene.direction,
+        held=tuple(np.take(fields.position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held),
+        forces=point_forces(scene, fields.xi, fields.position),
+        run_id=record.run_id,
+        unit=case.unit_of_length,
+    )
+
+
+def picture_scale(scene: Scene, position: Array, displacements: Iterable[Array]) -> float:
+    """Return the factor by which a picture magnifies displacements: the case's own, or one that shows something.
+
+    Without one of its own the largest of all that a run kept is drawn as an eighth of the shell's extent, by a factor
+    of 1, 2 or 5 times a power of ten. A displacement between a twentieth of the extent and the whole is drawn as it is.
+
+    Parameters
+    ----------
+    position
+        (n1, n2, 3), in the case's units.
+    displacements
+        Each (n1, n2, 3).
+    """
+    if scene.scale is not None:
+        return scene.scale
+    extent = float(np.ptp(position.reshape(-1, 3), axis=0).max())
+    largest = max((float(np.linalg.norm(one, axis=-1).max()) for one in displacements), default=0.0)
+    whole = np.inf if scene.as_it_is else extent
+    if not largest > 0 or not np.isfinite(largest) or PLAIN * extent <= largest <= whole:
+        return 1.0
+    wanted = DRAWN * extent / largest
+    power = 10.0 ** np.floor(np.log10(wanted))
+    return float(min(power * STEPS, key=lambda step: abs(np.log(step / wanted))))
+
+
+def point_forces(scene: Scene, xi: Array, position: Array) -> tuple[tuple[Array, Array], ...]:
+    """Return point and force (3,) of each point load, at the grid point nearest to it."""
+    forces = []
+    for place, force in scene.forces:
+        distance = np.linalg.norm((xi - place) / np.asarray(scene.size), axis=-1)
+        forces.append((position[np.unravel_index(np.argmin(distance), distance.shape)], force))
+    return tuple(forces)

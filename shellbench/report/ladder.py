@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
@@ -228,6 +228,11 @@ class CaseRuns:
             return min(judged, key=lambda one: (one[0], one[1].row.seed is not None, -one[1].unknowns))[1]
         certain = [run for run in runs if run.row.seed is None] or runs
         return min(certain, key=lambda run: (changed(run), -run.unknowns), default=None)
+
+    def line(self, ladder: Ladder, run: Run | None = None) -> dict[str, Any]:
+        """Return what a line of a table says first: the case, a solver, and one of its runs."""
+        said = {"block": self.title, "case": self.case, "solver": ladder.solver}
+        return said if run is None else said | {"run": run.name, "run_id": run.record.run_id}
 
     @property
     def judged(self) -> bool:

@@ -21,15 +21,13 @@ from shellbench.report.answers import (
 )
 from shellbench.report.columns import Column, Line, Show, column, error, frame, present, words
 from shellbench.report.consistency import yardstick_words
-from shellbench.report.digits import byte_size, percent, quoted
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.exhibit import Exhibit
+from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
-from shellbench.report.notation import TEXT, Notation
-from shellbench.report.palette import DASHES, Ink
+from shellbench.report.notation import TEXT, Notation, byte_size, percent, quoted
 from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
 from shellbench.report.resolution import of_largest
-from shellbench.report.suites import remarks_on
+from shellbench.report.runs import remarks_on
 from shellbench.report.table import Table
 
 NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"
@@ -150,7 +148,7 @@ def _level_lines(case: CaseRuns, ladder: Ladder) -> Iterator[dict[str, Any]]:
         candidates = [answer for answer in found if (answer.kept == "mesh") == (kept_as == MESH)]
         if not candidates:
             continue
-        line: dict[str, Any] = {"block": case.title, "case": case.case, "solver": ladder.solver, "kept_as": kept_as}
+        line = case.line(ladder) | {"kept_as": kept_as}
         for level in LEVELS:
             known = field_is_known(case, level)
             line |= _entry(FIELD, level, known, fewest(candidates, level, found) if known else None)
@@ -193,11 +191,7 @@ def rounding_table(cases: Sequence[CaseRuns]) -> Table:
     """Return what shorter numbers do to each solver's finest run."""
     lines = [
         {
-            "block": case.title,
-            "case": case.case,
-            "solver": ladder.solver,
-            "run": ladder.finest.name,
-            "run_id": ladder.finest.record.run_id,
+            **case.line(ladder, ladder.finest),
             "format": step.format,
             "storage_bytes": step.storage_bytes,
             "largest_difference": step.largest_difference,
@@ -236,11 +230,7 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
     """Return the memory of the solve, of each solver's finest run or of all."""
     lines = [
         {
-            "block": case.title,
-            "case": case.case,
-            "solver": ladder.solver,
-            "run": run.name,
-            "run_id": run.record.run_id,
+            **case.line(ladder, run),
             "unknowns": run.unknowns,
             "time_steps": run.time_steps,
             "storage_bytes": run.record.storage_bytes,

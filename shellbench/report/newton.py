@@ -22,8 +22,8 @@ from shellbench.report.columns import Line, Show, column, present, significant
 from shellbench.report.evidence import Evidence, Formula, Section, given
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation
+from shellbench.report.runs import leading_rows
 from shellbench.report.solutions import STATUS_WORDS, grouped, variant_name
-from shellbench.report.suites import leading_rows
 from shellbench.report.table import Note, Table
 from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import Trace, TracedRun, traced, yardstick

@@ -1,14 +1,25 @@
-"""Notations: how numbers, words and sources are written in plain text, Markdown, LaTeX and HTML."""
+"""Numbers and words as they are printed: how many digits of a number are worth it, and how a format writes them.
+
+A value is printed down to the first digit of its uncertainty (two digits, where the first is a 1), as in
+1.828195(5)e-5; an error in percent with its sign and two significant digits. Plain text, Markdown, LaTeX and HTML each
+have a notation.
+"""
 
 from __future__ import annotations
 
 import html
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from shellbench.report.digits import Digits, percent
-
+SMALLEST_PLAIN = -3  # values below 1e-3 and
+LARGEST_PLAIN = 5  # from 1e6 on are printed with a power of ten
+FIGURES = 6  # significant digits of a value whose uncertainty is not known
+FINEST = 1e-9  # finest relative digit worth printing: no figure here is known better
+QUOTED = 15  # significant digits in which a quoted figure survives double precision
+PERCENT_FIGURES = 2
+SMALLEST_PLAIN_PERCENT = -4  # errors below 1e-4 % are printed with a power of ten
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 MINUS, NARROW, NO_BREAK = "\N{MINUS SIGN}", "\N{NARROW NO-BREAK SPACE}", "\N{NO-BREAK SPACE}"
 LATEX = {
@@ -37,6 +48,127 @@ LATEX = {
     NO_BREAK: "~",
     NARROW: r"\,",
 }
+
+
+@dataclass(frozen=True)
+class Digits:
+    """A number as text: mantissa times ten to the exponent, with its uncertainty in the last digits.
+
+    Attributes
+    ----------
+    mantissa
+        With its sign, as "-" or "+", and the decimals worth printing.
+    exponent
+        0 if the number is printed plainly.
+    uncertainty
+        In units of the last digit of the mantissa; None if it isn't printed.
+    """
+
+    mantissa: str
+    exponent: int = 0
+    uncertainty: int | None = None
+
+
+def order_of(value: float) -> int:
+    """Return the power of ten of the first significant digit; value must not be zero."""
+    return int(f"{abs(value):.{QUOTED}e}".partition("e")[2])
+
+
+def last_order(value: float, uncertainty: float | None) -> int:
+    """Return the power of ten of the last digit worth printing."""
+    if not value:
+        return order_of(uncertainty) if uncertainty else 0
+    if not uncertainty or not math.isfinite(uncertainty):
+        return order_of(value) - FIGURES + 1
+    doubt = max(uncertainty, FINEST * abs(value))
+    order = order_of(doubt)
+    first = f"{doubt:.{QUOTED}e}"[0]
+    return min(order - (first == "1"), order_of(value))
+
+
+def rounded(value: float, uncertainty: float | None = None, *, show_uncertainty: bool = False) -> Digits:
+    """Print a value with the digits that its uncertainty leaves.
+
+    Parameters
+    ----------
+    value
+        Finite.
+    uncertainty
+        Half width in the value's unit; None if unknown, and then `FIGURES` significant digits are printed.
+    show_uncertainty
+        Whether the uncertainty is printed too, in units of the last digit.
+    """
+    last = last_order(value, uncertainty)
+    digits = _at(value, last)
+    if not (show_uncertainty and uncertainty):
+        return digits
+    return Digits(digits.mantissa, digits.exponent, max(1, math.ceil(uncertainty / 10.0**last - 1e-6)))
+
+
+def quoted(value: float, plain_from: int = SMALLEST_PLAIN) -> Digits:
+    """Print a figure with the digits that its source gives: the shortest that mean the same number.
+
+    Values of a smaller power of ten than `plain_from` are printed with it.
+    """
+    if not value:
+        return Digits("0")
+    text = f"{value:.{QUOTED - 1}e}"
+    mantissa, _, exponent = text.partition("e")
+    decimals = len(mantissa.rstrip("0").partition(".")[2])
+    return _at(value, int(exponent) - decimals, plain_from)
+
+
+def percent(error: float, *, signed: bool = True) -> Digits:
+    """Print a relative error in percent with two significant digits; a sign is always shown where it means much."""
+    value = 100.0 * error
+    if not value:
+        return Digits("0")
+    leading = order_of(float(f"{value:.{PERCENT_FIGURES - 1}e}"))
+    last = leading - PERCENT_FIGURES + 1
+    digits = _at(value, last, plain_from=SMALLEST_PLAIN_PERCENT)
+    return digits if value < 0 or not signed else Digits(f"+{digits.mantissa}", digits.exponent)
+
+
+def allowance(tolerance: float) -> Digits:
+    """Print a relative tolerance in percent, as it was declared."""
+    return quoted(float(f"{100.0 * tolerance:.{FIGURES}g}"), SMALLEST_PLAIN_PERCENT)
+
+
+def power_of_ten(value: float) -> Digits:
+    """Print a relative error or tolerance as a power of ten, with two significant digits at most: 1.5e-4, 1e-3."""
+    if not value:
+        return Digits("0")
+    mantissa, _, power = f"{value:.{PERCENT_FIGURES - 1}e}".partition("e")
+    return Digits(mantissa.removesuffix(".0"), int(power))
+
+
+def _at(value: float, last: int, plain_from: int = SMALLEST_PLAIN) -> Digits:
+    """Print a value down to the digit of ten to the power `last`."""
+    if not value:
+        return Digits("0" if last >= 0 else f"{0:.{-last}f}")
+    exponent = order_of(round(value, -last) or value)
+    if plain_from <= exponent <= LARGEST_PLAIN:
+        return Digits(f"{round(value, -last):.{max(0, -last)}f}")
+    decimals = max(0, exponent - last)
+    mantissa, _, power = f"{value:.{decimals}e}".partition("e")
+    return Digits(mantissa, int(power))
+
+
+def byte_size(count: float) -> str:
+    """Print a number of bytes in the unit that suits it, in powers of 1000."""
+    size = float(count)
+    for unit in ("B", "kB", "MB", "GB"):
+        if size < 999.5 or unit == "GB":
+            return f"{size:.0f} {unit}" if unit == "B" or size >= 99.5 else f"{size:.2g} {unit}"
+        size /= 1000
+    raise AssertionError
+
+
+def duration(seconds: float) -> str:
+    """Print seconds with two significant digits, whole above ten."""
+    if seconds >= 9.95:
+        return f"{seconds:.0f}"
+    return f"{float(f'{seconds:.2g}'):.{max(0, 1 - order_of(seconds))}f}" if seconds > 0 else "0"
 
 
 @dataclass(frozen=True)
@@ -108,6 +240,11 @@ def escape_latex(text: str) -> str:
 def escape_html(text: str) -> str:
     """Make text harmless in HTML, in attributes too."""
     return html.escape(_one_line(text), quote=True)
+
+
+def plain(text: str) -> str:
+    """Make words harmless to matplotlib's mathematical text."""
+    return text.replace("\\", "\\\\").replace("$", r"\$")
 
 
 def anchor(key: str) -> str:

@@ -8,8 +8,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from shellbench import __version__
 from shellbench.bench import catalog
 from shellbench.bench.compare import beyond
@@ -17,21 +15,17 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
-from shellbench.report.bibliography import read_bibliography
+from shellbench.report import document
 from shellbench.report.evidence import Evidence, Section, all_tables
 from shellbench.report.exhibit import Exhibit, data_uri, save_all
-from shellbench.report.exhibits import PICTURE
+from shellbench.report.fields import PICTURE
 from shellbench.report.notation import HTML, MARKDOWN, Notation, anchor
-from shellbench.report.own_files import list_own, remove_older, write
-from shellbench.report.provenance import Making, environment_words, makings
 from shellbench.report.sections import WHOLE, Leaf, gather, leaves_of
-from shellbench.report.solutions import Known
-from shellbench.report.summary import matrix, overall, shortfalls
+from shellbench.report.solutions import Known, matrix, overall, shortfalls
 from shellbench.report.table import Table
 from shellbench.report.tables import DISPLACEMENTS, QUANTITIES, render, tables_as_csv
 from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
-BIBLIOGRAPHY = "bibliography.bib"
 REPORT_COMMAND = "shellbench report"
 TOGETHER = (DISPLACEMENTS, QUANTITIES)  # tables with the same columns, in one CSV
 
@@ -80,7 +74,7 @@ def write_report(
     leaves = leaves_of(shown, sections)
     try:
         figures = out / "figures"
-        remove_older(out)
+        document.remove_older(out)
         figures.mkdir(parents=True, exist_ok=True)
         uris = save_all(drawn, figures, for_print)
         facts = _facts(stored, found, sections) | {
@@ -95,24 +89,24 @@ def write_report(
             on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
             viewed = _scripts({case: one for case, one in turned.items() if case in on_page})
             of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
-            write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
+            document.write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
         report = Leaf(WHOLE, "", shown, sections)
-        write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
-        write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
+        document.write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
+        document.write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
         if turned:
-            write(out / LIBRARY, library())
+            document.write(out / LIBRARY, library())
         tables = all_tables(sections)
-        write(out / "table.csv", tables_as_csv([one for one in tables if one.name.startswith(TOGETHER)]))
+        document.write(out / "table.csv", tables_as_csv([one for one in tables if one.name.startswith(TOGETHER)]))
         printed = [one for one in tables if not one.name.startswith(QUANTITIES)]
-        write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
-        write(out / "table.json", render(found.rows, "json"))
+        document.write(out / "table.tex", "\n".join(table.write("latex") for table in printed))
+        document.write(out / "table.json", render(found.rows, "json"))
         for table in _apart(sections):
-            write(out / f"{table.name}.csv", table.write("csv"))
+            document.write(out / f"{table.name}.csv", table.write("csv"))
         if facts["bibliography"]:
-            shutil.copyfile(catalog.data_folder("references") / BIBLIOGRAPHY, out / BIBLIOGRAPHY)
+            shutil.copyfile(catalog.data_folder("references") / document.BIBLIOGRAPHY, out / document.BIBLIOGRAPHY)
         files = [figures / f"{exhibit.name}.{suffix}" for exhibit in drawn for suffix in ("pdf", "png", "svg")]
         pages = ["index.html", LIBRARY, *(leaf.file for leaf in leaves)]
-        list_own(out, [*(out / name for name in (*pages, *facts["downloads"])), *files])
+        document.list_own(out, [*(out / name for name in (*pages, *facts["downloads"])), *files])
     except OSError as error:
         raise InputError(f"{out}: the report can't be written ({error.strerror})") from None
     return out / "index.html"
@@ -131,20 +125,20 @@ def pictured_runs(drawn: Sequence[Exhibit]) -> dict[str, str]:
 
 
 def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Section]) -> dict[str, Any]:
-    made, environments = makings(records, found.rows)
-    sources = read_bibliography(catalog.data_folder("references") / BIBLIOGRAPHY)
+    made, environments = document.makings(records, found.rows)
+    sources = document.read_bibliography(catalog.data_folder("references") / document.BIBLIOGRAPHY)
     return {
         "version": __version__,
         "verdict": overall(found.compared),
         "report_command": REPORT_COMMAND,
         "solvers": _labels(found.rows),
         "makings": made,
-        "environments": [environment_words(environment) for environment in environments],
+        "environments": [document.environment_words(environment) for environment in environments],
         "newest": _newest(records.values()),
         "bibliography": sources,
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]
         + [f"{table.name}.csv" for table in _apart(sections)]
-        + ([BIBLIOGRAPHY] if sources else []),
+        + ([document.BIBLIOGRAPHY] if sources else []),
     }
 
 
@@ -160,7 +154,9 @@ def _newest(records: Collection[Record]) -> str:
     return newest.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
-def _made_by(made: Sequence[Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]) -> dict[str, list[Making]]:
+def _made_by(
+    made: Sequence[document.Making], drawn: Sequence[Exhibit], turned: Mapping[str, View]
+) -> dict[str, list[document.Making]]:
     """Return how each figure was made, with the view that may take its place."""
     by_run = {making.record.run_id: making for making in made}
     seen = {f"{PICTURE}{case}": one.run_ids for case, one in turned.items()}
@@ -181,13 +177,7 @@ def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
 
 
 def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("shellbench.report"),
-        autoescape=notation is HTML,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = document.templates(autoescape=notation is HTML)
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
     environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}
     solvers, lines = matrix(leaf.rows, notation)

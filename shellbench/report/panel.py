@@ -18,10 +18,9 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
-from shellbench.report.notation import SUPERSCRIPTS
-from shellbench.report.palette import DASHES, Dashes, Ink
+from shellbench.report.exhibit import DASHES, Dashes, Ink
+from shellbench.report.notation import SUPERSCRIPTS, plain
 from shellbench.report.rates import Rate
-from shellbench.report.shells import plain
 
 ERROR_LABEL = "relative error (%)"
 UNCERTAIN = "uncertainty of the known value"
@@ -48,6 +47,13 @@ def draw(axes: Axes, x: Any, y: Any, ink: Ink, line: Dashes = "-", *, hollow: bo
     style = {"color": ink.colour, "marker": ink.marker, "linestyle": line, **(edge if hollow else rim), **look}
     if len(x):
         axes.plot(x, y, **style)
+
+
+def draw_runs(axes: Axes, runs: Any, ink: Ink, line: Dashes = "none", **look: Any) -> None:
+    """Draw runs, rows (x, y, whether it ended well): a curve of the good ones, and open marks for the others."""
+    x, y, good = np.array(runs, dtype=float).reshape(-1, 3).T
+    draw(axes, x[good > 0], y[good > 0], ink, line, **look)
+    draw(axes, x[good == 0], y[good == 0], ink, "none", hollow=True, **look)
 
 
 def finish(

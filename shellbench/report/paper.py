@@ -11,8 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from shellbench import __version__
 from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of
@@ -20,21 +18,17 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store, silent
 from shellbench.errors import InputError
-from shellbench.report.bibliography import read_bibliography
+from shellbench.report import document
 from shellbench.report.columns import present
 from shellbench.report.evidence import Evidence, Section, all_tables
-from shellbench.report.exhibit import PRINT_DPI, Exhibit
-from shellbench.report.latex import PACKAGES, with_letters_of_latex
+from shellbench.report.exhibit import PRINT_DPI, Exhibit, style
 from shellbench.report.notation import LATEX_NOTATION
-from shellbench.report.own_files import list_own, remove_older, write
-from shellbench.report.palette import style
-from shellbench.report.provenance import environment_words, makings
 from shellbench.report.sections import gather
-from shellbench.report.solutions import Known, theory_words
-from shellbench.report.summary import overall
-from shellbench.report.table import Table
+from shellbench.report.solutions import Known, overall, theory_words
+from shellbench.report.table import PACKAGES, Table, with_letters_of_latex
 
-DOCUMENT, BIBLIOGRAPHY = "paper.tex", "bibliography.bib"
+DOCUMENT = "paper.tex"
+MARKUP = {"block": ("<%", "%>"), "variable": ("<<", ">>"), "comment": ("<#", "#>")}  # braces are LaTeX's
 OWN = "shellbench"  # source of known values that were computed here, by independent programs
 OWN_ENTRY = f"""@misc{{{OWN},
   title = {{shellbench {__version__}}},
@@ -66,22 +60,22 @@ def write_paper(
     found, records, sections = gather(store, rows, known, whole, say)
     chapters = [section.with_each(lambda table: _stated(table, found), lambda exhibit: True) for section in sections]
     try:
-        remove_older(out)
+        document.remove_older(out)
         for name in ("tables", "figures"):
             (out / name).mkdir(parents=True, exist_ok=True)
         tables = {out / "tables" / f"{table.name}.tex": table for table in all_tables(chapters)}
         for path, table in tables.items():
-            write(path, table.write("latex"))
+            document.write(path, table.write("latex"))
         drawn = [exhibit for chapter in chapters for exhibit in chapter.all_exhibits]
         for exhibit in drawn:
             _draw(exhibit, out / "figures")
-        bibliography = catalog.data_folder("references") / BIBLIOGRAPHY
+        bibliography = catalog.data_folder("references") / document.BIBLIOGRAPHY
         given = bibliography.read_text(encoding="utf-8") if bibliography.is_file() else ""
-        own = "" if OWN in read_bibliography(bibliography) else OWN_ENTRY
-        write(out / BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
-        write(out / DOCUMENT, _document(chapters, records, found))
+        own = "" if OWN in document.read_bibliography(bibliography) else OWN_ENTRY
+        document.write(out / document.BIBLIOGRAPHY, "\n".join(part for part in (given, own) if part))
+        document.write(out / DOCUMENT, _document(chapters, records, found))
         figures = [out / "figures" / f"{exhibit.name}.pdf" for exhibit in drawn]
-        list_own(out, [*tables, *figures, out / BIBLIOGRAPHY, out / DOCUMENT])
+        document.list_own(out, [*tables, *figures, out / document.BIBLIOGRAPHY, out / DOCUMENT])
     except OSError as error:
         raise InputError(f"{out}: the paper can't be written ({error.strerror})") from None
     return out / DOCUMENT
@@ -110,20 +104,12 @@ def _stated(table: Table, found: Evidence) -> Table:
 
 
 def _document(chapters: Sequence[Section], records: Mapping[str, Record], found: Evidence) -> str:
-    made, environments = makings(records, found.rows)
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("shellbench.report"),
+    made, environments = document.makings(records, found.rows)
+    environment = document.templates(
         autoescape=False,
-        block_start_string="<%",
-        block_end_string="%>",
-        variable_start_string="<<",
-        variable_end_string=">>",
-        comment_start_string="<#",
-        comment_end_string="#>",
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
+        **{f"{what}_start_string": start for what, (start, _) in MARKUP.items()},
+        **{f"{what}_end_string": end for what, (_, end) in MARKUP.items()},
     )
     environment.filters["words"] = LATEX_NOTATION.escape
     facts: dict[str, Any] = {
@@ -132,7 +118,7 @@ def _document(chapters: Sequence[Section], records: Mapping[str, Record], found:
         "line_inches": LINE_INCHES,
         "verdict": overall(found.compared).words,
         "chapters": chapters,
-        "environments": [environment_words(one) for one in environments],
+        "environments": [document.environment_words(one) for one in environments],
         "commands": dict.fromkeys(making.command for making in made),
         "cited": any(table.cited for table in all_tables(chapters)),
     }

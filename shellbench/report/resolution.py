@@ -14,9 +14,8 @@ import pandas as pd
 
 from shellbench.account import FrameRateStep, ResolutionStep
 from shellbench.report.columns import Line, code, column, frame, present, share, words
-from shellbench.report.digits import byte_size, rounded
 from shellbench.report.evidence import Evidence
-from shellbench.report.notation import Notation
+from shellbench.report.notation import Notation, byte_size, rounded
 from shellbench.report.runs import groups_alike, in_order_of_cases
 from shellbench.report.table import Note, Table
 

@@ -15,27 +15,26 @@ from shellbench.bench.store import Say, Store
 from shellbench.report import (
     consistency,
     cost,
-    effort,
     engines,
     fields,
-    held_supports,
     memory,
-    motion_tables,
     newton,
-    sampling_study,
+    paper_studies,
     seeds,
     strains,
     tables,
     thinness,
-    training_time,
+    trace_tables,
 )
+from shellbench.report.convergence import CONVERGENCE, convergence_exhibits
 from shellbench.report.evidence import Evidence, Maker, Section, all_tables
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.exhibits import COMPOSITE, CONVERGENCE, PICTURE, exhibits
-from shellbench.report.palette import style
+from shellbench.report.exhibit import Exhibit, style
+from shellbench.report.fields import COMPOSITE, PICTURE, pictures
+from shellbench.report.newton import newton_exhibits
+from shellbench.report.runs import rows_at_home, suite_title, told_apart
 from shellbench.report.solutions import Known
-from shellbench.report.suites import rows_at_home, suite_title, told_apart
 from shellbench.report.table import Table
+from shellbench.report.trace_exhibits import motion_exhibits, path_exhibits
 
 START, WHOLE = "index", "report"  # files of a report that are no suite's
 
@@ -48,10 +47,10 @@ def drawn(name: str, title: str, *prefixes: str) -> Maker:
 MAKERS: tuple[Maker, ...] = (
     tables.displacements,
     drawn("shells", "Shells", COMPOSITE, PICTURE),
-    effort.section,
+    trace_tables.paths,
     strains.section,
     newton.section,
-    motion_tables.section,
+    trace_tables.cloth,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     engines.section,
@@ -59,12 +58,15 @@ MAKERS: tuple[Maker, ...] = (
     consistency.section,
     memory.section,
     seeds.section,
-    training_time.section,
-    sampling_study.section,
+    paper_studies.training,
+    paper_studies.sampling,
     thinness.section,
-    held_supports.section,
+    paper_studies.supports,
     tables.quantities,
 )
+
+
+OF_VARIANTS: tuple[Maker, ...] = (tables.displacements, tables.quantities)  # the sections that tell of variants too
 
 
 def gather(
@@ -75,14 +77,32 @@ def gather(
     rows, records = told_apart(rows, stored)
     rows = [row for of_suite in rows_at_home(rows).values() for row in of_suite]
     found = Evidence(records, rows, store.folder, known, whole)
-    found = replace(found, drawn=exhibits(found))
+    found = replace(found, drawn=exhibits(as_declared(found)))
     return found, stored, sections(found)
+
+
+def exhibits(evidence: Evidence) -> list[Exhibit]:
+    """Return the figures of the report that compare solvers, case by case."""
+    with style():
+        return [
+            *pictures(evidence),
+            *path_exhibits(evidence),
+            *motion_exhibits(evidence),
+            *newton_exhibits(evidence),
+            *convergence_exhibits(evidence),
+        ]
+
+
+def as_declared(found: Evidence) -> Evidence:
+    """Return evidence without variants: they say whether a solver is right, and nothing new of cost or looks."""
+    return replace(found, rows=[row for row in found.rows if not row.variant])
 
 
 def sections(found: Evidence) -> list[Section]:
     """Return the sections that have something to show."""
+    declared = as_declared(found)
     with style():
-        made = [maker(found) for maker in MAKERS]
+        made = [maker(found if maker in OF_VARIANTS else declared) for maker in MAKERS]
     return [section for section in made if section is not None and section.shows]
 
 

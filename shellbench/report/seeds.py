@@ -11,16 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from shellbench.report.columns import Column, Line, column, count, share
-from shellbench.report.digits import percent, rounded
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import TEXT, Notation
+from shellbench.report.notation import TEXT, Notation, percent, plain, rounded
 from shellbench.report.panel import SHADE, SMALLEST, add_legend, draw, entry, finish, open_figure, shade_entry
-from shellbench.report.runs import run_ids
-from shellbench.report.shells import plain
-from shellbench.report.suites import rows_at_home, suite_title
+from shellbench.report.rates import known_yardstick
+from shellbench.report.runs import rows_at_home, run_ids, suite_title
 from shellbench.report.table import Note, Table
-from shellbench.report.yardstick import known_yardstick
 
 WIDTH, LINE, GAP, MARGIN = 6.2, 0.155, 0.1, 1.0  # inches of the figure, a line, between cases, and of axis and legend
 DRAWN = ("title", "solver", "studied", "with_defaults", "unit", "floor", "errors")  # and not in the table

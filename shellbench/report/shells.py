@@ -20,8 +20,7 @@ from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
-from shellbench.report.digits import quoted
-from shellbench.report.notation import MARKDOWN
+from shellbench.report.notation import MARKDOWN, plain, quoted
 
 Array = NDArray[np.float64]
 Up = Literal["x", "y", "z"]
@@ -277,11 +276,6 @@ def scale_words(shell: Shell) -> str:
     if shell.scale == 1:
         return "at its true scale"
     return f"displacement magnified {MARKDOWN.number(quoted(shell.scale))} times"
-
-
-def plain(text: str) -> str:
-    """Make words harmless to matplotlib's mathematical text."""
-    return text.replace("\\", "\\\\").replace("$", r"\$")
 
 
 def facets(grid: Array) -> Array:

@@ -27,12 +27,11 @@ from shellbench.report.columns import (
     strong,
     words,
 )
-from shellbench.report.digits import quoted
 from shellbench.report.evidence import Evidence, Section, given
-from shellbench.report.notation import SUPERSCRIPTS, Notation
-from shellbench.report.palette import DASHES, OKABE_ITO, Ink
+from shellbench.report.exhibit import DASHES, OKABE_ITO, Ink
+from shellbench.report.notation import SUPERSCRIPTS, Notation, quoted
+from shellbench.report.runs import rows_of, suite_title
 from shellbench.report.solutions import STATUS_WORDS, grouped
-from shellbench.report.suites import rows_of, suite_title
 from shellbench.report.table import Note, Table
 
 SUITE = "strain_ablation"

@@ -14,13 +14,10 @@ from shellbench.bench.compare import as_json
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.report.columns import Column, Line, column, in_its_unit, present, significant, solution, words
-from shellbench.report.digits import allowance, quoted, rounded
-from shellbench.report.engines_cases import STUDY, checked_cases, is_cross_check
-from shellbench.report.engines_table import cross_check_table
+from shellbench.report.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
 from shellbench.report.evidence import Evidence, Section
-from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation
-from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
-from shellbench.report.suites import (
+from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation, allowance, quoted, rounded
+from shellbench.report.runs import (
     compared,
     is_study,
     rows_at_home,
@@ -30,6 +27,7 @@ from shellbench.report.suites import (
     suite_title,
     suites_of,
 )
+from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
 from shellbench.report.table import Format, Note, Table
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin

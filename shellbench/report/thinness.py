@@ -18,16 +18,13 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.suite import Study
 from shellbench.portrait import Portrait
 from shellbench.report.columns import Column, Line, column, error, present, share
-from shellbench.report.digits import percent, rounded
-from shellbench.report.evidence import Evidence, Section
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.notation import MARKDOWN, Notation, anchor
-from shellbench.report.palette import Dashes, Ink, dashes_of
+from shellbench.report.evidence import Evidence, Section, failures
+from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
+from shellbench.report.notation import MARKDOWN, Notation, anchor, percent, rounded
 from shellbench.report.panel import SHADE, add_legend, draw, entry, finish, open_figure, shade_entry
-from shellbench.report.runs import in_study
+from shellbench.report.runs import in_study, remarks_on
 from shellbench.report.solutions import Known
-from shellbench.report.suites import remarks_on
-from shellbench.report.table import Note, Table
+from shellbench.report.table import Table
 
 STUDY: Study = "thinness"
 SHARE_DIGIT = 5e-3  # percentage points: shares are printed with three decimals
@@ -149,7 +146,6 @@ def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
         run_ids=("run_id", " ".join),
     ).reset_index()
     data.insert(0, "block", data["ratio"].map(lambda ratio: f"{title}, h/L = {_plain(ratio)}"))
-    failed = runs[~runs["sound"]].drop_duplicates(["ratio", "solution", "reason"])
     return Table(
         name=f"{STUDY}_{anchor(title).replace('-', '_')}",
         title=f"{title}: from thick to thin",
@@ -174,10 +170,7 @@ def thinness_table(runs: pd.DataFrame, title: str, known: Known) -> Table:
             "unknowns",
             "seconds",
         ),
-        notes=tuple(
-            Note(f"{run.solution}, h/L = {_plain(run.ratio)}", run.record.reason or run.record.status)
-            for run in failed.itertuples()
-        ),
+        notes=failures(runs),
     )
 
 

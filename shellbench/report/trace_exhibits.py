@@ -18,10 +18,8 @@ from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValues
 from shellbench.portrait import Along, Portrait
 from shellbench.report.evidence import Evidence
-from shellbench.report.exhibit import Exhibit
-from shellbench.report.fields import Fields, read_fields
-from shellbench.report.palette import Ink
-from shellbench.report.scene import drawn, spread, states
+from shellbench.report.exhibit import Exhibit, Ink
+from shellbench.report.fields import Fields, drawn, read_fields, spread, states
 from shellbench.report.shells import scale_words, shapes_figure
 from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure

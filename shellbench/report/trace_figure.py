@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from shellbench.report.palette import DASHES, Ink
-from shellbench.report.shells import plain
+from shellbench.report.exhibit import DASHES, Ink
+from shellbench.report.notation import plain
 from shellbench.report.traces import CRITICAL, KnownPoints, Trace, TracedRun
 
 WIDTH, HEIGHT, HIGH = 2.45, 1.95, 2.5  # inches a panel; of one that has the load upwards

@@ -28,8 +28,7 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.errors import ShellbenchError
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import Fields, kept_arrays, read_fields
-from shellbench.report.scene import picture_scale, pictured, spread
+from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, spread
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]

@@ -1,20 +1,21 @@
-"""Checks of the answers' form: shapes, types, names, and that points do not know of each other.
+"""Checks of what a solver says: its parts, what it declines and refuses; and of its answers' form.
 
-Checks of what an answer says of its making: its history, and what it told on the way.
-
-Check that the same question has the same answer: in another process, and about the same with another seed.
-
-Checks that an answer is a continuous field: no jumps along lines, at a closed surface's seam, or in time.
+Of an answer: shapes, types, names, and that points do not know of each other; its history, and what it told on the
+way; that the same question has the same answer, in another process, and about the same with another seed; that it is a
+continuous field: no jumps along lines, at a closed surface's seam, or in time.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
+from shellbench.bench.task import case_data
+from shellbench.engine import ENGINE
 from shellbench.problem import FIELDS
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import (
@@ -27,14 +28,127 @@ from shellbench.testing.examination import (
     not_applicable,
     scattered,
     seed_difference,
+    shells,
 )
-from shellbench.testing.subject import Answer, Lost, NoAnswer, Refused, UnknownName, solve_in
+from shellbench.testing.subject import Answer, Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName, solve_in
 
+SLOW = 10.0  # seconds to decline a case: it is asked of every pair of a table
+LONGEST_CLAUSE = 300  # characters: it stands in a line of a list
+NO_SETTING = "no_solver_has_this_setting"
+NO_VALUE = {"no_setting": "takes this table"}
+NO_ENGINE = "an engine of another version 0.0"
+BOUNDS = {"exclusiveMinimum": 0.0, "minimum": -1.0, "exclusiveMaximum": 0.0, "maximum": 1.0}
+"""Keys of a JSON schema that bound a number, each with the step from it that is out of bounds."""
 ROUNDING = 1e-9  # relative: what another order of summation may do, in single precision within a field too
 SHAPES: tuple[tuple[int, ...], ...] = ((), (7,), (4, 3), (0,))
 COMPONENTS = {name: (3,) if name.endswith("strain") else () for name in FIELDS}
 NO_MATERIAL = {"no_material_has_this_constant": 1.0}
 NO_FIELD = "no_solver_knows_this_field"
+SLACK = 1.5  # times the measured wall time of a solve, which its history may claim at most
+SAME = 1e-10  # relative difference of two runs with one seed
+NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
+LINES = 12  # at random through the domain
+SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
+ZOOM, LOOKS = 8, 4  # each closer look has so many points between two, around the largest jump
+PROPORTION = 0.75  # exponent of the spacing with which jumps must fall: 1 in a Lipschitz field, 0 across a jump
+UNFELT = 1e-9  # of the largest displacement: jumps below are rounding
+
+
+def protocol(exam: Examination) -> Verdict:
+    """Check that the solver has the parts of the protocol, of their types, and that its name is the entry point's."""
+    found, facts = Findings(faults=list(exam.facts["faults"])), exam.facts
+    found.hold(facts["name"] == exam.entry.name, f"it is called '{facts['name']}', its entry point '{exam.entry.name}'")
+    settings = f"{len(facts['defaults'])} settings{', seeded' if facts['seeded'] else ''}"
+    optional = ", ".join(facts["optional"]) or "none"
+    found.figures.append(f"{', '.join(facts['theories'])}; {settings}; optional parts: {optional}")
+    return found.verdict()
+
+
+def declining(exam: Examination) -> Verdict:
+    """Check that each shipped case is taken or declined in one clause, quickly, and one at least is taken."""
+    found, cases = Findings(), shells()
+    taken: list[str] = []
+    slowest = 0.0
+    for case, (kind, answer, seconds) in zip(cases, exam.refusals(cases), strict=True):
+        slowest = max(slowest, seconds)
+        if kind != "ok":
+            found.faults.append(f"declines({case.name}) {answer}")
+        elif answer is None:
+            taken.append(case.name)
+            stated = case.theory in exam.facts["theories"]
+            found.hold(stated, f"it takes {case.name}, whose theory {case.theory} it does not state")
+        else:
+            short = answer.strip() and "\n" not in answer and len(answer) <= LONGEST_CLAUSE
+            found.hold(bool(short), f"it declines {case.name} with {answer[:60]!r}, which is not one clause")
+        found.hold(seconds <= SLOW, f"declines({case.name}) took {seconds:.0f} s")
+    found.hold(bool(taken), "it declines every case, so nothing can be shown")
+    found.figures.append(f"takes {len(taken)} of {len(cases)} cases; slowest answer {slowest:.2f} s")
+    return found.verdict()
+
+
+def bad_input(exam: Examination) -> Verdict:
+    """Check that settings that do not exist or can't be are refused, and that a declined case is not solved."""
+    found = Findings()
+    fault = _not_refused(exam, {NO_SETTING: 1}, "a setting that it does not have")
+    found.hold(fault is None, fault or "", "unknown setting refused")
+    tried = list(_impossible(exam.facts["schema"]))
+    for setting in tried:
+        fault = _not_refused(exam, setting, f"{next(iter(setting))} = {next(iter(setting.values()))!r}")
+        found.hold(fault is None, fault or "")
+    if tried:
+        found.figures.append(f"{len(tried)} impossible values refused")
+    else:
+        found.unseen.append("it has no settings to give impossible values")
+    _declined_case(exam, found)
+    return found.verdict()
+
+
+def _not_refused(exam: Examination, setting: Mapping[str, Any], what: str) -> str | None:
+    try:
+        exam.subject.call("settings", dict(setting))
+    except Refused:
+        return None
+    except NoAnswer as trouble:
+        return f"{what}: {trouble}"
+    return f"its settings take {what}"
+
+
+def _impossible(schema: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield settings that can't be: numbers out of each bound, tables, and another engine than there is."""
+    for name, field in schema.get("properties", {}).items():
+        if name == ENGINE:
+            yield {name: NO_ENGINE}
+        for option in (field, *field.get("anyOf", ())):
+            for bound, step in BOUNDS.items():
+                if bound in option:
+                    yield {name: option[bound] + step}
+        typed = [option.get("type") for option in (field, *field.get("anyOf", ()))]
+        if any(typed) and "object" not in typed:
+            yield {name: NO_VALUE}
+
+
+def _declined_case(exam: Examination, found: Findings) -> None:
+    case = _first_declined(exam)
+    if case is None:
+        found.unseen.append("it declines no case that could be given to it anyway")
+        return
+    try:
+        data = {**case_data(case), "name": case.name}
+        exam.subject.call("solve", "declined", data, dict(exam.settings))
+    except (Refused, SolveFailed):
+        found.figures.append(f"{case.name}, which it declines, refused")
+    except (Raised, UnknownName, Lost) as trouble:
+        found.faults.append(f"{case.name}, which it declines, given to it anyway: {trouble}")
+    else:
+        found.faults.append(f"it answers {case.name}, which it declines")
+
+
+def _first_declined(exam: Examination) -> Case | None:
+    cases = shells()
+    for case, (kind, answer, _) in zip(cases, exam.refusals(cases), strict=True):
+        if kind == "ok" and answer is not None:
+            return case
+    return None
 
 
 def displacements(exam: Examination, case: Case) -> Verdict:
@@ -124,9 +238,6 @@ def batching(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-SLACK = 1.5  # times the measured wall time of a solve, which its history may claim at most
-
-
 def history(exam: Examination, case: Case) -> Verdict:
     """Check that the history has steps, whose seconds do not fall, and that progress, if told, makes sense."""
     found, answer = Findings(), exam.solve(case)
@@ -156,10 +267,6 @@ def history(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-SAME = 1e-10  # relative difference of two runs with one seed
-NEAR = 0.1  # of two runs with different seeds: beyond, they answer different questions
-
-
 def determinism(exam: Examination, case: Case) -> Verdict:
     """Two processes with one seed give the same numbers; another seed gives others, but near."""
     found, answer = Findings(), exam.solve(case)
@@ -175,13 +282,6 @@ def determinism(exam: Examination, case: Case) -> Verdict:
     found.hold(seeded > 0, "another seed gives the same numbers, so the seed is not used")
     found.hold(seeded <= NEAR, f"with another seed it differs by {seeded:.1e}", f"another seed: {seeded:.1e}")
     return found.verdict()
-
-
-LINES = 12  # at random through the domain
-SAMPLES, TIMES = 257, 65  # points a line, and instants of a motion, at first
-ZOOM, LOOKS = 8, 4  # each closer look has so many points between two, around the largest jump
-PROPORTION = 0.75  # exponent of the spacing with which jumps must fall: 1 in a Lipschitz field, 0 across a jump
-UNFELT = 1e-9  # of the largest displacement: jumps below are rounding
 
 
 def continuity(exam: Examination, case: Case) -> Verdict:

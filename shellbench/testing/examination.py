@@ -45,7 +45,7 @@ class Examination:
     start
         Starts the solver in a process of its own.
     facts
-        What the solver says about itself; see `shellbench.testing.protocol.solver_facts`.
+        What the solver says about itself; see `shellbench.testing.child.solver_facts`.
     settings
         Settings that differ from the defaults in all solves.
     folder

@@ -1,4 +1,4 @@
-"""The gate as pytest sees it: nodes to collect, items to run, a table at the end.
+"""The gate as pytest sees it: options checked first, nodes to collect, items to run, a table at the end.
 
 Items hang below the session beside the folders of ordinary tests. A report carries its judgement as data, so that
 the table and the verdict on the whole are made in the process that the user started, with pytest-xdist or without.
@@ -6,21 +6,127 @@ the table and the verdict on the whole are made in the process that the user sta
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.bench.identity import make_settings, parse_setting
+from shellbench.bench.plan import FIRST_SEED
+from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
-from shellbench.testing.pytest_judging import Answers, Judgement, Question, questions, table
-from shellbench.testing.pytest_options import GateOptions
+from shellbench.testing.pytest_judging import Answers, Judgement, Question, Tolerances, positive, questions, table
 
 ROOT = "shellbench"  # first part of the names of all items
 PROPERTY = "shellbench"  # of a report
 BEGAN = "shellbench_began"
+CACHE = "shellbench"  # folder in pytest's cache
 JUDGED = {"green", "red", "expected failure"}
+
+
+@dataclass(frozen=True)
+class GateOptions:
+    """What is to be gated, and how.
+
+    Attributes
+    ----------
+    settings
+        By solver; of the others the defaults.
+    timeout
+        Seconds after which a run is stopped; None for none.
+    """
+
+    suites: tuple[str, ...]
+    solvers: tuple[str, ...]
+    tolerances: Tolerances
+    settings: Mapping[str, Mapping[str, Any]]
+    store: Path
+    timeout: float | None
+
+    @classmethod
+    def checked(
+        cls,
+        config: pytest.Config,
+        *,
+        suites: Sequence[str],
+        solvers: Sequence[str],
+        tolerances: Sequence[str],
+        settings: Sequence[str],
+        store: str | None,
+        timeout: str | None,
+    ) -> GateOptions:
+        """Check what was given as text.
+
+        Raises
+        ------
+        pytest.UsageError
+            In one sentence, if something is unknown, can't be read or is not installed.
+        """
+        if not solvers:
+            raise pytest.UsageError("--shellbench needs a solver: --shellbench-solver=NAME")
+        try:
+            for suite in suites:
+                if not catalog.cases_of(suite):
+                    raise InputError(f"suite '{suite}' has no cases")
+            given = _settings(settings, solvers)
+            for name in solvers:
+                entry = find_solver(name)
+                if not hasattr(config, "workerinput"):  # the process that started this one has tried it
+                    make_settings(load_solver(entry), given.get(name, {}), FIRST_SEED, "cpu")
+            return cls(
+                suites=tuple(suites),
+                solvers=tuple(solvers),
+                tolerances=Tolerances.read(tolerances),
+                settings=given,
+                store=_folder(config, store),
+                timeout=None if timeout is None else positive(timeout, f"--shellbench-timeout={timeout}"),
+            )
+        except InputError as error:
+            raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
+
+    def headline(self, root: Path) -> str:
+        """Say in one line what is gated, for the head of pytest's output; `root` is the project's folder."""
+        store = self.store.relative_to(root) if self.store.is_relative_to(root) else self.store
+        own = self.tolerances.narrower.items()
+        given = ", ".join(f"{case}{f'.{name}' if name else ''} {tolerance:g}" for (case, name), tolerance in own)
+        narrower = f" ({given})" if given else ""
+        return (
+            f"shellbench: {_list('suite', self.suites)}, {_list('solver', self.solvers)}, relative tolerance "
+            f"{self.tolerances.general:g}{narrower} where shellbench freezes none, store {store}"
+        )
+
+
+def _settings(texts: Sequence[str], solvers: Sequence[str]) -> dict[str, dict[str, Any]]:
+    given: dict[str, dict[str, Any]] = {}
+    for text in texts:
+        name, key, value = parse_setting(text)
+        if name not in solvers:
+            raise InputError(f"--shellbench-set={text}: solver '{name}' is not gated here")
+        given.setdefault(name, {})[key] = value
+    return given
+
+
+def _folder(config: pytest.Config, store: str | None) -> Path:
+    if store is not None:
+        return config.invocation_params.dir / store
+    cache: pytest.Cache | None = getattr(config, "cache", None)  # there is none with -p no:cacheprovider
+    if cache is None:
+        raise InputError("pytest's cache is off, so name a folder for finished runs: --shellbench-store=DIR")
+    try:
+        return cache.mkdir(CACHE)
+    except OSError as error:
+        reason = error.strerror or "no folder"
+        raise InputError(
+            f"pytest's cache can't be written ({reason}), so name a folder for finished runs: --shellbench-store=DIR"
+        ) from None
+
+
+def _list(what: str, names: Sequence[str]) -> str:
+    return f"{what}{'s' if len(names) > 1 else ''} {', '.join(names)}"
 
 
 class QuantityItem(pytest.Item):

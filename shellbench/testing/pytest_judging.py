@@ -6,6 +6,7 @@ A solver's answers to a case, found once in a session of pytest, however many it
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import gated_quantities, row_of, without_record
+from shellbench.bench.compare import gated_quantities, near_zero, row_of, without_record
 from shellbench.bench.current import CurrentRun, newest, run_key
 from shellbench.bench.display import Silent
 from shellbench.bench.environment import cores, threads
@@ -22,20 +23,91 @@ from shellbench.bench.execute import execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import FIRST_SEED, Request, make_plan
 from shellbench.bench.record import Record
-from shellbench.bench.reference import KnownValue
+from shellbench.bench.reference import KnownValue, Tolerance
 from shellbench.bench.row import Colour, Finding, Row
 from shellbench.bench.store import Store, said_plainly
 from shellbench.bench.task import Task
-from shellbench.errors import ShellbenchError
+from shellbench.errors import InputError, ShellbenchError
 from shellbench.problem import Problem, Quantity
-from shellbench.testing.pytest_options import Tolerances
 
 try:
     import fcntl
 except ImportError:  # pragma: no cover - no such locks outside POSIX; then each process solves for itself
     fcntl = None  # type: ignore[assignment]
 
+DEFAULT_TOLERANCE = 1e-2  # relative: an engineer's percent, until the project states its own
+WHOLE = 1.0  # relative error of the answer zero
 WORKERS = "PYTEST_XDIST_WORKER_COUNT"  # set by pytest-xdist in each of its processes
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Errors that are allowed of a solver for which shellbench freezes none.
+
+    Attributes
+    ----------
+    general
+        Relative error, where nothing narrower is given.
+    narrower
+        By case, or by case and quantity; absolute, in the quantity's unit, where its error is.
+    """
+
+    general: float = DEFAULT_TOLERANCE
+    narrower: Mapping[tuple[str, str | None], float] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, texts: Sequence[str]) -> Tolerances:
+        """Read ``TOL``, ``CASE=TOL`` and ``CASE.QUANTITY=TOL``; InputError in one sentence if it is none of these."""
+        general = DEFAULT_TOLERANCE
+        narrower: dict[tuple[str, str | None], float] = {}
+        for text in texts:
+            where, _, number = text.rpartition("=")
+            tolerance = positive(number, f"--shellbench-tolerance={text}")
+            case_name, _, quantity = where.partition(".")
+            if not quantity and tolerance >= WHOLE:
+                raise InputError(f"--shellbench-tolerance={text}: a relative tolerance is below 1, or 0 would pass")
+            if not where:
+                general = tolerance
+                continue
+            case = catalog.find_case(case_name)
+            asked = next((q for q in case.quantities if q.name == quantity), None)
+            if quantity and asked is None:
+                names = ", ".join(q.name for q in case.quantities)
+                raise InputError(f"--shellbench-tolerance={text}: quantities of {case.name} are {names}")
+            if asked and tolerance >= WHOLE and not is_absolute(case, asked):
+                raise InputError(f"--shellbench-tolerance={text}: a relative tolerance is below 1, or 0 would pass")
+            narrower[case.name, quantity or None] = tolerance
+        return cls(general, narrower)
+
+    def allowed(self, case: Problem, quantity: Quantity, solver: str) -> Tolerance | None:
+        """Return the largest admissible error; what shellbench has frozen for the solver wins.
+
+        None where only a relative tolerance is given, and the known value is so near zero that it says nothing.
+        """
+        frozen = catalog.tolerance(case.name, quantity.name, solver)
+        own = self.narrower.get((case.name, quantity.name))
+        if frozen is not None:
+            return frozen
+        if is_absolute(case, quantity):
+            return None if own is None else Tolerance(absolute=own)
+        return Tolerance(relative=own or self.narrower.get((case.name, None), self.general))
+
+
+def is_absolute(case: Problem, quantity: Quantity) -> bool:
+    """Whether errors of a quantity are given in its unit, because relative ones would say nothing."""
+    judge = catalog.known_values(case.name).judge(quantity.name, case.theory)
+    return quantity.absolute or (judge is not None and near_zero(judge, quantity))
+
+
+def positive(text: str, option: str) -> float:
+    """Read a positive number that an option gives; InputError in one sentence."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise InputError(f"{option}: found '{text}', but expected a positive number")
+    return number
 
 
 @dataclass(frozen=True)
@@ -208,8 +280,8 @@ class Question:
             allowed = tolerances.allowed(self.case, self.quantity, self.solver)
             if allowed is None and row.status == "ok":
                 option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
-                near_zero = f"its known value being {judge.value:g} {row.unit}"
-                why = f"no relative tolerance can judge it, {near_zero}: give {option}"
+                small = f"its known value being {judge.value:g} {row.unit}"
+                why = f"no relative tolerance can judge it, {small}: give {option}"
                 return Finding(row, "red" if row.primary else "not judged", why)
             row = row.judged(allowed) if allowed else row
         found = row.finding()

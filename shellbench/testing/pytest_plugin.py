@@ -57,8 +57,7 @@ def pytest_configure(config: pytest.Config) -> None:
             if config.getoption(name):
                 raise pytest.UsageError(f"{_flag(name)} says nothing without {_flag(SUITE)}=SUITE")
         return
-    from shellbench.testing.pytest_gate import Gate
-    from shellbench.testing.pytest_options import GateOptions
+    from shellbench.testing.pytest_gate import Gate, GateOptions
 
     options = GateOptions.checked(
         config,

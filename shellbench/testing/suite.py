@@ -21,14 +21,7 @@ from shellbench.bench.identity import parse_setting
 from shellbench.bench.registry import SolverEntry, find_solver
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.testing import (
-    answers,
-    asking,
-    convergence,
-    energy,
-    invariance,
-    keeping,
-)
+from shellbench.testing import answers, convergence, keeping, mechanics
 from shellbench.testing.examination import (
     AlreadyReported,
     Examination,
@@ -48,9 +41,9 @@ Tell = Callable[[str], None]
 Start = Callable[[], Respondent]
 
 OF_SOLVER: Mapping[str, Ask] = {
-    "protocol": asking.protocol,
-    "declining": asking.declining,
-    "bad input": asking.bad_input,
+    "protocol": answers.protocol,
+    "declining": answers.declining,
+    "bad input": answers.bad_input,
 }
 OF_CASE: Mapping[str, AskOfCase] = {
     "answers": answers.displacements,
@@ -60,14 +53,14 @@ OF_CASE: Mapping[str, AskOfCase] = {
     "seam": answers.seam,
     "course": answers.course,
     "determinism": answers.determinism,
-    "units": invariance.units,
-    "linearity": invariance.linearity,
-    "placement": invariance.placement,
-    "rigid motion": invariance.rigid_motion,
+    "units": mechanics.units,
+    "linearity": mechanics.linearity,
+    "placement": mechanics.placement,
+    "rigid motion": mechanics.rigid_motion,
     "convergence": convergence.convergence,
-    "energies": energy.energies,
-    "work": energy.work,
-    "strains": energy.strain_fields,
+    "energies": mechanics.energies,
+    "work": mechanics.work,
+    "strains": mechanics.strain_fields,
     "history": answers.history,
     "saving": keeping.saving,
     "parameters": keeping.counts,

@@ -91,7 +91,13 @@ def full(made_once: tuple[Path, Path], toys: Path, store: Store) -> Store:
 
 def forget() -> None:
     """Have the catalog read its files again."""
-    for cached in (catalog.named_case, catalog.find_suite, catalog.known_values, catalog.tolerances):
+    for cached in (
+        catalog.named_case,
+        catalog.find_suite,
+        catalog.known_values,
+        catalog.tolerances,
+        catalog.variants_asked,
+    ):
         cached.cache_clear()
 
 

@@ -12,7 +12,7 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
-from shellbench.bench.lock import FILE, lock_path, main, read_lock, todays_lock, write_lock
+from shellbench.bench.lock import lock_path, main, read_lock, todays_lock, write_lock
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
 from tests.bench import strip
@@ -134,16 +134,20 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
         lambda: allow("[strip]", "[other]\ncentre = 1e-9\n\n[strip]"),
         ["references/tolerances/toy.toml names 'other', which is no case"],
     ),
-    ("the lock is gone", lambda: remove(lock_path()), [f"{FILE}: is not there: restore it from the repository"]),
+    (
+        "the lock is gone",
+        lambda: remove(lock_path()),
+        [f"{catalog.LOCK}: is not there: restore it from the repository"],
+    ),
     (
         "the lock is cut off",
         lambda: lock_path().write_text('{"cases": {', encoding="utf-8") and None,
-        [f"{FILE}: it is not valid JSON"],
+        [f"{catalog.LOCK}: it is not valid JSON"],
     ),
     (
         "the lock is of another kind",
         lambda: lock_path().write_text('{"cases": {"strip": {}}}', encoding="utf-8") and None,
-        [f"{FILE}: field 'cases.strip.digest' is missing"],
+        [f"{catalog.LOCK}: field 'cases.strip.digest' is missing"],
     ),
 ]
 
@@ -152,7 +156,7 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
 def test_what_disarms_the_exam_is_red_and_said(full: Store, change: Change, sentences: list[str]) -> None:
     verdict, text = judged(full)
     assert verdict.good()
-    assert "lock: 1 cases, 2 figures as locked" in text.splitlines()
+    assert "lock: exam 1: 1 cases, 2 figures, as locked" in text.splitlines()
     change()
     verdict, text = judged(full)
     assert not verdict.good()
@@ -246,12 +250,15 @@ def test_the_lock_is_moved_by_a_command_that_states_each_change(capsys: pytest.C
     assert main(["--write"]) == 0
     assert capsys.readouterr().out.startswith(shown)
     assert main([]) == 0
-    assert read_lock(lock_path()) == todays_lock()
+    assert read_lock(lock_path()) == todays_lock().model_copy(update={"version": 2})  # another exam
+    assert main(["--write"]) == 0
+    assert read_lock(lock_path()).version == 2  # the same
     assert main(["--wirte"]) == 2
 
 
 def test_the_committed_lock_is_that_of_the_committed_files() -> None:
-    assert read_lock(lock_path()) == todays_lock()
+    locked = read_lock(lock_path())
+    assert locked == todays_lock().model_copy(update={"version": locked.version})
 
 
 def test_the_lock_needs_no_solver() -> None:

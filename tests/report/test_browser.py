@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, exhibits, page, sections, shells
-from shellbench.report.fields import read_fields
-from shellbench.report.scene import lead_shells, pictured
+from shellbench.report import exhibit, fields, page, sections, shells
+from shellbench.report.fields import lead_shells, pictured, read_fields
 from shellbench.report.shells import AXES_TO_UP
 from tests.patience import GUARD, until
 from tests.report.motion import BROKEN, OFFSET
@@ -49,7 +48,7 @@ def browser(playwright):
         yield running
 
 
-def written(store, folder, suite, figures=exhibits.exhibits):
+def written(store, folder, suite, figures=sections.exhibits):
     """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
     with pytest.MonkeyPatch.context() as coarse:
         coarse.setattr(sections, "exhibits", figures)
@@ -84,8 +83,8 @@ def course_page(dense, tmp_path_factory):
 def cloth_page(motion, tmp_path_factory):
     def pictures(evidence):
         return [
-            exhibits.Exhibit(
-                f"{exhibits.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
+            exhibit.Exhibit(
+                f"{fields.PICTURE}{one.case}", one.title, "", one.title, shells.shell_figure(one), (), False
             )
             for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]

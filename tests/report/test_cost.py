@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from shellbench.report.accuracy import accuracies
 from shellbench.report.cost import LEVELS, cost_figure, cost_table, section
 from shellbench.report.evidence import Evidence
-from shellbench.report.palette import inks
+from shellbench.report.exhibit import inks
 from shellbench.report.panel import SPACING, apart
 from tests.report.conftest import TRUTH, UNCERTAINTY
 from tests.report.studied import (

@@ -9,10 +9,9 @@ from shellbench.bench.record import Environment
 from shellbench.bench.suite import SuiteRun
 from shellbench.report import tables
 from shellbench.report.engines import cross_check_figure, lines_of, section
-from shellbench.report.engines_cases import TOGETHER, checked_cases, why_incomparable
-from shellbench.report.engines_table import LEVELS, cross_check_table
-from shellbench.report.palette import inks
-from shellbench.report.suites import compared
+from shellbench.report.engines_table import LEVELS, TOGETHER, checked_cases, cross_check_table, why_incomparable
+from shellbench.report.exhibit import inks
+from shellbench.report.runs import compared
 from tests.report.conftest import ENVIRONMENT, TRUTH, UNCERTAINTY, synthetic_known
 from tests.report.studied import SECONDS_AN_UNKNOWN, UNKNOWNS_A_CELL, Run, evidence, studied
 from tests.report.test_sections_agree import assert_they_agree

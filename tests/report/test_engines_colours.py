@@ -2,7 +2,7 @@
 
 from shellbench.bench import catalog
 from shellbench.bench.suite import Suite, SuiteRun
-from shellbench.report.palette import COLOURS, MARKERS, OKABE_ITO, declared_solvers, inks
+from shellbench.report.exhibit import COLOURS, MARKERS, OKABE_ITO, declared_solvers, inks
 
 
 def test_every_solver_of_the_suites_has_a_colour_and_a_marker_of_its_own():

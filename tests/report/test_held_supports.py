@@ -1,6 +1,6 @@
 import pytest
 
-from shellbench.report.held_supports import section, support_table
+from shellbench.report.paper_studies import support_table, supports
 from tests.report.studied import evidence, studied
 
 
@@ -51,11 +51,11 @@ def test_a_support_that_holds_exactly_stands_last(tmp_path, runs):
 
 
 def test_without_a_penalty_there_is_no_section(tmp_path):
-    assert section(evidence(tmp_path, [run(tmp_path, {}, 1e-3, 0.0, None)])) is None
-    assert section(evidence(tmp_path, [])) is None
+    assert supports(evidence(tmp_path, [run(tmp_path, {}, 1e-3, 0.0, None)])) is None
+    assert supports(evidence(tmp_path, [])) is None
 
 
 def test_every_notation_can_write_it(tmp_path, runs):
-    (table,) = section(evidence(tmp_path, runs)).tables
+    (table,) = supports(evidence(tmp_path, runs)).tables
     for format in ("text", "markdown", "latex", "html"):
         assert all(words in table.write(format) for words in ("run failed", "soft"))

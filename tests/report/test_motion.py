@@ -6,13 +6,13 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.evidence import Evidence
+from shellbench.report.exhibit import inks, style
 from shellbench.report.fields import read_fields
-from shellbench.report.motion_tables import by_time_tables, motion_table
-from shellbench.report.palette import inks, style
+from shellbench.report.runs import leading_rows
 from shellbench.report.shells import shapes_figure
-from shellbench.report.suites import leading_rows
 from shellbench.report.trace_exhibits import CLOTH, MOST_FRAMES, is_cloth, motion_exhibits, path_exhibits
 from shellbench.report.trace_figure import TracePanel, trace_figure
+from shellbench.report.trace_tables import by_time_tables, motion_table
 from shellbench.report.traces import (
     BALANCE,
     Trace,
@@ -247,7 +247,7 @@ def test_frames_have_one_view_one_scale_and_one_column_a_time(exhibits, motion):
 
 def test_a_strip_without_a_state_is_empty(motion):
     case = ShellPortrait(catalog.named_case("free_fall"))
-    from shellbench.report.scene import shell
+    from shellbench.report.fields import shell
 
     one = shell(record_of(motion, case.name, "fem"), motion.folder)
     with style():
@@ -323,7 +323,7 @@ def test_frames_of_a_row_fit_a_page():
 
 
 def test_what_moves_as_a_block_is_coloured_evenly(motion):
-    from shellbench.report.scene import shell
+    from shellbench.report.fields import shell
     from shellbench.report.shells import shell_figure
 
     one = shell(record_of(motion, "free_fall", "fem"), motion.folder)

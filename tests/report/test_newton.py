@@ -12,9 +12,9 @@ from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report import exhibit, shells
 from shellbench.report.evidence import Evidence, Formula
+from shellbench.report.exhibit import style
 from shellbench.report.newton import DERIVATION, findings, free_fall, newton_exhibits, newton_table, shown_cases
 from shellbench.report.page import write_report
-from shellbench.report.palette import style
 from tests.report.motion import REASON, G
 from tests.report.test_page import Page, pages_of
 

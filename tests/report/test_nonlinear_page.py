@@ -10,10 +10,10 @@ import pytest
 
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
-from shellbench.report.effort import effort_table
 from shellbench.report.evidence import Evidence
 from shellbench.report.page import write_report
 from shellbench.report.strains import strain_table
+from shellbench.report.trace_tables import effort_table
 from tests.report.conftest import Store
 from tests.report.nonlinear import REASON
 from tests.report.test_page import Page, pages_of

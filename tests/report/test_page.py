@@ -24,12 +24,12 @@ from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
 from shellbench.report import exhibit, sections, shells
 from shellbench.report.columns import Column
+from shellbench.report.document import command
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
-from shellbench.report.provenance import command
-from shellbench.report.suites import rows_at_home, rows_of, suites_of
-from shellbench.report.summary import overall, shortfalls
+from shellbench.report.runs import rows_at_home, rows_of, suites_of
+from shellbench.report.solutions import overall, shortfalls
 from shellbench.report.table import Note, Table
 from shellbench.report.tables import render
 from tests.report.conftest import COURSE, Store
@@ -406,7 +406,7 @@ def test_a_file_in_the_way_is_said_in_one_sentence(store, tmp_path):
 def test_reports_need_records_alone(store):
     """No solver library is imported on the way from records to the page."""
     code = (
-        "import sys; from shellbench.report import page, tables, exhibits; from shellbench.bench.store import Store;"
+        "import sys; from shellbench.report import page, tables, sections; from shellbench.bench.store import Store;"
         "from pathlib import Path; import tempfile;"
         "page.write_report(Store(Path(sys.argv[1])), [], Path(tempfile.mkdtemp()));"
         "print([name for name in ('torch', 'skfem', 'shellbench.solvers.fem', 'shellbench.solvers.ndf') if name in sys.modules])"

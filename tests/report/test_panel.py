@@ -3,7 +3,7 @@
 import pytest
 from matplotlib.figure import Figure
 
-from shellbench.report.palette import Ink
+from shellbench.report.exhibit import Ink
 from shellbench.report.panel import (
     BELOW,
     FLOOR_SHOWN,

@@ -11,7 +11,7 @@ from shellbench.portrait import LoadAxis
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.evidence import Evidence
-from shellbench.report.palette import inks, style
+from shellbench.report.exhibit import inks, style
 from shellbench.report.trace_exhibits import path_exhibits
 from shellbench.report.trace_figure import TracePanel, trace_figure
 from shellbench.report.traces import Trace, known_paths, limit_loads, path_run, readable

@@ -1,6 +1,6 @@
 import pytest
 
-from shellbench.report.sampling_study import points_of, sampled_runs, sampling_figure, section
+from shellbench.report.paper_studies import points_of, sampled_runs, sampling, sampling_figure
 from tests.report.studied import evidence, studied
 
 SEEDS = (0, 1, 2)
@@ -48,7 +48,7 @@ def test_points_a_side_are_the_solver_s_own_count_or_the_cells_of_its_samples(tm
 
 
 def test_the_table_has_least_and_largest_of_the_seeds(tmp_path, runs):
-    (table,) = section(evidence(tmp_path, runs)).tables
+    (table,) = sampling(evidence(tmp_path, runs)).tables
     lines = {(line["solver"], line["points"]): line for line in table.data.to_dict("records")}
     coarse = lines["adam", 25]
     assert (coarse["least_error"], coarse["largest_error"]) == (pytest.approx(0.1), pytest.approx(0.3))
@@ -57,7 +57,7 @@ def test_the_table_has_least_and_largest_of_the_seeds(tmp_path, runs):
 
 
 def test_refused_runs_are_shown_with_their_value_and_gap_and_marked(tmp_path, runs):
-    found = section(evidence(tmp_path, runs))
+    found = sampling(evidence(tmp_path, runs))
     lines = {(line["solver"], line["points"]): line for line in found.tables[0].data.to_dict("records")}
     refused = lines["ritz", 25]
     assert (refused["failed"], refused["largest_gap"]) == (3, 1e6)
@@ -83,7 +83,7 @@ def test_cases_stand_beside_each_other(tmp_path, runs):
     roof = [
         studied(tmp_path, "sampling", "adam", {"cells": [n, n]}, 1 / n, case="scordelis_lo", gap=0.1) for n in (5, 10)
     ]
-    (exhibit,) = section(evidence(tmp_path, [*runs, *roof])).exhibits
+    (exhibit,) = sampling(evidence(tmp_path, [*runs, *roof])).exhibits
     assert [axes.get_title(loc="left") for axes in exhibit.figure.axes][::2] != ["", ""]
     assert len(exhibit.figure.axes) == 4
     assert set(exhibit.run_ids) == {made.run_id for made, _ in [*runs, *roof]}
@@ -93,7 +93,7 @@ def test_a_run_that_left_no_value_is_still_counted(tmp_path, runs):
     made, of = studied(tmp_path, "sampling", "adam", {"fixed": 500, "cells": [5, 5]}, 0.0, seed=3, status="timeout")
     empty = (made, of.model_copy(update={"value": None, "relative_error": None}))
     held = evidence(tmp_path, [*runs, empty])
-    (coarse,) = section(held).tables[0].data.query("solver == 'adam' and points == 25").to_dict("records")
+    (coarse,) = sampling(held).tables[0].data.query("solver == 'adam' and points == 25").to_dict("records")
     assert (coarse["runs"], coarse["failed"], coarse["largest_error"]) == (4, 1, pytest.approx(0.3))
     assert sampled_runs(held).query("solver == 'adam' and points == 25")["error"].count() == 3
 
@@ -102,4 +102,4 @@ def test_a_run_that_left_no_value_is_still_counted(tmp_path, runs):
 def test_settings_that_are_no_grid_say_no_points(tmp_path, cells):
     made, of = studied(tmp_path, "sampling", "odd", {"cells": cells}, 0.1)
     assert points_of(made, of) is None
-    assert section(evidence(tmp_path, [(made, of)])) is None
+    assert sampling(evidence(tmp_path, [(made, of)])) is None

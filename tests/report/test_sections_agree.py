@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.report import consistency, cost, held_supports, memory, sampling_study, seeds
+from shellbench.report import consistency, cost, memory, paper_studies, seeds
 from tests.report import resolutions, studied
 from tests.report.test_formats_agree import lines, numbers_of, words
 
@@ -76,13 +76,13 @@ def test_consistency_and_memory(of_resolution):
 
 
 def test_cost_seeds_sampling_and_supports(of_studies):
-    makers = (cost.section, seeds.section, sampling_study.section, held_supports.section)
+    makers = (cost.section, seeds.section, paper_studies.sampling, paper_studies.supports)
     tables = [table for maker in makers for table in tables_of(maker(of_studies))]
     assert len(tables) >= 6
     assert_they_agree(tables)
 
 
 def test_a_number_that_differs_is_found(of_studies):
-    table = tables_of(sampling_study.section(of_studies))[0]
+    table = tables_of(paper_studies.sampling(of_studies))[0]
     changed = replace(table, data=table.data.assign(largest_error=2 * table.data["largest_error"]))
     assert numbers_of(changed.write("html"), "html") != numbers_of(table.write("markdown"), "markdown")

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import field_table, read_fields
-from shellbench.report.palette import style
-from shellbench.report.scene import MOST_SHOWN, spread, states
+from shellbench.report.exhibit import style
+from shellbench.report.fields import MOST_SHOWN, field_table, read_fields, spread, states
 from shellbench.report.shells import shapes_figure
 from shellbench.report.trace_exhibits import path_exhibits
 from tests.report.test_paths import BEAM, run_of

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from shellbench.bench import catalog
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.report.evidence import Evidence
-from shellbench.report.palette import style
+from shellbench.report.exhibit import style
 from shellbench.report.strains import (
     CURVATURE,
     ENERGY,

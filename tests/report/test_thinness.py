@@ -143,7 +143,9 @@ def test_runs_that_failed_are_counted_and_said(made):
     field = lines_of(made, "field")
     assert field["runs"].tolist() == [3, 3, 3]
     assert field["good"].tolist() == [3, 3, 2]
-    assert [(note.about, note.text) for note in made.tables[0].notes] == [("field, h/L = 1e-4", REASON)]
+    assert [(note.about, note.text) for note in made.tables[0].notes] == [
+        ("roof_thinness_1e_4, field, seed 2 (failed)", REASON)
+    ]
 
 
 def test_the_words_say_what_the_records_say(made):

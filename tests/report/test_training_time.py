@@ -3,7 +3,7 @@ import pytest
 
 from shellbench.account import HistoryStep
 from shellbench.bench import catalog
-from shellbench.report.training_time import section, training_stops, training_table
+from shellbench.report.paper_studies import training, training_stops, training_table
 from tests.report.conftest import GRID, TRUTH, field
 from tests.report.studied import evidence, studied
 
@@ -66,18 +66,18 @@ def test_the_mean_displacement_is_that_of_the_stored_field(tmp_path, runs):
 
 def test_a_single_stop_is_no_course(tmp_path, runs):
     assert stops(tmp_path, runs[:1]).empty
-    assert section(evidence(tmp_path, runs[:1])) is None
+    assert training(evidence(tmp_path, runs[:1])) is None
 
 
 def test_runs_of_other_suites_are_no_stops(tmp_path, runs):
     for change in ({"suites": ("ablations",)}, {"declared": False}):  # a run of no suite has those of its case
         other = [(made, of.model_copy(update=change)) for made, of in runs]
-        assert section(evidence(tmp_path, other)) is None
+        assert training(evidence(tmp_path, other)) is None
 
 
 def test_each_state_stands_under_its_iterations_and_seconds(tmp_path, runs):
     runs = [*runs, stopped(tmp_path, "newton", 0, 1e-3), stopped(tmp_path, "newton", 1, 1e-5)]
-    (exhibit,) = section(evidence(tmp_path, runs)).exhibits
+    (exhibit,) = training(evidence(tmp_path, runs)).exhibits
     assert exhibit.name == "training_square_plate"
     assert set(exhibit.run_ids) == {made.run_id for made, _ in runs}
     above, below = exhibit.figure.subfigs
@@ -98,7 +98,7 @@ def test_each_state_stands_under_its_iterations_and_seconds(tmp_path, runs):
 
 def test_a_failed_state_is_marked(tmp_path, runs):
     runs = [*runs, stopped(tmp_path, "adam", 3000, 0.5, status="failed")]
-    found = section(evidence(tmp_path, runs))
+    found = training(evidence(tmp_path, runs))
     assert "adam failed" in found.tables[0].write("text")
     above, below = found.exhibits[0].figure.subfigs
     assert sum("failed" in axes.get_title() for axes in above.axes) == 1

@@ -9,8 +9,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import read_fields
-from shellbench.report.scene import pictured
+from shellbench.report.fields import pictured, read_fields
 from shellbench.report.view import (
     COARSE,
     FINE,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from shellbench.bench.catalog import named_case
-from shellbench.testing.energy import differences, energy_densities, strains
 from shellbench.testing.examination import scattered
+from shellbench.testing.mechanics import differences, energy_densities, strains
 
 
 def strained(case, field, step=1e-3):

@@ -180,18 +180,25 @@ class AreaLoad(Model):
 
 
 class PressureLoad(Model):
-    """A dead load along the reference normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3.
+    """A load along the normal a3 = a1 x a2 / |a1 x a2|, N/m^2; positive pushes along a3.
+
+    It is dead, a force along the reference normal per reference area, or follows the deformed shell: then it is a force
+    along the deformed normal per deformed area, p a1 x a2 / |A1 x A2| per reference area. In linear theory both are
+    the dead load.
 
     Attributes
     ----------
     value
         Pressure, N/m^2: a number or a formula in xi1, xi2 and t.
+    follows
+        Whether it follows the deformed shell, in the non-linear theory.
     """
 
     spread: ClassVar[bool] = True
 
     kind: Literal["pressure"]
     value: Formula
+    follows: bool = False
 
     @property
     def formulas(self) -> tuple[Formula, ...]:

@@ -14,7 +14,6 @@ from shellbench.problems.shell.shell import Shell
 Rotation = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 """A rotation matrix, by rows. Products are summed by Python, so that they have the same digits everywhere."""
 
-IDENTITY: Rotation = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 CYCLE: Rotation = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))  # x to y, y to z, z to x
 COSINE, SINE = 0.8, 0.6  # of an angle that no symmetry of a case has
 # About z by the angle above, then about x by that of the triangle 5, 12, 13.
@@ -37,12 +36,12 @@ def turning(case: Shell) -> Rotation:
     """Return a rotation after which the case's supports still hold Cartesian components.
 
     Supports, springs and removed rigid motions that take all components or none follow any rotation. Those that take
-    one component, or all but one, follow a rotation about that axis. If they name different axes, nothing is turned.
+    one component, or all but one, follow a rotation about that axis. If they name different axes, axes change places.
     """
     axes = set(_axes(case))
     if not axes:
         return ASKEW
-    return ABOUT[axes.pop()] if len(axes) == 1 else IDENTITY
+    return ABOUT[axes.pop()] if len(axes) == 1 else CYCLE
 
 
 def _axes(case: Shell) -> Iterator[int]:

@@ -260,9 +260,10 @@ class MotionEnergy(ShellQuantity):
 
     def check_motion(self, shell: Any, constant: bool) -> None:
         """Raise ValueError if the total energy is asked for where it is not kept."""
-        if self.kind == "total_energy" and not (constant and all(load.spread for load in shell.loads)):
+        kept = constant and not shell.following and all(load.spread for load in shell.loads)
+        if self.kind == "total_energy" and not kept:
             raise ValueError(
-                f"quantity '{self.name}' needs supports at rest, and loads that are constant and spread out"
+                f"quantity '{self.name}' needs supports at rest, and loads that are dead, constant and spread out"
             )
 
     def measure(self, solution: DisplacementField) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from shellbench.problems.shell.conditions import (
     Formula,
     Load,
     Material,
+    PressureLoad,
     RigidMotion,
     Rotation,
     Spring,
@@ -112,6 +113,33 @@ class Shell(Problem):
     def linear(self) -> bool:
         """Whether strains are linearised."""
         return self.theory == "kirchhoff-love-linear"
+
+    @property
+    def following(self) -> tuple[PressureLoad, ...]:
+        """Pressures that follow the deformed shell: none in linear theory, where they are dead loads."""
+        if self.linear:
+            return ()
+        return tuple(load for load in self.loads if isinstance(load, PressureLoad) and load.follows)
+
+    @property
+    def dead(self) -> tuple[Load, ...]:
+        """All other loads."""
+        following = self.following
+        return tuple(load for load in self.loads if load not in following)
+
+    def pressure(self, points: ArrayLike, t: float = 1.0) -> Array:
+        """Return the sum (...) of the pressures that follow the shell at points (..., 2), N/m^2."""
+        xi = np.asarray(points, dtype=float)
+        values = [self.formula(load.value).derivatives(xi, 0, t)[0, 0] for load in self.following]
+        return np.asarray(sum(values, start=np.zeros(xi.shape[:-1])))
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on; see `shellbench.problem.Problem.physics`."""
+        data = super().physics()
+        for load in data["loads"]:
+            if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
+                del load["follows"]
+        return data
 
     @cached_property
     def places(self) -> dict[str, Place]:

@@ -83,6 +83,8 @@ def reason(case: Case) -> str | None:
         return "it holds slopes on edges, where this mesh has no hinges"
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it has moments on edges, where this mesh has no hinges"
+    if case.following:
+        return "its pressure follows the shell, where the loads of this mesh are dead"
     if case.dynamics is None and not case.linear:
         return why_not_by_load(case, case.remove_rigid_motions)
     return None

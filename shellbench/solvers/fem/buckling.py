@@ -29,6 +29,7 @@ from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix, weighted_pr
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.following import TangentFactor
 from shellbench.solvers.fem.mesh import KINDS
 from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
 
@@ -140,7 +141,7 @@ class Buckling:
         """The problem with travelling waves held."""
         return replace(self.problem, holding=True)
 
-    def softest_mode(self, ties: Ties, factor: Factor) -> Array:
+    def softest_mode(self, ties: Ties, factor: TangentFactor) -> Array:
         """Return the mode (nodes, 12) of the least stiffness in magnitude, of unit largest displacement."""
         # Inverse iteration, M-weighted, for the eigenvalue nearest zero. A fixed number of steps will do. In a cluster
         # any mixture of its modes is soft, and only the direction of a push is wanted. The seed is fixed, so that
@@ -273,6 +274,6 @@ def _times(matrix: BlockMatrix, vector: Array) -> Array:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
-def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
+def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])

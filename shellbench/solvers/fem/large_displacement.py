@@ -45,6 +45,10 @@ def declined(case: Case) -> str | None:
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
     loose = free_motions(case)
+    if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it follows a pressure along the deformed normal by load steps before buckling only"
+    if case.following and loose.size:
+        return "it needs supports against all rigid motions where a pressure follows the shell"
     if case.path.quantity is not None and loose.size:
         return f"it needs supports against all rigid motions on a path with control = '{case.path.control}'"
     if loose.size and np.abs(loose[3:]).max() > RIGID:

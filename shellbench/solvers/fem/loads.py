@@ -171,7 +171,9 @@ def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
 
 @dataclass(frozen=True)
 class Loading:
-    """All loads of a case on a mesh; in the non-linear theory all but the moments, which depend on the deformation.
+    """All loads of a case on a mesh; in the non-linear theory only the dead ones.
+
+    Moments and pressures that follow depend on the deformation there: see `EdgeMoment` and `following`.
 
     Attributes
     ----------
@@ -211,7 +213,7 @@ class _Builder:
         self.resultant, self.magnitude = np.zeros((6, states)), np.zeros(6)
 
     def add_area_loads(self, quadrature: Quadrature, states: Sequence[float]) -> None:
-        loads = [load for load in self.case.loads if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
+        loads = [load for load in self.case.dead if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
         if not loads:
             return
         table = tabulate(quadrature.points, (0, 0)).reshape(len(quadrature.points), -1)

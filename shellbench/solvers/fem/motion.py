@@ -56,6 +56,8 @@ def declined(case: Case) -> str | None:
     """Return what in a case in motion fem can't do, as a clause, or None."""
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow moments on edges in time"
+    if case.following:
+        return "its pressures keep the normal of the shell at rest in time"
     for support, place in case.supported_places():
         if support.holds_slope and isinstance(place, Edge):
             return f"it can't follow the clamped or mirrored support '{support.name}' in time"

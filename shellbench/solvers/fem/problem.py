@@ -2,7 +2,7 @@
 
 The unknowns are the scaled degrees of freedom q and, on a path that no load factor marks, the load factor t:
 
-    r(q, t) = f(t) + f_M(q, t) - W'(q) = 0 on what the supports leave free,      c . q + d t = s.
+    r(q, t) = f(t) + f_M(q, t) + f_p(q, t) - W'(q) = 0 on what the supports leave free,      c . q + d t = s.
 
 Newton's method takes the stresses in the geometric part of the tangent from the linear prediction of the step before,
 C (eps(q) + eps'(q) dq), and those of the displacement itself everywhere else (the mixed integration point method:
@@ -28,6 +28,7 @@ from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
@@ -75,7 +76,7 @@ class FiniteState:
     q: Array
     strained: Strained
     angles: tuple[Array, ...]
-    factor: Factor | None
+    factor: TangentFactor | None
     iterations: int = 0
     residuals: tuple[float, ...] = ()
     critical: bool = False
@@ -83,7 +84,10 @@ class FiniteState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy."""
+        """Whether the state is a minimum of the potential energy.
+
+        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        """
         return self.factor is not None and self.factor.negative == self.forgiven
 
     @property
@@ -118,7 +122,7 @@ class Hold:
     negative: bool = False
 
     @classmethod
-    def from_ties(cls, ties: Ties, factor: Factor, row: Array | None) -> Hold:
+    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
         """Hold a direction, if there is one, beside the supports."""
         if row is None:
             return cls(np.zeros(0))
@@ -149,6 +153,8 @@ class FiniteProblem:
         Edge moments of the case.
     clamps
         Clamped edges whose normals turn along them.
+    pressure
+        Pressures that follow the shell, if there are any.
     dissection
         Elimination order of the mesh.
     holding
@@ -161,6 +167,7 @@ class FiniteProblem:
     energy: StrainEnergy
     moments: tuple[EdgeMoment, ...]
     clamps: tuple[FiniteClamp, ...]
+    pressure: FollowingPressure | None
     dissection: Dissection
     holding: bool = False
 
@@ -170,7 +177,8 @@ class FiniteProblem:
         energy = StrainEnergy(mesh, case.surface, case.material, quadrature)
         dissection = Dissection.from_shape(mesh.shape, mesh.domain.periodic)
         moments, clamps = tuple(edge_moments(case, mesh)), tuple(finite_clamps(case, mesh))
-        return cls(case, mesh, quadrature, energy, moments, clamps, dissection)
+        pressure = FollowingPressure(case, energy) if case.following else None
+        return cls(case, mesh, quadrature, energy, moments, clamps, pressure, dissection)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
@@ -194,7 +202,7 @@ class FiniteProblem:
 
     @cached_property
     def loads(self) -> Callable[[float], Array]:
-        """The nodal forces (nodes, 12) of all loads but the moments, at a load factor."""
+        """The nodal forces (nodes, 12) of the dead loads at a load factor."""
 
         def at(t: float) -> Array:
             return Loading.on_mesh(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
@@ -229,6 +237,8 @@ class FiniteProblem:
         total = self.loads(t)
         for moment in self.moments:
             total = total + moment.forces(q, t)
+        if self.pressure is not None:
+            total = total + self.pressure.forces(q, t)
         return total
 
     def forces(self, q: Array, t: float) -> Array:
@@ -248,16 +258,23 @@ class FiniteProblem:
         return total
 
     def potential(self, state: FiniteState) -> float:
-        """Return strain energy less the work of the loads, J."""
+        """Return strain energy less the work of the loads, J; of a pressure that follows, as if it had come dead."""
         work = float(np.sum(self.loads(state.t) * state.q))
+        if self.pressure is not None:
+            work += float(np.sum(self.pressure.forces(state.q, state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
             work += float(moment.moments(state.t) @ angles)
         clamped = sum(clamp.at(state.q, state.t).potential for clamp in self.clamps)
         return state.strained.energy + clamped - work
 
     def tangent(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> BlockMatrix:
-        """Return -dr/dq before the supports are applied, with these stresses in its geometric part."""
+        """Return the symmetric part of -dr/dq, supports not applied, with these stresses in its geometric part.
+
+        Only a pressure that follows has another part; see `_factorised`.
+        """
         matrix = self.energy.tangent(strained, stresses)
+        if self.pressure is not None:
+            self.pressure.add_tangent(matrix, q, t)
         for moment in self.moments:
             moment.add_tangent(matrix, q, t)
         for clamp in self.clamps:
@@ -339,7 +356,7 @@ class FiniteProblem:
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
         # caller instead.
         q, strained, stresses = start.q, start.strained, start.strained.stresses
-        factor: Factor | None = None
+        factor: TangentFactor | None = None
         if np.any(step):
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
@@ -381,7 +398,7 @@ class FiniteProblem:
         raise NotConvergedError
 
     def _bordered(
-        self, ties: Ties, factor: Factor, right: Array, q: Array, t: float, constraint: Constraint
+        self, ties: Ties, factor: TangentFactor, right: Array, q: Array, t: float, constraint: Constraint
     ) -> tuple[Array, float]:
         # Bordering: the matrix [K, -f'; c, d] is neither symmetric nor of the mesh's pattern. Two solves with the
         # factor of K replace it: dq = K^-1 r + dt K^-1 f', with dt from the constraint. At a limit point itself K is
@@ -402,8 +419,12 @@ class FiniteProblem:
         """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
         return self.applied(q, 1.0)
 
-    def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> Factor:
-        return self._reduced_factor(self.ties(t), self.tangent(q, t, strained, stresses))
+    def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> TangentFactor:
+        ties = self.ties(t)
+        symmetric = self._reduced_factor(ties, self.tangent(q, t, strained, stresses))
+        if self.pressure is None:
+            return symmetric
+        return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
 
     def _reduced_factor(self, ties: Ties, matrix: BlockMatrix) -> Factor:
         reduced = ties.reduce(matrix)
@@ -416,7 +437,7 @@ class FiniteProblem:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
 
 
-def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
+def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
     free = ties.to_free(right[..., None])
     return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
 

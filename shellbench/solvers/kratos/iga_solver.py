@@ -105,6 +105,8 @@ def reason(case: Case, part: Part | None = None) -> str | None:
         return "its supports move, and this solver holds them still"
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it has moments on edges, which Kratos' element without rotations does not take"
+    if case.following:
+        return "its pressure follows the shell, where this solver's loads are dead"
     if case.material.bending_factor != 1.0:
         return "its bending stiffness is scaled, and Kratos' element derives it from the thickness"
     part = part or part_of(case)

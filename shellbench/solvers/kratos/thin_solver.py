@@ -122,6 +122,8 @@ def reason(part: Part) -> str | None:
             return f"the edge '{place.name}' is clamped, and its tangent is along no coordinate axis"
         if rotations and support.motion is not None and support.motion.kind != "translation":
             return f"the clamped edge '{place.name}' turns"
+    if case.following:
+        return "its pressure follows the shell, where this solver's loads are dead"
     for load in case.loads:
         if isinstance(load, MomentLoad) and not all(_is_tangent(case, name, load) for name in load.on):
             return "the axis of a moment is not along its edge"

@@ -135,6 +135,8 @@ def reason(case: Case) -> str | None:
         return "it holds slopes on edges, and this cloth has vertices only"
     if any(isinstance(load, EdgeLoad | MomentLoad) for load in case.loads):
         return "it has loads on edges, and this solver knows those on areas and at points"
+    if case.following:
+        return "its pressure follows the shell, where this solver's loads are dead"
     if not 0 <= case.material.poissons_ratio < INCOMPRESSIBLE:
         return "its Poisson's ratio is negative, which the engine refuses"
     return None

@@ -58,7 +58,10 @@ class PathState:
 
     @property
     def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy."""
+        """Whether the state is a minimum of the potential energy.
+
+        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
+        """
         return self.tangent is None or self.tangent.definite
 
 
@@ -112,6 +115,8 @@ def drift(problem: PathProblem, state: PathState) -> Tensor:
 class Tangent:
     """A tangent in the basis of independent fields, factorised; `definite` if it is positive.
 
+    A pressure that follows makes it unsymmetric. Then `definite` speaks of its symmetric part, and `whole` solves.
+
     With `neutral`, it is decomposed into its modes, and those of an eigenvalue of that size are called zero: they make
     no state unstable, and a solution has no part of them.
     """
@@ -129,6 +134,14 @@ class Tangent:
         # Z^T K Z in independent fields that leave the point supports alone: small, dense, and the identity at rest.
         matrix = problem.tangent(deformed, t, weights, geometric)
         self.reduced = self.combine.T @ matrix @ self.combine
+        self.whole: tuple[Tensor, Tensor] | None = None
+        load = problem.load_stiffness(weights, t)
+        if load is not None:
+            # Such a matrix needs LU. Its symmetric part tells whether all steps do positive work.
+            whole = self.reduced - self.combine.T @ load @ self.combine
+            self.reduced = (whole + whole.T) / 2
+            if bool(torch.isfinite(whole).all()):
+                self.whole = torch.linalg.lu_factor(whole)
         if not bool(torch.isfinite(self.reduced).all()):
             raise NotConvergedError
         self.neutral = neutral
@@ -162,6 +175,8 @@ class Tangent:
             stiff = self.values.abs() > self.neutral
             compliance = torch.where(stiff, 1 / self.values, torch.zeros_like(self.values))
             solved = self.vectors @ (compliance[:, None] * (self.vectors.T @ reduced))
+        elif self.whole is not None:
+            solved = torch.linalg.lu_solve(*self.whole, reduced)
         elif self.definite:
             solved = torch.cholesky_solve(reduced, self.factor)
         else:

@@ -59,6 +59,8 @@ def why_not_moved(case: Case) -> str | None:
             return f"it can't tell how far the clamped support '{support.name}' turns"
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it can't follow edge moments in motion"
+    if case.following:
+        return "its pressures keep the normal of the shell at rest in motion"
     return None
 
 

@@ -27,6 +27,7 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.energy import mirrored
 from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Ansatz
+from shellbench.solvers.ndf.following import FollowingPressure
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import EdgeMoment, edge_moments
@@ -181,6 +182,11 @@ class PathProblem:
         return tuple(edge_moments(self.ansatz, self.features, self.rule_spec, self.focal, finite))
 
     @cached_property
+    def pressure(self) -> FollowingPressure | None:
+        """The pressures that follow the shell, if there are any."""
+        return FollowingPressure(self.ansatz.case, self.weights) if self.ansatz.case.following else None
+
+    @cached_property
     def forces(self) -> Callable[[float], tuple[Tensor, float]]:
         """The dead loads at a load factor: a vector (3 M,), and their work on the lift."""
         return lru_cache(maxsize=4)(self._forces)
@@ -279,6 +285,7 @@ class PathProblem:
         # 1. Gradients of u at the points, from output weights and lift; strains, and stresses times area share.
         # 2. Energy, and its gradient by the strains' first variation, pulled back to the output weights.
         # 3. Loads, anchors of loose rigid motions, and moments, whose angles are followed from the state before.
+        # 4. Pressures that follow, whose work is taken as if they had come dead: they have no potential.
         output, ansatz = weights.view(3, -1), self.ansatz_at(t)
         sampled = self.sampled_at(t)
         gradients = sampled.gradients(output, sampled.lift_gradients(ansatz))
@@ -299,13 +306,20 @@ class PathProblem:
             angles.append(moment.angles(slopes, before))
             residual = residual + moment.forces(slopes, t)
             work += float(moment.moments(t) @ angles[-1])
+        if self.pressure is not None:
+            push = self.pressure.push(sampled.points, sampled.undeformed.geometry.tangents, gradients, t)
+            on_weights = sampled.forces(push)
+            residual = residual + on_weights
+            work += float(on_weights @ weights)
+            if ansatz.lift.moves:
+                work += float((push * ansatz.lift.jet(sampled.points, self.features.placement)[VALUE]).sum())
         membrane, bending = energies.tolist()
         return Deformed(membrane, bending, work, residual, strained, conjugate, tuple(angles))
 
     def tangent(
         self, deformed: Deformed, t: float, weights: Tensor | None = None, geometric: Tensor | None = None
     ) -> Tensor:
-        """Return the second variation (3 M, 3 M) of the potential energy.
+        """Return the second variation (3 M, 3 M) of the potential energy, in which pressures that follow have no part.
 
         `geometric` (N, 6) replace its stresses; `weights` are needed where moments act.
         """
@@ -320,6 +334,14 @@ class PathProblem:
                 lift = moment.sampled.lift_gradients(self.ansatz_at(t))
                 moment.add_tangent(total, moment.sampled.gradients(weights.view(3, -1), lift), t)
         return mirrored(total) + self.anchor.T @ self.anchor
+
+    def load_stiffness(self, weights: Tensor, t: float) -> Tensor | None:
+        """Return the derivative (3 M, 3 M) of the forces of pressures that follow, if there are any."""
+        if self.pressure is None:
+            return None
+        sampled = self.sampled_at(t)
+        gradients = sampled.gradients(weights.view(3, -1), sampled.lift_gradients(self.ansatz_at(t)))
+        return self.pressure.tangent(sampled, gradients, t)
 
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""

@@ -66,6 +66,10 @@ def why_not_followed(case: Case) -> str | None:
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
     free = free_motions(case)
+    if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it follows a pressure along the deformed normal by load steps before buckling only"
+    if case.following and free.size:
+        return "it needs supports against all rigid motions where a pressure follows the shell"
     if free.size and np.abs(free[3:]).max() > RIGID:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
         return f"it needs supports against {name} at finite strain"

@@ -208,7 +208,7 @@ def why_not_sampled(case: Case) -> str | None:
     for load in case.loads:
         if load.kind not in ("area", "pressure", "gravity"):
             return f"its functional of motion knows no load of kind '{load.kind}'"
-    return None
+    return "its functional of motion knows no pressure that follows the shell" if case.following else None
 
 
 WINDOW = 100  # last losses whose mean is held against the fine quadrature

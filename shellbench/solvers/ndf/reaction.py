@@ -27,6 +27,7 @@ from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import BATCH
 from shellbench.solvers.ndf.factors import edge_weight
 from shellbench.solvers.ndf.field import Ansatz, Field
+from shellbench.solvers.ndf.following import FollowingPressure
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant, from_derivatives, product
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, edge_rule
 from shellbench.solvers.ndf.sampled import FeatureSet, Sampled
@@ -197,7 +198,11 @@ def edge_reaction(
         density = force_density(case, points, t)
         force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]
         u = field.jet(points)
-        strained = surface.strained(measure, surface.gradients(u))
+        gradients = surface.gradients(u)
+        if case.following:
+            pressure = FollowingPressure(case, placement.tensor(rule.weights[start : start + BATCH]))
+            force = force + pressure.push(points, surface.geometry.tangents, gradients, t)
+        strained = surface.strained(measure, gradients)
         stress = stresses(surface.elasticity(case.material), strained.strains) * weights[:, None]
         conjugate = (stress[:, None] @ strained.variation)[:, 0]
         for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):

@@ -174,6 +174,18 @@ class Sampled:
         on_free = (self.matrix.mT @ force[..., None])[..., 0]
         return (on_free.T @ self.jets[:, VALUE]).reshape(-1)
 
+    def values_by_slopes(self, form: Tensor) -> Tensor:
+        """Return the matrix (3 M, 3 M) of a form (N, 3, 6) that pairs values of u with its slopes u,1 and u,2."""
+        width, count = self.jets.shape[-1], COMPONENTS * self.jets.shape[-1]
+        on_jets = (self.matrix.mT @ form @ self.through[:, : form.shape[-1]]).view(-1, COMPONENTS, COMPONENTS, 6)
+        total = form.new_empty((count, count))
+        for c in range(COMPONENTS):
+            for d in range(COMPONENTS):
+                half = (on_jets[:, c, None, d] @ self.jets)[:, 0]
+                block = total[c * width : (c + 1) * width, d * width : (d + 1) * width]
+                block.copy_(self.jets[:, VALUE].T @ half)
+        return total
+
     def add_form(self, total: Tensor, form: Tensor) -> None:
         """Add the symmetric form (N, 15, 15) of the gradients to a matrix (3 M, 3 M) of the output weights.
 

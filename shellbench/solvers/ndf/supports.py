@@ -128,10 +128,10 @@ BALANCE = (
 
 
 def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
-    """Return the load per reference area (N, 3), N/m^2, at points (N, 2)."""
+    """Return the dead load per reference area (N, 3), N/m^2, at points (N, 2)."""
     xi = np.asarray(points, dtype=float)
     force = np.zeros((len(xi), 3))
-    for load in case.loads:
+    for load in case.dead:
         match load:
             case AreaLoad():
                 force += case.evaluate(load.vector, xi, t)[0, 0]

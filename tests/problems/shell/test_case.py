@@ -69,6 +69,28 @@ def test_the_digest_knows_physics_and_nothing_else():
         assert build_case(changed(change), "plate", "p").digest() != base
 
 
+def test_a_pressure_that_does_not_follow_is_the_one_that_says_nothing():
+    """Records of dead pressures are older than those that follow."""
+
+    def pressed(**more):
+        return build_case(changed(lambda d: d.update(loads=[{"kind": "pressure", "value": "t", **more}])), "plate", "p")
+
+    silent, dead, follows = pressed(), pressed(follows=False), pressed(follows=True)
+    assert "follows" not in silent.physics()["loads"][0]
+    assert silent.digest() == dead.digest() != follows.digest()
+
+
+def test_a_pressure_follows_in_the_non_linear_theory_only():
+    loads = [{"kind": "pressure", "value": "t", "follows": True}, {"kind": "pressure", "value": "2*t*xi1"}]
+    linear = build_case(changed(lambda d: d.update(loads=loads)), "plate", "p")
+    finite = linear.model_copy(update={"theory": "kirchhoff-love-nonlinear"})
+    assert linear.following == ()
+    assert linear.dead == linear.loads
+    assert finite.following == finite.loads[:1]
+    assert finite.dead == finite.loads[1:]
+    assert np.allclose(finite.pressure([[1.0, 2.0], [3.0, 4.0]], 0.5), 0.5)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

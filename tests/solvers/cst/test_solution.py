@@ -162,6 +162,7 @@ CRITICAL = {"name": "critical", "kind": "critical_point", "primary": True}
     [
         ({"supports": [CLAMP]}, "holds slopes"),
         ({"loads": [MOMENT]}, "moments on edges"),
+        (LARGE | {"loads": [{"kind": "pressure", "value": "t", "follows": True}]}, "pressure follows"),
         (LARGE | {"quantities": [CRITICAL]}, "buckling or turning points"),
         (
             LARGE | {"quantities": [DISPLACED], "path": {"control": "displacement", "quantity": "middle", "until": 0.1}},

@@ -194,6 +194,7 @@ def nonlinear(**changes):
         (lambda: known("napkin_corner"), "Newton's law"),
         (lambda: known("rolled_plate"), "whole surface"),
         (lambda: known("cantilever_moment"), "moments"),
+        (lambda: known("cantilever_pressure"), "pressure follows"),
         (lambda: known("hinged_roof_thin"), "arc length"),
         (lambda: known("sleeve_compression"), "move"),
         (lambda: plate(material=STEEL | {"bending_factor": 0.5}), "bending stiffness"),

@@ -211,6 +211,10 @@ def test_a_path_that_is_too_much_for_newton_keeps_what_it_reached():
             ),
             "'xi2_min' is clamped",
         ),
+        (
+            cantilever(theory="kirchhoff-love-nonlinear", loads=[{"kind": "pressure", "value": "t", "follows": True}]),
+            "pressure follows",
+        ),
         (cantilever(loads=[{"kind": "moment", "on": ["xi1_max"], "axis": [1, 0, 0], "value": 1}]), "along its edge"),
         (
             cantilever(

@@ -226,6 +226,7 @@ EDGE = {"name": "edge", "on": ["xi1_min"]}
     (cloth(supports=[EDGE | {"clamped": True}]), "holds slopes"),
     (cloth(loads=[{"kind": "edge", "on": ["xi1_min"], "vector": [0, 0, 1]}]), "loads on edges"),
     (cloth(loads=[{"kind": "moment", "on": ["xi1_min"], "axis": [0, 1, 0], "value": 1}]), "loads on edges"),
+    (cloth(loads=[{"kind": "pressure", "value": 1, "follows": True}]), "pressure follows"),
     (cloth(material=CLOTH | {"poissons_ratio": -0.1}), "Poisson's ratio"),
 ])  # fmt: skip
 def test_declines(case, reason):

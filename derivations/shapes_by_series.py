@@ -1,0 +1,53 @@
+"""The cases of the suite `shapes` that closed forms and series answer: what judges each, and its second form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
+from .estimate import Estimate
+from .goursat_plate import by_goursat
+from .oval_tube import oval_tube, oval_tube_by_exponentials
+from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
+from .pressed_motion import pressed_motion, pressed_motion_of_splines
+from .rhombic_elements import by_elements
+from .rhombic_plate import by_corners
+from .rigid_turn import (
+    rigid_turn_about_point,
+    rigid_turn_by_edge,
+    rigid_turn_by_exponential,
+    small_turn_by_generator,
+)
+from .ring_twist import ring_twist, ring_twist_by_ritz
+
+Values = Callable[[], dict[str, Estimate]]
+
+JUDGES: dict[str, Values] = {
+    "clamped_plate_uniform": partial(by_ritz, clamped_plate_uniform()),
+    "clamped_plate_point": partial(by_ritz, clamped_plate_point()),
+    "plate_2_1_uniform": partial(by_levy, plate_2_1_uniform()),
+    "plate_2_1_point": partial(by_levy, plate_2_1_point()),
+    "strip_plate_1_50": partial(by_levy, strip_plate_1_50()),
+    "rhombic_plate_60": partial(by_corners, 60.0),
+    "rhombic_plate_30": partial(by_corners, 30.0),
+    "ring_twist": ring_twist,
+    "oval_tube": oval_tube,
+    "rigid_turn_about_point": rigid_turn_about_point,
+    "rigid_turn_by_edge": rigid_turn_by_edge,
+    "pressed_motion": pressed_motion,
+}
+SECOND_FORMS: dict[str, Values] = {
+    "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
+    "clamped_plate_point": partial(by_goursat, clamped_plate_point()),
+    "plate_2_1_uniform": partial(by_navier, plate_2_1_uniform()),
+    "plate_2_1_point": partial(by_navier, plate_2_1_point()),
+    "strip_plate_1_50": partial(by_navier, strip_plate_1_50(), 200),
+    "rhombic_plate_60": partial(by_elements, 60.0),
+    "rhombic_plate_30": partial(by_elements, 30.0),
+    "ring_twist": ring_twist_by_ritz,
+    "oval_tube": oval_tube_by_exponentials,
+    "rigid_turn_about_point": rigid_turn_by_exponential,
+    "rigid_turn_by_edge": small_turn_by_generator,
+    "pressed_motion": pressed_motion_of_splines,  # half a minute
+}

@@ -1,0 +1,104 @@
+"""A solver that no tolerance is frozen for is judged all the same: by classes, on every figure that a value judges."""
+
+from pathlib import Path
+
+import pytest
+
+from shellbench.bench.classes import BLUNT, CLASSES, LOOSEST, grades, judged_by_class
+from shellbench.bench.compare import rows
+from shellbench.bench.expected import Scope
+from shellbench.bench.gate import Verdict, gate
+from shellbench.bench.lock import write_lock
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.bench.verdicts import as_text
+from shellbench.errors import InputError
+from tests.bench.conftest import forget, tolerances_of
+from tests.bench.running import run
+from tests.bench.test_gate import scaled
+
+
+@pytest.fixture
+def strangers(full: Store) -> Store:
+    """The runs of the toys, of which no tolerance is frozen for `toy-noisy`."""
+    tolerances_of("toy-noisy").unlink()
+    forget()
+    write_lock()
+    return full
+
+
+def judged(store: Store, *suites: str) -> Verdict:
+    return gate(store, None, Scope(suites, ("toy-noisy",)))
+
+
+def figure(error: float, uncertainty: float = 0.0, reference: float = 2.0, **more: object) -> Row:
+    """Return a row of a stranger's answer to the plate."""
+    about = {"case": "square_plate", "suite": None, "solver": "mine", "settings": {}, "seed": None, "quantity": "q"}
+    value = reference * (1 + error)
+    found = {"value": value, "reference": reference, "relative_error": error, "absolute_error": value - reference}
+    return Row.model_validate(
+        about
+        | {"primary": True, "at": None, "status": "ok", "unit": "m", "reference_uncertainty": uncertainty}
+        | found
+        | more
+    )
+
+
+@pytest.mark.parametrize("suites", [(), ("toys",)])
+def test_a_stranger_that_is_right_has_a_class(strangers: Store, suites: tuple[str, ...]) -> None:
+    verdict = judged(strangers, *suites)
+    assert verdict.good()
+    (grade,) = verdict.grades
+    assert (grade.solver, grade.held, grade.cases) == ("toy-noisy", CLASSES[0], 1)
+    assert "class: toy-noisy holds class 0.0001" in as_text(verdict, "none")
+
+
+@pytest.mark.parametrize(("error", "held"), [(5e-4, 1e-3), (5e-3, 1e-2), (5e-2, None)])
+def test_its_worst_figure_decides(strangers: Store, error: float, held: float | None) -> None:
+    scaled(strangers, "toy-noisy", 1 + error)
+    verdict = judged(strangers)
+    assert verdict.grades[0].held == held
+    assert verdict.good() == (held is not None)
+
+
+def test_who_declines_everything_is_not_judged(toys: Path, store: Store) -> None:
+    run(store, "strip", solvers=("toy",))
+    with pytest.raises(InputError, match="of solver 'falling': it declines every case"):
+        gate(store, None, Scope(("toys",), ("falling",)))
+
+
+def test_it_owes_an_answer_to_every_case_of_a_suite_that_is_asked(strangers: Store) -> None:
+    """No record is red, and no silence."""
+    for record in strangers.read().records:
+        if record.identity.solver == "toy-noisy":
+            (strangers.folder / f"{record.run_id}.json").unlink()
+    verdict = judged(strangers, "toys")
+    assert {finding.colour for finding in verdict.accuracy} == {"red"}
+    assert verdict.grades[0].held is None
+
+
+def test_ours_are_not_judged_by_class(full: Store) -> None:
+    assert gate(full, None, Scope()).grades == ()
+    assert {row.tolerance for row in rows(full) if row.gated} != {LOOSEST}
+
+
+def test_an_error_within_the_uncertainty_is_held_against_nobody() -> None:
+    blunt = figure(0.05, uncertainty=0.05 * 2.0 / BLUNT * 1.01)
+    assert judged_by_class(blunt).passed
+    assert not judged_by_class(figure(0.05)).passed
+
+
+def test_an_error_near_zero_is_held_against_the_largest_value_of_its_unit() -> None:
+    """The plate's largest known displacement is .4875 m: 1e-2 of it is 4.9 mm."""
+    near_zero = {"relative_error": None, "tolerance_is_absolute": True, "reference": 0.0}
+    assert judged_by_class(figure(0.0, **near_zero | {"value": 4e-3, "absolute_error": 4e-3})).passed
+    assert not judged_by_class(figure(0.0, **near_zero | {"value": 6e-3, "absolute_error": 6e-3})).passed
+
+
+def test_what_it_declines_is_said_and_not_counted() -> None:
+    good, declined = figure(1e-5), figure(0.0, status="declined", value=None, relative_error=None, case="scordelis_lo")
+    (grade,) = grades([good, declined], ["mine"])
+    assert grade.held == CLASSES[0]
+    assert str(grade).endswith("it declines scordelis_lo")
+    (grade,) = grades([declined], ["mine"])
+    assert grade.held is None
