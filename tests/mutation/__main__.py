@@ -10,6 +10,7 @@ from pathlib import Path
 
 
 def main() -> None:
+    from tests.mutation.report import PAGE, add, excuses, page, summary
     from tests.mutation.schedule import examined
     from tests.mutation.targets import TARGETS
 
@@ -23,9 +24,15 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=Path("reports/mutation"), help="folder of what is kept")
     chosen = parser.parse_args()
     say = partial(print, file=sys.stderr, flush=True)
-    for name in chosen.target or TARGETS:
-        limits = chosen.longest, chosen.patience, chosen.processes
+    limits = chosen.longest, chosen.patience, chosen.processes
+    runs = [
         examined(TARGETS[name], chosen.seed, chosen.count, chosen.store, *limits, say)
+        for name in chosen.target or TARGETS
+    ]
+    said = excuses()
+    PAGE.write_text(page(add(runs), said), encoding="utf-8")
+    for name, (drawn, red, equivalent, holes) in summary(runs, said):
+        say(f"{name}: {red} of {drawn} red, {equivalent} equivalent, {holes} survive without an excuse")
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from tests.mutation.loader import plant
 from tests.mutation.targets import ROOT
 
 MOST_MEMORY = 12 * 2**30  # bytes that an exam may ask for: a mutant can want any number
+VALUE, FAILED, DECLINED, CRASH, TIME = "value", "failed run", "declined", "crash", "time limit"  # why a row is red
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -78,7 +79,7 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
                 start = time.perf_counter()
                 red = first_red(question)
             except BaseException as error:  # whatever a mutant does is about the mutant, an exit too
-                red = f"{type(error).__name__}: {error}"
+                red = f"{CRASH}: {type(error).__name__}: {error}"
         reached = {module: sorted(rows) for module, rows in lines.items()}
         answers.send(Answered(question, " ".join(red.split())[:200], time.perf_counter() - start, reached))
         if red:
@@ -104,14 +105,19 @@ def first_red(question: Question) -> str:
         store = Store(Path(folder))
         plan = make_plan(Request((question.case,), (), (question.solver,), {}, (0,)), store.read())
         if not plan.tasks:
-            return f"declined: {plan.declined[0].reason}" if plan.declined else "nothing was planned"
+            return f"{DECLINED}: {plan.declined[0].reason}" if plan.declined else f"{CRASH}: nothing was planned"
         for task in plan.tasks:
             store.commit(place := store.begin(task.run_id), run(task, place, lambda _: None))
         findings = gates.gate(store, None, Scope((), (question.solver,), (0,))).accuracy
     judged = [finding for finding in findings if finding.row.case == question.case]
     if not judged:
-        return "no row"
-    return next((f"{f.row.quantity}: {f.reason or f.colour}" for f in judged if f.colour == "red"), "")
+        return f"{FAILED}: no row is judged"
+    return next((_told(finding) for finding in judged if finding.colour == "red"), "")
+
+
+def _told(finding: Any) -> str:
+    """Say whether a value is wrong or the run has failed, and why."""
+    return f"{VALUE if finding.row.status == 'ok' else FAILED}: {finding.row.quantity}: {finding.sentence}"
 
 
 @cache

@@ -21,15 +21,15 @@ from pathlib import Path
 from typing import Any
 
 from tests.mutation.draw import Mutant, all_mutants, draw
-from tests.mutation.exam import Answered, Question, examine
-from tests.mutation.targets import ROOT, Target, file_of
+from tests.mutation.exam import CRASH, TIME, Answered, Question, examine
+from tests.mutation.targets import ROOT, TARGETS, Target, file_of
 
 SUITES = ("obstacle_course", "verification", "variants", "shapes", "nonlinear", "cloth")
 LIBRARIES = ("numpy", "scipy.sparse.linalg", "scipy.interpolate", "scipy.optimize", "scipy.special", "skfem", "torch")
 LIBRARIES += ("pydantic", "safetensors.numpy", "psutil", "threadpoolctl")
-LONGER = 10.0  # times as long as the code as it is: a mutant that takes more is red
-LEAST_LIMIT = 30.0  # s, so that a busy machine is not taken for a mutant
-IMPORTS = 120.0  # s that the start of a process may take
+LONGER = 5.0  # times as long as the code as it is while its lines are noted, which takes twice as long: else red
+LEAST_LIMIT = 20.0  # s, so that a busy machine is not taken for a mutant
+IMPORTS = 40.0  # s that the start of a process may take
 
 Say = Callable[[str], None]
 
@@ -64,7 +64,7 @@ def examined(
         Seconds that the code as it is takes for the cases that are asked of one mutant.
     """
     everything = all_mutants(target.modules())
-    exam = [reach for solver in target.solvers for reach in reaches(solver, target, folder, longest, processes, say)]
+    exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, processes, say)]
     exam = _in_order(exam)
     reached = [mutant for mutant in everything if any(reach.runs(mutant) for reach in exam)]
     drawn = draw(reached, seed, count)
@@ -94,18 +94,18 @@ def examined(
     }
 
 
-def reaches(solver: str, target: Target, folder: Path, longest: float, processes: int, say: Say) -> list[Reach]:
-    """Return what the code as it is reaches in each case that it answers in green within `longest` seconds."""
-    modules = target.modules()
+def reaches(solver: str, folder: Path, longest: float, processes: int, say: Say) -> list[Reach]:
+    """Return what the code as it is reaches in each case that it answers in green within about `longest` seconds."""
+    modules = sorted({name for target in TARGETS.values() if solver in target.solvers for name in target.modules()})
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"reach-{target.name}-{solver}-{_digest(modules)}.jsonl"
+    path = folder / f"reach-{solver}-{_digest(modules)}.jsonl"
     known = {entry["case"]: entry for entry in _lines(path)}
     waiting = [case for case in _cases(solver, longest) if case not in known]
 
     def asked(case: str) -> dict[str, Any]:
         question = Question(solver, case)
-        # Tracing, and a busy machine, may take some times as long.
-        answers, why = _answers(None, [question], modules, lambda _: 4 * longest + LEAST_LIMIT)
+        # Noting lines, and a busy machine, may take some times as long.
+        answers, why = _answers(None, [question], modules, lambda _: 3 * longest + LEAST_LIMIT)
         if not answers:
             return {"case": case, "red": why, "seconds": 0.0, "lines": {}}
         (answer,) = answers
@@ -196,12 +196,12 @@ def _answers(
         while len(answers) < len(questions) and not (answers and answers[-1].red):
             patience = limit(questions[len(answers)]) + (0.0 if answers else IMPORTS)
             if not here.poll(patience):
-                why = "time limit"
+                why = f"{TIME}: more than {patience:.0f} s"
                 break
             answers.append(here.recv())
     except EOFError:
         process.join(IMPORTS)
-        why = f"crash: exit {process.exitcode}"
+        why = f"{CRASH}: exit {process.exitcode}"
     finally:
         here.close()
         if process.is_alive():
