@@ -184,6 +184,7 @@ def entry(name: str, red: str) -> dict[str, Any]:
 RUN = {
     "target": "fem",
     "seed": 1,
+    "patience": 60.0,
     "cases": ["fem a"],
     "mutants": 9,
     "reached": 5,

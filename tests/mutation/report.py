@@ -130,6 +130,7 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             PREFACE,
             "## The score\n",
             *_table("draw", summary(runs, said)),
+            *_limits(runs),
             "\nA score is the share of red mutants among those that are not equivalent. A survivor without a verdict counts as a hole.\n",
             "## Why mutants are red\n",
             *_why_red(runs),
@@ -157,6 +158,14 @@ def _table(what: str, scores: Iterable[tuple[str, Score]]) -> Iterator[str]:
     for name, s in scores:
         share = "" if s.share is None else f"{100 * s.share:.0f} %"
         yield f"| {name} | {s.drawn} | {s.red} | {s.equivalent} | {s.holes} | {share} |"
+
+
+def _limits(runs: Sequence[Entry]) -> Iterator[str]:
+    """Yield what an exam was made of, where it was not all that there is."""
+    yield ""
+    for run in runs:
+        ends = "" if run["patience"] is None else f", of which a mutant is asked as many as take {run['patience']:g} s"
+        yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
 
 
 def _grouped(entries: Sequence[Entry], said: Mapping[Key, Excuse], by: Any) -> Iterator[tuple[str, Score]]:

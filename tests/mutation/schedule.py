@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import multiprocessing
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -86,6 +87,8 @@ def examined(
     return {
         "target": target.name,
         "seed": seed,
+        "longest": longest,
+        "patience": patience if math.isfinite(patience) else None,
         "cases": [f"{r.question.solver} {r.question.case}" for r in exam],
         "mutants": len(everything),
         "reached": len(reached),
