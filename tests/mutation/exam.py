@@ -45,7 +45,7 @@ class Answered:
     red
         The first red row in words; empty if all are green.
     seconds
-        What it took with its judging.
+        Of the processor that it took with its judging: how busy a machine is does not count.
     reached
         Lines that ran, by module, if they were asked for.
     """
@@ -70,18 +70,18 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
     if mutant is not None:
         plant(mutant)
     for question in questions:
-        start = time.perf_counter()
+        start = time.process_time()
         with _noted(modules) as lines:
             try:
                 import shellbench.bench.gate
                 import shellbench.problems.shell.kind  # noqa: F401
 
-                start = time.perf_counter()
+                start = time.process_time()
                 red = first_red(question)
             except BaseException as error:  # whatever a mutant does is about the mutant, an exit too
                 red = f"{CRASH}: {type(error).__name__}: {error}"
         reached = {module: sorted(rows) for module, rows in lines.items()}
-        answers.send(Answered(question, " ".join(red.split())[:200], time.perf_counter() - start, reached))
+        answers.send(Answered(question, " ".join(red.split())[:200], time.process_time() - start, reached))
         if red:
             break
     answers.close()

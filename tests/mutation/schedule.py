@@ -9,17 +9,22 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import math
 import multiprocessing
+import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import accumulate
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
+
+import psutil
 
 from tests.mutation.draw import Mutant, all_mutants, draw
 from tests.mutation.exam import CRASH, TIME, Answered, Question, examine
@@ -29,7 +34,9 @@ SUITES = ("obstacle_course", "verification", "variants", "shapes", "nonlinear", 
 LIBRARIES = ("numpy", "scipy.sparse.linalg", "scipy.interpolate", "scipy.optimize", "scipy.special", "skfem", "torch")
 LIBRARIES += ("pydantic", "safetensors.numpy", "psutil", "threadpoolctl")
 LONGER = 5.0  # times as long as the code as it is while its lines are noted, which takes twice as long: else red
-LEAST_LIMIT = 20.0  # s, so that a busy machine is not taken for a mutant
+LEAST_LIMIT = 20.0  # s, of the processor, for caches and imports
+IDLE = 20.0  # times as long by the clock as by the processor: a process that waits for ever
+LOOK = 1.0  # s between two looks at what a process has taken
 IMPORTS = 40.0  # s that the start of a process may take
 
 Say = Callable[[str], None]
@@ -197,9 +204,9 @@ def _answers(
     why = ""
     try:
         while len(answers) < len(questions) and not (answers and answers[-1].red):
-            patience = limit(questions[len(answers)]) + (0.0 if answers else IMPORTS)
-            if not here.poll(patience):
-                why = f"{TIME}: more than {patience:.0f} s"
+            allowed = limit(questions[len(answers)]) + (0.0 if answers else IMPORTS)
+            if not _waited(here, process.pid, allowed):
+                why = f"{TIME}: more than {allowed:.0f} s"
                 break
             answers.append(here.recv())
     except EOFError:
@@ -211,6 +218,21 @@ def _answers(
             process.kill()
         process.join()
     return answers, why
+
+
+def _waited(answers: Connection, pid: int, allowed: float) -> bool:
+    """Wait for an answer as long as the process has not taken so many seconds of its processor more; return whether."""
+    # A process that waits for nothing takes none: the clock ends that, much later.
+    process, start, begin = None, 0.0, time.monotonic()
+    with contextlib.suppress(psutil.NoSuchProcess):  # it has ended: its last words may be there
+        process = psutil.Process(pid)
+        start = sum(process.cpu_times()[:2])
+        while not answers.poll(LOOK):
+            taken = sum(process.cpu_times()[:2]) - start
+            if taken > allowed or time.monotonic() - begin > IDLE * allowed:
+                return False
+        return True
+    return answers.poll(IMPORTS)
 
 
 def _context() -> Any:
