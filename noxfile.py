@@ -225,6 +225,16 @@ def long(session: nox.Session) -> None:
 
 
 @nox.session
+def mutation(session: nox.Session) -> None:
+    """Examine the exam: put mutants of our solvers through the gate, and write docs/mutation.md. Takes hours.
+
+    `-- --seed 1 --count 300 --solver fem`: which of them. What was examined is kept in reports/mutation.
+    """
+    install(session, "test")
+    session.run("python", "-m", "tests.mutation", *session.posargs)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Measure costs side by side in one run: ratios are what counts."""
     install(session, "test")

@@ -1,0 +1,177 @@
+"""One exam in a process of its own: cases are solved, recorded and judged as a stranger's are, until a row is red.
+
+Nothing here imports shellbench before a mutant is planted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from tests.mutation.draw import Mutant
+from tests.mutation.loader import plant
+from tests.mutation.targets import ROOT
+
+MOST_MEMORY = 12 * 2**30  # bytes that an exam may ask for: a mutant can want any number
+VALUE, FAILED, DECLINED, CRASH, TIME = "value", "failed run", "declined", "crash", "time limit"  # why a row is red
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@dataclass(frozen=True)
+class Question:
+    """A case for a solver."""
+
+    solver: str
+    case: str
+
+
+@dataclass(frozen=True)
+class Answered:
+    """What came of a question.
+
+    Attributes
+    ----------
+    red
+        The first red row in words; empty if all are green.
+    seconds
+        Of the processor that it took with its judging: how busy a machine is does not count.
+    reached
+        Lines that ran, by module, if they were asked for.
+    """
+
+    question: Question
+    red: str
+    seconds: float
+    reached: dict[str, list[int]] = field(default_factory=dict)
+
+
+def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Sequence[str], answers: Connection) -> None:
+    """Put questions until one is red, and send what comes of each.
+
+    Parameters
+    ----------
+    mutant
+        What is examined; None for the code as it is.
+    modules
+        Modules whose lines are to be noted; none for no lines.
+    """
+    _prepare()
+    if mutant is not None:
+        plant(mutant)
+    for question in questions:
+        start = time.process_time()
+        with _noted(modules) as lines:
+            try:
+                import shellbench.bench.gate
+                import shellbench.problems.shell.kind  # noqa: F401
+
+                start = time.process_time()
+                red = first_red(question)
+            except BaseException as error:  # whatever a mutant does is about the mutant, an exit too
+                red = f"{CRASH}: {type(error).__name__}: {error}"
+        reached = {module: sorted(rows) for module, rows in lines.items()}
+        answers.send(Answered(question, " ".join(red.split())[:200], time.process_time() - start, reached))
+        if red:
+            break
+    answers.close()
+
+
+def first_red(question: Question) -> str:
+    """Return the first red row of the accuracy gate in words, empty if all are green.
+
+    The lock is not asked: it notices that a question changed, whatever a solver answers, and would examine nothing.
+    """
+    from shellbench.bench import gate as gates
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.lock import LockCheck
+    from shellbench.bench.plan import Request, make_plan
+    from shellbench.bench.store import Store
+    from shellbench.bench.worker import run
+
+    _digest_once()
+    gates.check_lock = lambda: LockCheck(0, 0)
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        plan = make_plan(Request((question.case,), (), (question.solver,), {}, (0,)), store.read())
+        if not plan.tasks:
+            return f"{DECLINED}: {plan.declined[0].reason}" if plan.declined else f"{CRASH}: nothing was planned"
+        for task in plan.tasks:
+            store.commit(place := store.begin(task.run_id), run(task, place, lambda _: None))
+        findings = gates.gate(store, None, Scope((), (question.solver,), (0,))).accuracy
+    judged = [finding for finding in findings if finding.row.case == question.case]
+    if not judged:
+        return f"{FAILED}: no row is judged"
+    return next((_told(finding) for finding in judged if finding.colour == "red"), "")
+
+
+def _told(finding: Any) -> str:
+    """Say whether a value is wrong or the run has failed, and why."""
+    return f"{VALUE if finding.row.status == 'ok' else FAILED}: {finding.row.quantity}: {finding.sentence}"
+
+
+@cache
+def _digest_once() -> None:
+    """Digest the source, and look for solvers, once a process: no file changes while it lives."""
+    from shellbench.bench import classes, current, gate, identity, registry, worker
+
+    for name, modules in (
+        ("current_source", (identity, current, worker)),
+        ("solver_entries", (registry, classes, current, gate)),
+    ):
+        kept = cache(getattr(modules[0], name))
+        for module in modules:
+            setattr(module, name, kept)
+
+
+def _prepare() -> None:
+    """Be quiet, modest, and at the root of the tree."""
+    for variable in ONE_THREAD:
+        os.environ[variable] = "1"
+    os.chdir(ROOT)
+    silent = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(silent, 1)
+    os.dup2(silent, 2)
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+
+
+@contextlib.contextmanager
+def _noted(modules: Sequence[str]) -> Iterator[dict[str, set[int]]]:
+    """Note which lines of modules run."""
+    lines: dict[str, set[int]] = {module: set() for module in modules}
+    if not modules:
+        yield lines
+        return
+    files = {str(ROOT.joinpath(*module.split("."))) + ".py": rows for module, rows in lines.items()}
+    within: dict[str, Callable[..., Any]] = {}
+    for name, rows in files.items():
+
+        def local(frame: FrameType, event: str, _: Any, rows: set[int] = rows) -> Any:
+            rows.add(frame.f_lineno)
+            return within[frame.f_code.co_filename]
+
+        within[name] = local
+
+    def called(frame: FrameType, event: str, _: Any) -> Any:
+        return within.get(frame.f_code.co_filename)
+
+    sys.settrace(called)
+    threading.settrace(called)
+    try:
+        yield lines
+    finally:
+        sys.settrace(None)
+        threading.settrace(None)  # type: ignore[arg-type]

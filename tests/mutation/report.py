@@ -1,0 +1,254 @@
+"""What came of the mutants: the score by target, module and rule, the survivors with a person's verdict, and a page.
+
+python -m tests.mutation.report        write docs/mutation.md from reports/mutation.json again
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from tests.mutation.draw import all_mutants
+from tests.mutation.exam import CRASH, DECLINED, FAILED, TIME, VALUE
+from tests.mutation.targets import ROOT, TARGETS
+
+RESULT = ROOT / "reports" / "mutation.json"
+EXCUSED = Path(__file__).with_name("excused.toml")
+PAGE = ROOT / "docs" / "mutation.md"
+VERDICTS = ("equivalent", "hole")
+WHY_RED = (VALUE, FAILED, DECLINED, CRASH, TIME)
+KEPT_OF_RED = 60  # characters of the red row that are kept
+SHOWN = 150  # characters of a change on the page
+
+Entry = Mapping[str, Any]
+Key = tuple[str, str, str, str]
+
+
+class Excuse(NamedTuple):
+    """What a person says of a survivor."""
+
+    verdict: str
+    reason: str
+
+
+class Score(NamedTuple):
+    """How many of some mutants are red, and what the others are."""
+
+    drawn: int
+    red: int
+    equivalent: int
+    holes: int
+
+    @property
+    def share(self) -> float | None:
+        """The red ones among those that are not equivalent; None if there are none of these."""
+        judged = self.drawn - self.equivalent
+        return self.red / judged if judged else None
+
+
+def excuses(path: Path = EXCUSED) -> dict[Key, Excuse]:
+    """Return the verdicts of people on survivors.
+
+    Raises
+    ------
+    ValueError
+        If one is neither of `VERDICTS`, gives no reason, or stands there twice.
+    """
+    found: dict[Key, Excuse] = {}
+    for number, entry in enumerate(tomllib.loads(path.read_text(encoding="utf-8")).get("survivors", ())):
+        key = (entry["module"], entry["rule"], entry["statement"], entry["becomes"])
+        if entry["verdict"] not in VERDICTS or not entry["reason"].strip():
+            raise ValueError(
+                f"{path.name}: survivor {number}: found {entry['verdict']!r}, allowed with a reason: {VERDICTS}"
+            )
+        if key in found:
+            raise ValueError(f"{path.name}: survivor {number} stands there twice: {key}")
+        found[key] = Excuse(entry["verdict"], " ".join(entry["reason"].split()))
+    return found
+
+
+def key_of(entry: Entry) -> Key:
+    """Return what an excuse of a survivor is keyed by."""
+    return entry["module"], entry["rule"], entry["statement"], entry["becomes"]
+
+
+def kept(run: Entry) -> dict[str, Any]:
+    """Return a run as it is committed: the statements of survivors only."""
+    results = []
+    for entry in run["results"]:
+        short = {name: value for name, value in entry.items() if name not in {"statement", "becomes", "seconds"}}
+        if entry["red"]:
+            results.append(short | {"red": entry["red"][:KEPT_OF_RED]})
+        else:
+            results.append(short | {"statement": entry["statement"], "becomes": entry["becomes"]})
+    return {**run, "results": results}
+
+
+def add(runs: Iterable[Entry], path: Path = RESULT) -> list[Entry]:
+    """Put runs into the committed file, in place of those of the same target and seed; return all."""
+    by_name = {(run["target"], run["seed"]): run for run in [*read_runs(path), *map(kept, runs)]}
+    every = [by_name[name] for name in sorted(by_name)]
+    lines = ",\n".join(_compact(run) for run in every)
+    path.write_text(f'{{"schema_version": 1, "runs": [\n{lines}\n]}}\n', encoding="utf-8")
+    return every
+
+
+def read_runs(path: Path = RESULT) -> list[Entry]:
+    """Return the runs of the committed file, none if it is not there."""
+    return json.loads(path.read_text(encoding="utf-8"))["runs"] if path.is_file() else []
+
+
+def _compact(run: Entry) -> str:
+    """Return a run as JSON with one line a mutant."""
+    head = json.dumps({name: value for name, value in run.items() if name != "results"})[:-1]
+    return head + ', "results": [\n' + ",\n".join(map(json.dumps, run["results"])) + "\n]}"
+
+
+def score(results: Sequence[Entry], said: Mapping[Key, Excuse]) -> Score:
+    """Count."""
+    green = [entry for entry in results if not entry["red"]]
+    equivalent = sum(said[key_of(entry)].verdict == "equivalent" for entry in green if key_of(entry) in said)
+    return Score(len(results), len(results) - len(green), equivalent, len(green) - equivalent)
+
+
+def summary(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[tuple[str, Score]]:
+    """Yield the score of each run: target and seed."""
+    for run in runs:
+        yield f"{run['target']}, seed {run['seed']}", score(run["results"], said)
+
+
+def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
+    """Return the page."""
+    every = [entry for run in runs for entry in run["results"]]
+    green = {entry["name"]: entry for entry in every if not entry["red"]}.values()
+    return "\n".join(
+        [
+            PREFACE,
+            "## The score\n",
+            *_table("draw", summary(runs, said)),
+            *_limits(runs),
+            "\nA score is the share of red mutants among those that are not equivalent. A survivor without a verdict counts as a hole.\n",
+            "## Why mutants are red\n",
+            *_why_red(runs),
+            "\n## By module\n",
+            *_table("module", _grouped(every, said, lambda entry: entry["module"].removeprefix("shellbench."))),
+            "\n## By rule\n",
+            *_table("rule", _grouped(every, said, lambda entry: entry["rule"])),
+            "\n## Holes\n",
+            "No case of the exam tells these mutants from the code as it is, and they are not equivalent.\n",
+            *_survivors([e for e in green if key_of(e) not in said or said[key_of(e)].verdict == "hole"], said),
+            "\n## Equivalent mutants\n",
+            "These answer as the code does, for the reason given.\n",
+            *_survivors([e for e in green if key_of(e) in said and said[key_of(e)].verdict == "equivalent"], said),
+            "\n## Not reached by the exam\n",
+            "No case that is asked runs these statements: no mutants of them are drawn, and the score says nothing of them.\n",
+            *_not_reached(runs),
+            "",
+        ]
+    )
+
+
+def _table(what: str, scores: Iterable[tuple[str, Score]]) -> Iterator[str]:
+    yield f"| {what} | mutants | red | equivalent | holes | score |"
+    yield "|---|--:|--:|--:|--:|--:|"
+    for name, s in scores:
+        share = "" if s.share is None else f"{100 * s.share:.0f} %"
+        yield f"| {name} | {s.drawn} | {s.red} | {s.equivalent} | {s.holes} | {share} |"
+
+
+def _limits(runs: Sequence[Entry]) -> Iterator[str]:
+    """Yield what an exam was made of, where it was not all that there is."""
+    yield ""
+    for run in runs:
+        ends = "" if run["patience"] is None else f", of which a mutant is asked as many as take {run['patience']:g} s"
+        yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
+
+
+def _grouped(entries: Sequence[Entry], said: Mapping[Key, Excuse], by: Any) -> Iterator[tuple[str, Score]]:
+    groups: dict[str, list[Entry]] = {}
+    for entry in entries:
+        groups.setdefault(by(entry), []).append(entry)
+    for name in sorted(groups):
+        yield name, score(groups[name], said)
+
+
+def _why_red(runs: Sequence[Entry]) -> Iterator[str]:
+    yield f"| draw | {' | '.join(WHY_RED)} | by the first case |"
+    yield "|---" + "|--:" * (len(WHY_RED) + 1) + "|"
+    for run in runs:
+        red = [entry for entry in run["results"] if entry["red"]]
+        count = Counter(next((why for why in WHY_RED if entry["red"].startswith(why)), CRASH) for entry in red)
+        figures = " | ".join(str(count[why]) for why in WHY_RED)
+        yield f"| {run['target']}, seed {run['seed']} | {figures} | {sum(e['asked'] == 1 for e in red)} |"
+
+
+def _survivors(entries: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[str]:
+    if not entries:
+        yield "None."
+    for entry in sorted(entries, key=lambda e: (e["module"], e["line"])):
+        place = f"`{entry['module'].removeprefix('shellbench.').replace('.', '/')}.py:{entry['line']}`"
+        reason = said[key_of(entry)].reason if key_of(entry) in said else "no verdict yet"
+        asked = f"{entry['asked']} case{'s' if entry['asked'] > 1 else ''}"
+        yield f"- {place}, {entry['rule']}, green in {asked}: {reason}\n"
+        yield "    ```diff"
+        yield f"    - {_short(entry['old'])}"
+        yield f"    + {_short(entry['new'])}"
+        yield "    ```"
+
+
+def _short(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= SHOWN else line[: SHOWN - 1] + "…"
+
+
+def _not_reached(runs: Sequence[Entry]) -> Iterator[str]:
+    yield "| target | mutants by all rules | reached | lines that no case runs |"
+    yield "|---|--:|--:|---|"
+    for target, run in {run["target"]: run for run in runs}.items():
+        lines = "; ".join(
+            f"{module.rpartition('.')[2]} {', '.join(ranges)}" for module, ranges in sorted(run["not_reached"].items())
+        )
+        yield f"| {target} | {run['mutants']} | {run['reached']} | {lines} |"
+
+
+def stale_excuses(said: Mapping[Key, Excuse]) -> list[Key]:
+    """Return the excuses of which the code makes no such mutant any more."""
+    modules = {module for target in TARGETS.values() for module in target.modules()} & {key[0] for key in said}
+    made = {mutant.key for mutant in all_mutants(modules)}
+    return [key for key in said if key not in made]
+
+
+PREFACE = """# The exam examined
+
+<!-- Written by tests/mutation/report.py from reports/mutation.json and tests/mutation/excused.toml. Change those, and run it. -->
+
+Does the exam find mistakes? Mutants of our own solvers and of the question, made by rule, go through the gate that a stranger faces.
+A mutant whose runs are all green is equivalent to the code, or it shows a hole in the exam.
+
+```bash
+python -m nox -s mutation -- --seed 1 --count 300
+python -m nox -s mutation -- --seed 2 --count 100 --solver fem
+```
+
+**Rules** change one expression: flip a sign; double or halve a number or a term; exchange times and divided by; exchange two indices,
+or leave a transpose away; leave a term out; exchange two arguments; miss by one; exchange min and max, or less and at most.
+
+**Targets** are `fem`, the part of `ndf` that `ndf-ritz` uses, and the question, which both solvers share. Left out by rule are settings,
+files, checks, messages, progress, training, the choice of meshes and steps, and solving equations; `tests/mutation/targets.py` says it
+in full. Nothing gates `cst-hinge`: no exam examines it.
+
+**Exam.** A mutant is put the cases that run its statement, cheap ones first, until a row of the accuracy gate is red. A crash, a
+refusal, and about ten times the usual time are red too. The lock is not asked: it notices a change of the question, whatever is answered.
+Cases are those of the suites `obstacle_course`, `verification`, `variants`, `shapes`, `nonlinear` and `cloth` that take less than the
+seconds given by `--longest`.
+
+**The draw** is by a seed, spread over modules and rules. Seed 1 is the one on which holes are closed. Any other seed is unseen.
+"""
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(read_runs(), excuses()), encoding="utf-8")

@@ -1,0 +1,225 @@
+"""The exam examined: rules make what they say and nothing else, draws repeat, and the exam tells a fault from none."""
+
+from __future__ import annotations
+
+import ast
+import math
+from typing import Any
+
+import pytest
+
+from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
+from tests.mutation.exam import VALUE
+from tests.mutation.operators import RULES
+from tests.mutation.report import PAGE, Excuse, add, excuses, page, read_runs, stale_excuses, summary
+from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
+from tests.mutation.targets import FEM, TARGETS, file_of, parts
+
+
+def made(rule: str, expression: str) -> set[str]:
+    """Return what a rule makes of an expression, or of a statement, in any of its nodes."""
+    source = f"def f():\n    {expression}"
+    return {mutant.becomes for mutant in mutants_of("toy", source) if mutant.rule == rule}
+
+
+@pytest.mark.parametrize(
+    ("rule", "before", "after"),
+    [
+        ("sign", "return -a", {"return a"}),
+        ("sign", "return a + b - c", {"return a - b - c", "return a + b + c"}),
+        ("sign", "x += a", {"x -= a"}),
+        ("factor", "return 3 * a", {"return 6 * a", "return 1.5 * a"}),
+        ("factor", "return a * b", set()),
+        (
+            "factor",
+            "return a - b",
+            {"return 2 * a - b", "return 0.5 * a - b", "return a - 2 * b", "return a - 0.5 * b"},
+        ),
+        ("quotient", "return a * b / c", {"return a / b / c", "return a * b * c"}),
+        ("transposed", "return a[i, j]", {"return a[j, i]"}),
+        ("transposed", "return a[:, i]", set()),
+        ("transposed", "return a[..., None, i]", set()),
+        ("transposed", "return a.T @ b", {"return a @ b"}),
+        ("transposed", "return np.swapaxes(a, 1, 2)", {"return a"}),
+        ("transposed", "return a.transpose(0, 2, 1)", {"return a.transpose(2, 0, 1)", "return a.transpose(0, 1, 2)"}),
+        (
+            "transposed",
+            "return np.einsum('nab,nb->na', a, b)",
+            {"return np.einsum('nba,nb->na', a, b)", "return np.einsum('nab,bn->na', a, b)"},
+        ),
+        ("dropped term", "return a + b", {"return a", "return b"}),
+        ("dropped term", "return a - b", {"return a", "return -b"}),
+        ("dropped term", "x -= a", {"pass"}),
+        ("arguments", "return cross(a, b)", {"return cross(b, a)"}),
+        ("arguments", "return f(a, b[0], c.d)", set()),
+        ("arguments", "return np.maximum(a, b)", set()),
+        ("off by one", "return range(n)", {"return range(n - 1)", "return range(1, n)"}),
+        ("off by one", "return a[1:n]", {"return a[2:n]", "return a[1:n - 1]"}),
+        ("off by one", "return a[0]", {"return a[1]"}),
+        ("off by one", "return a[:, 2]", {"return a[:, 1]"}),
+        ("off by one", "return f(x, order=2)", {"return f(x, order=1)"}),
+        ("boundary", "return a < b", {"return a <= b"}),
+        ("boundary", "return not a", {"return a"}),
+        ("boundary", "return x.max(0)", {"return x.min(0)"}),
+        ("boundary", "return min(a, b)", {"return max(a, b)"}),
+    ],
+)
+def test_a_rule_makes_what_it_says(rule: str, before: str, after: set[str]) -> None:
+    assert made(rule, before) == after
+
+
+LEFT_OUT = '''
+"""A docstring of 2 + 3 words."""
+MOST = 2 * 400
+Load = A | B
+def said(x) -> str:
+    return x + 1
+def check_it(x):
+    return x + 1
+class Settings(Model):
+    cells: int = Field(8 + 1, ge=1 - 0)
+    @field_validator("cells")
+    def _even(cls, cells):
+        return cells - 1
+def solve(x, order=2 + 1, progress=None):
+    """Solve 2 + 2."""
+    if x < 0:
+        raise ValueError(f"{x + 1} is wrong")
+    assert x < 3
+    progress(x - 1)
+    y: Annotated[float, 1 + 2] = isinstance(x, float)
+    return f"{x - 2}"
+'''
+
+
+def test_what_is_no_mechanics_is_left_out() -> None:
+    assert not mutants_of("toy", LEFT_OUT)
+
+
+def test_tables_and_heads_of_statements_count() -> None:
+    source = "PAIRS = {(0, 0): a[0, 1]}\ndef f(x):\n    if x < 0:\n        return x + 1\n    for i in range(n):\n        x -= 1\n    return x"
+    changed = {mutant.becomes for mutant in mutants_of("toy", source)}
+    assert {"PAIRS = {(0, 0): a[1, 0]}", "if x <= 0:", "for i in range(n - 1):", "pass", "return x"} <= changed
+
+
+@pytest.mark.parametrize("module", FEM.modules()[:6])
+def test_a_mutant_differs_in_its_statement_alone(module: str) -> None:
+    source = file_of(module).read_text()
+    plain = ast.parse(source)
+    for mutant in draw(mutants_of(module, source), 0, 20):
+        changed = mutated(source, mutant)
+        lines = [
+            (old.lineno, new.lineno)
+            for old, new in zip(plain.body, changed.body, strict=True)
+            if ast.dump(old) != ast.dump(new)
+        ]
+        assert len(lines) == 1
+        assert len(ast.unparse(changed)) != 0
+        compile(changed, module, "exec")
+
+
+def test_a_draw_repeats_and_survives_a_shift_of_lines() -> None:
+    source = file_of(FEM.modules()[0]).read_text()
+    one, other = (draw(mutants_of("toy", text), 3, 30) for text in (source, "\n\n# moved\n" + source))
+    assert [m.name for m in one] == [m.name for m in other]
+    assert [m.name for m in one] != [m.name for m in draw(mutants_of("toy", source), 4, 30)]
+
+
+def test_a_draw_spreads_over_modules_and_rules() -> None:
+    modules = [name for name in FEM.modules() if name.rpartition(".")[2] in {"kinematics", "loads", "assembly"}]
+    drawn = draw(all_mutants(modules), 1, 30)
+    assert {mutant.module for mutant in drawn} == set(modules)
+    assert {mutant.rule for mutant in drawn} == set(RULES)
+
+
+def test_every_target_has_mechanics() -> None:
+    for target in TARGETS.values():
+        for module in target.modules():
+            assert list(parts(ast.parse(file_of(module).read_text()))), module
+
+
+def reach(case: str, seconds: float) -> Reach:
+    return Reach(Question("fem", case), seconds, {})
+
+
+def test_cheap_questions_come_first_and_further_ways_to_ask_later() -> None:
+    exam = _in_order([reach("b", 1.0), reach("a@axes", 0.3), reach("a@units", 0.3), reach("a", 0.3), reach("c", 0.8)])
+    assert [r.question.case for r in exam] == ["a", "a@axes", "c", "a@units", "b"]
+    assert len(_within(exam, 1.0)) == 2
+    assert len(_within(exam, 0.0)) == 1
+    assert len(_within(exam, math.inf)) == 5
+
+
+def planted(module: str, statement: str, becomes: str) -> Mutant:
+    source = file_of(module).read_text()
+    return next(m for m in mutants_of(module, source) if (m.statement, m.becomes) == (statement, becomes))
+
+
+PLATE = Question("fem", "square_plate")
+NONE_OF_A_PLATE = (  # the coordinate lines of a plate are straight: what is dropped is zero, and the other terms stay
+    "shellbench.solvers.fem.kinematics",
+    "tangential = (surface.second[:, row] - curvature * surface.normal) / surface.area[:, None]",
+    "tangential = surface.second[:, row] / surface.area[:, None]",
+)
+HALF_THE_BENDING = (
+    "shellbench.problems.shell.conditions",
+    "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 12",
+    "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 24",
+)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("change", "red"), [(HALF_THE_BENDING, True), (NONE_OF_A_PLATE, False)])
+def test_the_exam_tells_a_fault_from_none(change: tuple[str, str, str], red: bool) -> None:
+    (answer,), why = _answers(planted(*change), [PLATE], (), lambda _: 300.0)
+    assert not why
+    assert answer.red.startswith(VALUE) if red else not answer.red
+
+
+def entry(name: str, red: str) -> dict[str, Any]:
+    texts = {"rule": "sign", "old": "a", "new": "-a", "statement": f"{name} = a", "becomes": f"{name} = -a"}
+    return {"name": name, "module": "toy", "line": 1, "red": red, "by": "fem a", "asked": 1, **texts}
+
+
+RUN = {
+    "target": "fem",
+    "seed": 1,
+    "patience": 60.0,
+    "cases": ["fem a"],
+    "mutants": 9,
+    "reached": 5,
+    "not_reached": {"toy": ["3-4"]},
+    "results": [entry("x", "value: w: its error is 1"), entry("y", ""), entry("z", ""), entry("w", "crash: KeyError")],
+}
+SAID = {("toy", "sign", "y = a", "y = -a"): Excuse("equivalent", "its sign does not count")}
+
+
+def test_a_score_leaves_equivalent_mutants_out() -> None:
+    ((name, found),) = summary([RUN], SAID)
+    assert name == "fem, seed 1"
+    assert found == (4, 2, 1, 1)
+    assert found.share == 2 / 3
+
+
+def test_the_page_names_holes_and_excuses() -> None:
+    text = page([RUN], SAID)
+    holes, equivalent = text.partition("## Holes")[2].split("## Equivalent mutants")
+    assert "no verdict yet" in holes
+    assert "its sign does not count" in equivalent
+    assert "toy 3-4" in text
+
+
+def test_a_draw_takes_the_place_of_the_same_draw(tmp_path) -> None:
+    path = tmp_path / "mutation.json"
+    add([RUN], path)
+    runs = add([{**RUN, "results": RUN["results"][:1]}, {**RUN, "seed": 2}], path)
+    assert [(run["seed"], len(run["results"])) for run in runs] == [(1, 1), (2, 4)]
+    assert read_runs(path) == runs
+
+
+def test_excuses_are_about_mutants_that_are_made() -> None:
+    assert not stale_excuses(excuses())
+
+
+def test_the_page_is_that_of_the_result() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(read_runs(), excuses())
