@@ -139,7 +139,7 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             "\n## By rule\n",
             *_table("rule", _grouped(every, said, lambda entry: entry["rule"])),
             "\n## Holes\n",
-            "No case of the exam tells these mutants from the code as it is, and they are not equivalent.\n",
+            "No case that they were asked tells these mutants from the code as it is, and they are not equivalent. A longer exam may.\n",
             *_survivors([e for e in green if key_of(e) not in said or said[key_of(e)].verdict == "hole"], said),
             "\n## Equivalent mutants\n",
             "These answer as the code does, for the reason given.\n",
@@ -164,7 +164,11 @@ def _limits(runs: Sequence[Entry]) -> Iterator[str]:
     """Yield what an exam was made of, where it was not all that there is."""
     yield ""
     for run in runs:
-        ends = "" if run["patience"] is None else f", of which a mutant is asked as many as take {run['patience']:g} s"
+        ends = (
+            ""
+            if run["patience"] is None
+            else f", of which a mutant is asked at least as many as take {run['patience']:g} s"
+        )
         yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
 
 
