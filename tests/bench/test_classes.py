@@ -9,6 +9,7 @@ from shellbench.bench.compare import rows
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import Verdict, gate
 from shellbench.bench.lock import write_lock
+from shellbench.bench.reference import Tolerance
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.verdicts import as_text
@@ -102,3 +103,21 @@ def test_what_it_declines_is_said_and_not_counted() -> None:
     assert str(grade).endswith("it declines scordelis_lo")
     (grade,) = grades([declined], ["mine"])
     assert grade.held is None
+
+
+OPEN = Tolerance(relative=1e-3, open_finding="known to be off")
+
+
+@pytest.mark.parametrize(
+    ("error", "case", "passed"),
+    [
+        (5e-2, "square_plate", None),  # an expected failure
+        (5e-4, "square_plate", False),  # it passes, and so is open no more
+        (-2.0, "square_plate", False),  # the other sign: another mistake than the one that is known
+        (5e-2, "square_plate@swapped", None),
+        (5e-4, "square_plate@swapped", True),  # what is open of a case may be right when it is asked otherwise
+        (-2.0, "square_plate@swapped", False),
+    ],
+)
+def test_an_open_finding_explains_an_error_but_no_answer_that_is_worse_than_none(error, case, passed) -> None:
+    assert figure(error, case=case).judged(OPEN).passed is passed
