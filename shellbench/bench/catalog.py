@@ -95,18 +95,6 @@ def variant_of(case: Problem, name: str) -> Problem:
         raise InputError(f"variant '{full}': {one_sentence(error)}") from None
 
 
-def variants_of(case: Problem) -> dict[str, str | None]:
-    """Return the variants of a case by name; with each why the case can't be asked so, None if it can."""
-    found: dict[str, str | None] = {}
-    for name in find_kind(case.kind).variants:
-        try:
-            variant_of(case, name) if is_own(case) else named_case(f"{case.name}{VARIANT}{name}")
-            found[name] = None
-        except InputError as error:
-            found[name] = str(error)
-    return found
-
-
 def find_case(text: str) -> Problem:
     """Return the case of this name, or of this path to a TOML file; of either a variant, if ``@NAME`` follows.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -174,9 +174,10 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]
     return flat
 
 
-def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Making], list[Environment]]:
-    """Return how each run of the rows was made, and the different environments."""
+def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Making], list[str]]:
+    """Return how each run of the rows was made; and, in words, the different environments with their exams."""
     environments: list[Environment] = []
+    exams: dict[int, set[int]] = {}
     found: dict[str, Making] = {}
     for row in rows:
         record = records.get(row.run_id or "")
@@ -184,16 +185,18 @@ def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Ma
             continue
         if record.environment not in environments:
             environments.append(record.environment)
+        number = environments.index(record.environment) + 1
+        exams.setdefault(number, set()).update(set() if record.exam is None else {record.exam})
         found[record.run_id] = Making(
             record=record,
             command=command(record, row.overrides),
-            environment=environments.index(record.environment) + 1,
+            environment=number,
         )
-    return list(found.values()), environments
+    return list(found.values()), [environment_words(one, exams[i]) for i, one in enumerate(environments, start=1)]
 
 
-def environment_words(environment: Environment) -> str:
-    """Say where runs were made in one line."""
+def environment_words(environment: Environment, exams: Collection[int]) -> str:
+    """Say in one line where runs were made, and by which versions of the exam."""
     versions = ", ".join(f"{name} {version}" for name, version in sorted(environment.versions.items()))
     commit = f"commit {environment.git_sha[:12]}" if environment.git_sha else "commit unknown"
     state = " with uncommitted changes" if environment.git_dirty else ""
@@ -205,5 +208,6 @@ def environment_words(environment: Environment) -> str:
         f"Python {environment.python}",
         versions,
         commit + state,
+        f"exam {', '.join(map(str, sorted(exams)))}" if exams else None,
     )
     return "; ".join(part for part in parts if part)

@@ -133,7 +133,7 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         "report_command": REPORT_COMMAND,
         "solvers": _labels(found.rows),
         "makings": made,
-        "environments": [document.environment_words(environment) for environment in environments],
+        "environments": environments,
         "newest": _newest(records.values()),
         "bibliography": sources,
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]

@@ -118,7 +118,7 @@ def _document(chapters: Sequence[Section], records: Mapping[str, Record], found:
         "line_inches": LINE_INCHES,
         "verdict": overall(found.compared).words,
         "chapters": chapters,
-        "environments": [document.environment_words(one) for one in environments],
+        "environments": environments,
         "commands": dict.fromkeys(making.command for making in made),
         "cited": any(table.cited for table in all_tables(chapters)),
     }

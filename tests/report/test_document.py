@@ -3,11 +3,11 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
-from shellbench.report.document import MANIFEST, list_own, read_bibliography, remove_older
+from shellbench.report.document import MANIFEST, list_own, makings, read_bibliography, remove_older
 from shellbench.report.page import write_report
 from shellbench.report.paper import write_paper
 from shellbench.report.runs import told_apart
-from tests.report.conftest import COURSE
+from tests.report.conftest import COURSE, record, row
 
 BIBTEX = r"""
 @article{someone1999,
@@ -102,3 +102,15 @@ def test_an_own_case_with_a_known_name_is_another_case(store):
     assert rows[1].case == records["same"].case_name == COURSE[0]
     assert "own case" in rows[0].case_title
     assert rows[0].run_id == row.run_id
+
+
+def test_an_environment_says_by_which_exams_its_runs_were_judged(tmp_path):
+    """Runs of one environment under two versions of the exam: one environment, both versions in its words."""
+    case = catalog.named_case("square_plate")
+    made = [
+        record(tmp_path, case, solver, 0).model_copy(update={"exam": exam}) for solver, exam in (("one", 1), ("two", 2))
+    ]
+    found, words = makings({one.run_id: one for one in made}, [row(one) for one in made])
+    assert [making.environment for making in found] == [1, 1]
+    assert len(words) == 1
+    assert words[0].endswith("exam 1, 2")
