@@ -157,6 +157,9 @@ def run(
     What has a record already is kept, so a run that was interrupted goes on where it stopped; failed runs are
     tried again. `run` does not judge the answers: `gate` does.
 
+    The exit code is 1 if a run failed, or if a solver says of its answer that it has not settled: that answer is
+    recorded with its value and uncertainty, and no gate passes it.
+
     Examples
     --------
         shellbench run --suite obstacle_course
@@ -221,22 +224,26 @@ def _executor(scheduler: str | None, jobs: int | None, threads: int | None, time
 def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
     """Print how the runs ended, and return the exit code."""
     from shellbench.bench.display import run_name
+    from shellbench.bench.record import NOT_SETTLED
 
     refused = [outcome for outcome in outcomes if outcome.record is None]
-    bad = [outcome for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
-    for outcome in (*refused, *bad):
-        record = outcome.record
-        how = f"{record.status}: {record.reason}" if record else f"refused: {outcome.refused}"
-        _say(f"{run_name(outcome.task)}: {how}")
+    bad = [outcome.record for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
+    for outcome in refused:
+        _say(f"{run_name(outcome.task)}: refused: {outcome.refused}")
+    for record in (*bad, *plan.unsettled):
+        _say(f"{run_name(record)}: {record.status}: {record.reason}")
+    moving = sum(record.status == NOT_SETTLED for record in bad)
+    kept = f"kept from before{f' ({len(plan.unsettled)} of them {NOT_SETTLED})' if plan.unsettled else ''}"
     counts = [
         (len(outcomes) - len(bad) - len(refused), "solved"),
-        (len(bad), "failed"),
+        (moving, NOT_SETTLED),
+        (len(bad) - moving, "failed"),
         (len(refused), "refused"),
-        (len(plan.kept), "kept from before"),
+        (len(plan.kept), kept),
         (len(plan.declined), "not applicable"),
     ]
     typer.echo(", ".join(f"{count} {what}" for count, what in counts if count) or "nothing to run")
-    return 2 if refused else 1 if bad else 0
+    return 2 if refused else 1 if bad or plan.unsettled else 0
 
 
 @app.command()

@@ -320,7 +320,11 @@ ProgressCallback = Callable[[Progress], None]
 
 
 class Solution(Protocol):
-    """An answer to a problem, and how it came about."""
+    """An answer to a problem, and how it came about.
+
+    One part is optional: `unsettled`, one clause that says why the answer has not settled, such as "centre_z still
+    moves by 2e-3 when features of other kinds join". None, or no such attribute, says that it has.
+    """
 
     @property
     def case(self) -> Any:

@@ -171,6 +171,24 @@ def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
     assert (code, err) == (1, "shellbench: strip toy: timeout: stopped after 0.5 s\n")
 
 
+def test_an_answer_that_has_not_settled_exits_1_is_kept_and_is_in_the_table(shellbench) -> None:
+    command = ("run", "strip", "--solver", "toy", "--set", "toy.behaviour=unsettled")
+    code, out, err = shellbench(*command)
+    assert code == 1
+    assert out.startswith("not settled strip toy")
+    assert out.endswith("1 not settled\n")
+    assert "strip toy: not settled: centre still moves by 2e-3" in err
+    code, out, err = shellbench(*command)  # the same run would end the same
+    assert (code, out) == (1, "1 kept from before (1 of them not settled)\n")
+    assert "strip toy: not settled: centre still moves by 2e-3" in err
+    rows = json.loads(shellbench("table", "--format", "json")[1])
+    assert {row["status"] for row in rows} == {"not settled"}
+    assert {row["reason"] for row in rows} == {"centre still moves by 2e-3"}
+    assert rows[0]["value"] is not None
+    assert shellbench("report", "--no-print")[0] == 0
+    assert "not settled" in Path("reports/latest/report.md").read_text(encoding="utf-8")
+
+
 def test_refused_input_exits_2(shellbench) -> None:
     code, _, err = shellbench("run", "strip", "--solver", "toy", "--set", "toy.behaviour=refuse")
     assert (code, err) == (2, "shellbench: strip toy: refused: setting 'behaviour' does not fit the case\n")

@@ -14,9 +14,10 @@ from rich.text import Text
 from shellbench import problem
 from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.kinds import problem_of
+from shellbench.bench.record import NOT_SETTLED, Record
 from shellbench.bench.task import Task
 
-COLOURS = {"ok": "green", "failed": "red", "timeout": "red"}
+COLOURS = {"ok": "green", NOT_SETTLED: "yellow", "failed": "red", "timeout": "red"}
 
 
 class Silent:
@@ -98,10 +99,10 @@ def display(console: Console, total: int) -> Iterator[Observer]:
         yield Bars(bars, total)
 
 
-def run_name(task: Task) -> str:
+def run_name(run: Task | Record) -> str:
     """Return what to call a run: case, solver, seed."""
-    seed = task.identity.seed
-    return f"{task.case_name} {task.identity.solver}" + ("" if seed is None else f" seed {seed}")
+    seed = run.identity.seed
+    return f"{run.case_name} {run.identity.solver}" + ("" if seed is None else f" seed {seed}")
 
 
 def _line(outcome: Outcome) -> str:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
 from shellbench.bench.kinds import find_kind
+from shellbench.bench.record import ANSWERED
 from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.store import Say, Store, said_plainly, silent
 from shellbench.errors import InputError, ShellbenchError
@@ -116,7 +117,7 @@ def stored_run(store: Store, case_text: str, solver: str, seed: int | None, say:
         for run in current.runs
         if run.record.identity.case == case.digest()
         and run.record.identity.solver == solver
-        and run.record.status == "ok"
+        and run.record.status in ANSWERED
         and store.file(run.record.solution_file)
         and (seed is None or run.record.identity.seed == seed)
     ]

@@ -20,7 +20,7 @@ from shellbench.bench import catalog
 from shellbench.bench.current import newest, run_key
 from shellbench.bench.environment import engine_distribution, environment
 from shellbench.bench.identity import dump_settings, make_identity, make_settings
-from shellbench.bench.record import Environment
+from shellbench.bench.record import ANSWERED, NOT_SETTLED, Environment, Record
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
@@ -67,6 +67,8 @@ class Plan:
         Runs to make.
     kept
         Names of the runs whose records answer already.
+    unsettled
+        Records of those whose answers have not settled.
     declined
         What does not apply.
     notes
@@ -75,6 +77,7 @@ class Plan:
 
     tasks: tuple[Task, ...]
     kept: tuple[str, ...]
+    unsettled: tuple[Record, ...]
     declined: tuple[Declined, ...]
     notes: tuple[str, ...]
 
@@ -140,7 +143,7 @@ def make_plan(
     request
         What was asked for.
     contents
-        What the store holds: good records of the same identity are kept, failed ones are tried again.
+        What the store holds: records of the same identity with an answer are kept, failed runs are tried again.
     force
         Whether to run also what is kept.
     expect
@@ -160,10 +163,10 @@ def make_plan(
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
     solvers = {name: load_solver(entry) for name, entry in entries.items()}
     notes = _check_device(request, solvers)
-    answered = {} if force else {key: r.run_id for key, r in newest(contents).items() if r.status == "ok"}
+    answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
     place = cache(environment)  # looked at once a plan: git is asked each time
     tasks: dict[str, Task] = {}
-    kept: dict[str, str] = {}
+    kept: dict[str, Record] = {}
     declined: dict[tuple[str, str], Declined] = {}
     for case, run in wanted:
         solver = solvers[run.solver]
@@ -180,7 +183,13 @@ def make_plan(
                 tasks |= waiting
             else:
                 declined[case.name, run.solver] = Declined(case.name, run.solver, reason)
-    return Plan(tuple(tasks.values()), tuple(kept.values()), tuple(declined.values()), notes)
+    return Plan(
+        tasks=tuple(tasks.values()),
+        kept=tuple(record.run_id for record in kept.values()),
+        unsettled=tuple(record for record in kept.values() if record.status == NOT_SETTLED),
+        declined=tuple(declined.values()),
+        notes=notes,
+    )
 
 
 def declines(solver: Solver, case: Problem) -> str | None:

@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field, ValidationError
 
@@ -34,7 +34,9 @@ SCHEMA = 1
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
 LONGEST_REASON = 4000  # characters
 LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it
-Status = Literal["ok", "failed", "timeout"]
+Status = Literal["ok", "not settled", "failed", "timeout"]
+NOT_SETTLED: Final = "not settled"  # there is an answer, of which its own solver says that it still moves
+ANSWERED = ("ok", NOT_SETTLED)
 
 
 def _is_time(text: str) -> str:
@@ -140,6 +142,9 @@ class Record(Model):
         Wall time of the solve, start of the process and measuring excluded.
     peak_memory_bytes
         Largest resident memory of the solving process; `idle_memory_bytes` is what it held before the solve.
+    status, reason
+        How the run ended, and why if not well. A run that is "not settled" has all that a good one has, and its
+        solver's reason.
     values
         By name of quantity; empty for a failed run that left nothing.
     energies

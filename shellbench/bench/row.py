@@ -9,13 +9,14 @@ from typing import Any, Literal
 from pydantic import Field
 
 from shellbench.bench.identity import GATED_DTYPE
+from shellbench.bench.record import NOT_SETTLED
 from shellbench.bench.reference import Tolerance
 from shellbench.model import Model
 from shellbench.problem import VARIANT
 
 UNEXPLAINED = 1.0  # relative: worse than answering nothing, and so another mistake than the one that is known
 Colour = Literal["green", "red", "expected failure", "not compared", "not judged"]
-RowStatus = Literal["ok", "failed", "timeout", "missing", "declined"]
+RowStatus = Literal["ok", "not settled", "failed", "timeout", "missing", "declined"]
 
 
 class Row(Model):
@@ -54,7 +55,8 @@ class Row(Model):
     passed
         None where nothing is gated, and for an expected failure (`open_finding` says which).
     status
-        Of the run; ``missing`` and ``declined`` only where rows were asked for that have no record.
+        Of the run; ``missing`` and ``declined`` only where rows were asked for that have no record. An answer that is
+        ``not settled`` has its value and uncertainty, and has not passed.
     seconds, peak_memory_bytes, parameters, storage_bytes
         Cost of the run: wall time of the solve, largest resident memory, free parameters or degrees of
         freedom, bytes that keep the solution.
@@ -175,6 +177,8 @@ class Row(Model):
     def why_short(self, tolerance: float | None) -> str | None:
         """Return why the row falls short of a tolerance, as a clause; None if it holds it."""
         error = self.judged_error
+        if self.status == NOT_SETTLED:
+            return f"it has not settled: {self.reason}"
         if self.status != "ok":
             return self.reason or "the run failed"
         if self.dtype != GATED_DTYPE:
@@ -194,7 +198,8 @@ class Row(Model):
         if self.passed is None:
             return Finding(self, "expected failure", f"open finding: {self.open_finding}")
         if not self.passed or self.judged_error is None:
-            return Finding(self, "green" if self.passed else "red", self.reason or "")
+            why_not = self.why_short(self.tolerance) if self.status == NOT_SETTLED else None
+            return Finding(self, "green" if self.passed else "red", why_not or self.reason or "")
         unit = f" {self.unit}" if self.tolerance_is_absolute else ""
         return Finding(self, "green", f"error {self.judged_error:+.2e}{unit}, {self.tolerance:g} allowed")
 

@@ -27,7 +27,7 @@ from pydantic import ValidationError
 from shellbench.account import MOST, HistoryStep, finite
 from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import find_kind, kind_name, problem_of
-from shellbench.bench.record import Measured, Record, document, readable
+from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, document, readable
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure
@@ -265,12 +265,20 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         reason = reason or why_not_whole
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
-    status = "ok" if reason is None else "failed"
+    status: Status = "ok" if reason is None else "failed"
+    if reason is None and solution is not None and (reason := why_unsettled(solution)) is not None:
+        status = NOT_SETTLED
     try:
         return task.record(status=status, reason=reason, **result)
     except ValidationError as error:
         reason = reason or f"what the solver left can't be recorded: {said(error)}"
         return task.record(status="failed", reason=reason, seconds=seconds)
+
+
+def why_unsettled(solution: Solution) -> str | None:
+    """Return why a solution has not settled, as a clause, or None if it has, or does not say."""
+    why = getattr(solution, "unsettled", None)
+    return None if why is None else " ".join(str(why).split()) or "its solver does not say what moves"
 
 
 def same_source(task: Task) -> bool:

@@ -14,6 +14,7 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from shellbench.bench import catalog
+from shellbench.bench.record import NOT_SETTLED
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.report.columns import frame
@@ -45,7 +46,13 @@ NUMBERS = ["value", "uncertainty", "relative_error", "absolute_error", "seed", "
 NUMBERS += ["peak_memory_bytes", "energy_gap", "reference"]
 
 PASS, SHORT, EXPECTED, NOT_GATED = "pass", "fell short", "expected failure", "not gated"
-STATUS_WORDS = {"failed": "run failed", "timeout": "timed out", "missing": "missing", "declined": "declined"}
+STATUS_WORDS = {
+    "failed": "run failed",
+    "timeout": "timed out",
+    "missing": "missing",
+    "declined": "declined",
+    NOT_SETTLED: NOT_SETTLED,
+}
 BAD = (SHORT, *STATUS_WORDS.values())
 
 
@@ -96,8 +103,10 @@ def grouped(found: Iterable[R], key: Callable[[R], T]) -> dict[T, list[R]]:
 
 def verdict(rows: Sequence[Row]) -> str:
     """Return the verdict on the runs of one line; one bad seed spoils it."""
+    # What an open finding expects of an answer, it may expect of one that has not settled.
+    expected = [row.status == NOT_SETTLED and row.passed is None and bool(row.open_finding) for row in rows]
     for status, words in STATUS_WORDS.items():
-        if any(row.status == status for row in rows):
+        if any(row.status == status and not known for row, known in zip(rows, expected, strict=True)):
             return words
     if any(row.passed is False for row in rows):
         return SHORT

@@ -170,6 +170,8 @@ def displacements(exam: Examination, case: Case) -> Verdict:
     except Refused:
         pass
     found.figures.append(f"points of {len(SHAPES)} shapes; finite at {len(everywhere)} points of the closed domain")
+    if answer.facts["unsettled"]:
+        found.figures.append(f"it has not settled: {answer.facts['unsettled']}")
     return found.verdict()
 
 

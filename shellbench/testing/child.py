@@ -107,6 +107,9 @@ def solution_faults(solution: Any) -> list[str]:
         numbers = getattr(solution, part)
         if not isinstance(numbers, Mapping) or not all(math.isfinite(v) for v in numbers.values()):
             faults.append(f"a solution's {part} is no mapping of names to finite numbers")
+    unsettled = getattr(solution, "unsettled", None)
+    if unsettled is not None and not (isinstance(unsettled, str) and unsettled.strip() and "\n" not in unsettled):
+        faults.append("a solution's unsettled is neither None nor one clause")
     if not isinstance(solution.diagnostics, Mapping):
         faults.append("a solution's diagnostics is no mapping")
     else:
@@ -196,6 +199,7 @@ def facts(solution: Solution) -> dict[str, Any]:
         "history": [asdict(step) for step in solution.history],
         "parameters": _number(solution.parameters),
         "storage_bytes": _number(solution.storage_bytes),
+        "unsettled": getattr(solution, "unsettled", None),
         "uncertainty": {str(k): float(v) for k, v in dict(solution.uncertainty).items()},
     }
 

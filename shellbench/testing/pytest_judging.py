@@ -22,7 +22,7 @@ from shellbench.bench.environment import cores, threads
 from shellbench.bench.execute import execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import FIRST_SEED, Request, make_plan
-from shellbench.bench.record import Record
+from shellbench.bench.record import ANSWERED, Record
 from shellbench.bench.reference import KnownValue, Tolerance
 from shellbench.bench.row import Colour, Finding, Row
 from shellbench.bench.store import Store, said_plainly
@@ -278,7 +278,7 @@ class Question:
         row = row_of(CurrentRun(record, self.case, {}), self.quantity).model_copy(update={"suite": self.suite})
         if not row.gated:
             allowed = tolerances.allowed(self.case, self.quantity, self.solver)
-            if allowed is None and row.status == "ok":
+            if allowed is None and row.status in ANSWERED:
                 option = f"--shellbench-tolerance={row.case}.{row.quantity}=TOL"
                 small = f"its known value being {judge.value:g} {row.unit}"
                 why = f"no relative tolerance can judge it, {small}: give {option}"
@@ -289,7 +289,7 @@ class Question:
             return Finding(
                 row, found.colour, f"{row.reason if row.passed is False else 'open finding'}: {row.open_finding}"
             )
-        if row.status != "ok" or row.value is None or row.tolerance is None or row.judged_error is None:
+        if row.status not in ANSWERED or row.value is None or row.tolerance is None or row.judged_error is None:
             return Finding(row, "red", f"the run failed: {row.reason}")
         unit = f" {row.unit}" if row.tolerance_is_absolute else ""
         words = (
@@ -297,8 +297,9 @@ class Question:
             f"({judge.origin} [{judge.source}], {judge.theory}): error {row.judged_error:+.2e}{unit}, "
             f"{row.tolerance:g} allowed"
         )
+        why_not = row.why_short(row.tolerance)
         within = abs(row.judged_error) <= row.tolerance
-        return Finding(row, found.colour, words if row.passed or not within else f"{words}, but {row.reason}")
+        return Finding(row, found.colour, words if row.passed or not within else f"{words}, but {why_not}")
 
     def _unanswered(self, colour: Colour, sentence: str) -> Judgement:
         row = without_record(self.case, self.quantity, self.solver, self.seed, (self.suite,), sentence)

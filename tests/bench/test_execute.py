@@ -113,6 +113,17 @@ def test_what_had_converged_before_a_failure_is_kept(store: Store) -> None:
     assert store.file(record.solution_file) is not None
 
 
+def test_an_answer_that_has_not_settled_is_recorded_with_its_reason(store: Store) -> None:
+    record = behave(store, "unsettled")
+    assert (record.status, record.reason) == ("not settled", "centre still moves by 2e-3")
+    assert record.values["centre"].value == pytest.approx(strip.CENTRE, rel=1e-12)
+    assert record.values["centre"].uncertainty == 1e-9
+    assert record.series == ()
+    assert store.file(record.fields_file) is not None
+    assert store.file(record.solution_file) is not None
+    assert store.read().records == (record,)
+
+
 def test_chatter_of_a_solver_goes_to_the_log(store: Store, capfd: pytest.CaptureFixture[str]) -> None:
     record = behave(store, "print")
     assert record.status == "ok"

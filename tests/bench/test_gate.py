@@ -271,6 +271,29 @@ def test_expected_failures_are_not_red_but_unexpected_passes_are(full: Store) ->
     assert "membrane locking" in as_text(verdict, "baseline")
 
 
+MOVING: dict[str, object] = {"status": "not settled", "reason": "centre still moves by 2e-3"}
+
+
+def test_what_has_not_settled_is_red_however_right_it_is(full: Store) -> None:
+    damage(full, "toy", MOVING)
+    verdict = gate(full, None, TOYS)
+    moving = [finding for finding in verdict.accuracy if finding.row.solver == "toy"]
+    assert [finding.colour for finding in moving] == ["red", "red"]
+    assert {finding.sentence for finding in moving} == {"it has not settled: centre still moves by 2e-3"}
+    (row,) = (finding.row for finding in moving if finding.row.quantity == "centre")
+    assert (row.status, row.passed, row.value, row.uncertainty) == ("not settled", False, strip.CENTRE, 1e-9)
+    assert not verdict.good()
+
+
+def test_an_open_finding_may_expect_an_answer_that_has_not_settled(full: Store) -> None:
+    edit(tolerances_of("toy"), "centre = 1e-9", 'centre = { relative = 1e-9, open_finding = "too soft" }')
+    write_lock()
+    scaled(full, "toy", 1 + 1e-10)  # within the tolerance: it is no unexpected pass either
+    damage(full, "toy", MOVING)
+    found = {f.row.quantity: f.colour for f in gate(full, None, TOYS).accuracy if f.row.solver == "toy"}
+    assert found == {"centre": "expected failure", "membrane": "red"}
+
+
 def test_narrowing_is_said_and_narrows(full: Store) -> None:
     verdict = gate(full, None, Scope(("toys",), ("toy-noisy",), (2,)))
     assert [(f.row.solver, f.row.seed) for f in verdict.accuracy] == [("toy-noisy", 2)]

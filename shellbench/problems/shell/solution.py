@@ -104,7 +104,7 @@ class ShellSolution:
         Of files: `save` writes the first one, such as "mine, format 1", and `load` reads them all.
     numbers
         Names of the arrays that the displacement is made of: they are counted, and rounded.
-    history, diagnostics, uncertainty, extrapolated
+    history, diagnostics, uncertainty, extrapolated, unsettled
         See `shellbench.problem.Solution`.
     """
 
@@ -115,6 +115,7 @@ class ShellSolution:
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     extrapolated: Mapping[str, float] = field(default_factory=dict)
+    unsettled: str | None = None
 
     if TYPE_CHECKING:  # no attributes of the base, which would pass for the fields' default values
 
@@ -223,6 +224,7 @@ class ShellSolution:
             "diagnostics": dict(self.diagnostics),
             "uncertainty": dict(self.uncertainty),
             "extrapolated": dict(self.extrapolated),
+            "unsettled": self.unsettled,
         }
 
     def save(self, path: Path) -> Path:
@@ -264,6 +266,7 @@ def read_solution(path: Path, formats: Sequence[str | int], kind: Callable[[Case
             diagnostics=words["diagnostics"],
             uncertainty=words.get("uncertainty", {}),
             extrapolated=words.get("extrapolated", {}),
+            unsettled=words.get("unsettled"),
         )
     except OSError as error:
         raise InputError(f"{path}: can't be read as a solution of {solver} ({error.strerror or 'damaged'})") from None

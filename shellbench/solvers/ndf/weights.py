@@ -111,6 +111,7 @@ class CaseHeader(Model):
     diagnostics: dict[str, Any]
     uncertainty: dict[str, float]
     extrapolated: dict[str, float]
+    unsettled: str | None = None
 
     def read_case(self) -> Case:
         """Return the case; ValidationError if it is not one."""
@@ -118,7 +119,8 @@ class CaseHeader(Model):
 
     def course(self) -> dict[str, Any]:
         """Return the fields of a solution that say how it came about."""
-        return {name: getattr(self, name) for name in ("history", "diagnostics", "uncertainty", "extrapolated")}
+        names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled")
+        return {name: getattr(self, name) for name in names}
 
 
 class Header(CaseHeader):

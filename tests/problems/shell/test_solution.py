@@ -76,6 +76,7 @@ WAVE = wave(
     history=(Step(0, 0.1, -1.0, 6, quantities={"down": 0.5}), Step(1, 0.2, -2.0, 6, phase="path", iterations=3)),
     diagnostics={"cells": [3, 4], "why": None},
     uncertainty={"down": 0.1},
+    unsettled="down still moves by 0.2",
     extrapolated={"down": 0.51},
 )
 
@@ -109,7 +110,7 @@ def test_a_file_gives_back_all_bit_for_bit(tmp_path):
     back = Wave.load(path)
     assert back.c.tobytes("A") == WAVE.c.tobytes("A")
     assert back.c.flags.f_contiguous  # products of another layout round otherwise
-    for name in ("case", "parameters", "history", "diagnostics", "uncertainty", "extrapolated"):
+    for name in ("case", "parameters", "history", "diagnostics", "uncertainty", "extrapolated", "unsettled"):
         assert getattr(back, name) == getattr(WAVE, name)
 
 

@@ -22,7 +22,7 @@ from toy_shells import strip
 
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",
-    "disk_full", "allocate", "resumed", "edit_source", "kill_worker",
+    "disk_full", "allocate", "resumed", "edit_source", "kill_worker", "unsettled",
 ]  # fmt: skip
 
 
@@ -140,7 +140,10 @@ class ExactSolver:
                 time.sleep(0.02)
             time.sleep(settings.seconds / 3)
         misbehave(settings.behaviour, case)
-        return StripSolution(case, float("nan") if settings.behaviour == "nan" else settings.factor)
+        solution = StripSolution(case, float("nan") if settings.behaviour == "nan" else settings.factor)
+        if settings.behaviour == "unsettled":
+            solution.unsettled = "centre still moves\nby 2e-3"
+        return solution
 
     def load(self, path):
         return load(path)
