@@ -81,11 +81,11 @@ def _allowed(row: Row, size: float) -> Tolerance | None:
     blunt = BLUNT * (row.reference_uncertainty or 0.0)
     if not row.tolerance_is_absolute:
         return Tolerance(relative=min(max(size, blunt / abs(row.reference)), 0.99))
-    scale = _scale(row.case, row.unit)
+    scale = scale_of(row.case, row.unit)
     return Tolerance(absolute=max(size * scale, blunt)) if scale else None
 
 
-def _scale(name: str, unit: str) -> float:
+def scale_of(name: str, unit: str) -> float:
     """Return the largest known value of a case in a unit: what errors of values near zero are held against.
 
     What has no unit is relative already.

@@ -264,7 +264,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     known = KnownValues() if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = catalog.tolerance(row.case, row.quantity, row.solver)
-    return row if run.overrides or record.own_case or allowed is None else row.judged(allowed)
+    return row if run.overrides or record.own_case or allowed is None else row.judged(allowed, ours=True)
 
 
 def _converged(record: Record) -> bool | None:

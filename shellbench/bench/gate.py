@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from shellbench.bench import catalog
 from shellbench.bench.baseline import Baseline, cost_findings, make_baseline, regression_finding
+from shellbench.bench.calibration import Calibration, calibration_findings, calibrations
 from shellbench.bench.classes import Grade, grades, judged_by_class, strangers
 from shellbench.bench.compare import asked_cases, beyond, gated_quantities, rows_and_notes, without_record
 from shellbench.bench.current import CurrentRuns, current_runs, declared_by, overrides_of
@@ -49,6 +50,10 @@ class Verdict:
         What there is beside what was run, in one sentence; empty if suites were named.
     grades
         The classes that solvers without frozen tolerances hold.
+    calibration
+        A finding for each figure of a solver with frozen tolerances that is wrong with confidence.
+    calibrations
+        How sure each solver is of its figures, and how right.
     """
 
     accuracy: tuple[Finding, ...]
@@ -61,11 +66,18 @@ class Verdict:
     beyond: str = ""
     claims: tuple[Finding, ...] = ()
     grades: tuple[Grade, ...] = ()
+    calibration: tuple[Finding, ...] = ()
+    calibrations: tuple[Calibration, ...] = ()
 
     def good(self, cost: bool = False, regression: bool = False) -> bool:
         """Whether nothing is red; in the gates of regression and cost only if they are asked for."""
         # A broken lock is red whatever the rows say: green answers to an easier exam prove nothing.
-        judged = (*self.accuracy, *(self.regression if regression else ()), *(self.cost if cost else ()))
+        judged = (
+            *self.accuracy,
+            *self.calibration,
+            *(self.regression if regression else ()),
+            *(self.cost if cost else ()),
+        )
         return not self.lock.broken and not any(finding.colour == "red" for finding in judged)
 
 
@@ -86,7 +98,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     #    Solvers without frozen tolerances are judged by class.
     # 4. Runs that were planned and did not end stand for themselves, before anything else about the same run.
     # 5. Narrow to the scope, and refuse one of which any part judges nothing.
-    # 6. Accuracy, regression and cost of the same rows, and the lock.
+    # 6. Accuracy, regression and cost of the same rows, and the lock. Calibration is of all figures with a known value.
     # Silence is no success: what was asked for and has no record is red.
     cases = asked_cases(scope.cases, scope.suites)
     for solver in scope.solvers:
@@ -95,7 +107,10 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
     current = current_runs(store.read())
     found, notes = rows_and_notes(store, scope.suites, scope.cases)
     more = "" if scope.suites else beyond(found)
-    claims, bad_claims = _claims(row for row in found if _in_scope(row, scope, cases))
+    known = {run.record.run_id for run in current.runs if run.installed}
+    shown = [row for row in found if _in_scope(row, scope, cases)]
+    claims, bad_claims = _claims(shown)
+    calibrated = calibrations(row for row in shown if row.run_id in known)
     unfinished = [row for row in found if _is_unfinished(row)]
     graded = strangers(scope.solvers)
     if scope.suites:
@@ -103,7 +118,6 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         others += [row for expected in expected_of_strangers(scope, graded, current) for row in expected.rows()]
     else:
         # Records of a solver that is not installed may be of other code: they are shown, and never judged.
-        known = {run.record.run_id for run in current.runs if run.installed}
         counted = [row for row in found if row.run_id in known]
         others = [row for row in (_by_class(row, graded) for row in counted) if row.gated]
         # A record that does not count any more is no reason to forget that its run was gated.
@@ -125,6 +139,8 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         beyond=more,
         claims=tuple(claims),
         grades=tuple(grades(rows, graded & {row.solver for row in rows})),
+        calibration=tuple(calibration_findings(calibrated, catalog.tolerances())),
+        calibrations=tuple(calibrated),
     )
 
 

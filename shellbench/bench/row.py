@@ -158,10 +158,14 @@ class Row(Model):
         """Return the row with a tolerance."""
         return self.model_copy(update={"tolerance": allowed.largest, "tolerance_is_absolute": allowed.is_absolute})
 
-    def judged(self, allowed: Tolerance) -> Row:
-        """Return the row held to the tolerance that is frozen for it, with its verdict."""
+    def judged(self, allowed: Tolerance, ours: bool = False) -> Row:
+        """Return the row held to the tolerance that is frozen for it, with its verdict.
+
+        A solver of `ours` has to be as sure as it has to be right: an answer whose stated uncertainty exceeds its
+        tolerance has not passed, whatever its value.
+        """
         row = self.held_to(allowed)
-        why_not = row.why_short(row.tolerance)
+        why_not = row.why_short(row.tolerance) or (row.why_unsure() if ours else None)
         passed: bool | None = why_not is None
         if allowed.open_finding is not None:
             # What is open of a case may well be right when it is asked otherwise.
@@ -192,6 +196,15 @@ class Row(Model):
         if error is None or not abs(error) <= tolerance:
             return f"its error is {error if error is None else format(error, '.2g')}, and {tolerance:g} is allowed"
         return None
+
+    def why_unsure(self) -> str | None:
+        """Return why the uncertainty that is stated exceeds the tolerance, as a clause; None if it doesn't."""
+        if self.uncertainty is None or self.tolerance is None or self.reference is None:
+            return None
+        stated = self.uncertainty if self.tolerance_is_absolute else self.uncertainty / abs(self.reference)
+        return (
+            None if stated <= self.tolerance else f"it is uncertain by {stated:.2g}, and {self.tolerance:g} is allowed"
+        )
 
     def finding(self) -> Finding:
         """Say what the accuracy gate makes of a gated row."""

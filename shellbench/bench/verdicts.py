@@ -29,6 +29,7 @@ def as_text(
         lines += _gate("cost", verdict.cost, verbose, judged=cost)
     else:
         lines.append(f"regression, cost: not judged, for there is no baseline {baseline}")
+    lines += _calibration(verdict, verbose)
     if verdict.claims:
         lines += _gate("claims", verdict.claims, verbose, judged=False, otherwise="not held")
     lines += [f"class: {grade}" for grade in verdict.grades]
@@ -52,6 +53,12 @@ def _gate(
         alike.setdefault(key, []).append(finding.row)
     for (mark, case, solver, sentence), rows in alike.items():
         yield f"  {mark:<4} {case} {solver}{_seeds(rows)} {_listed(row.quantity for row in rows)}: {sentence}"
+
+
+def _calibration(verdict: Verdict, verbose: bool) -> Iterator[str]:
+    if verdict.calibration:
+        yield from _gate("calibration", verdict.calibration, verbose)
+    yield from (f"calibration: {one}" for one in verdict.calibrations)
 
 
 def _lock(lock: LockCheck) -> Iterator[str]:

@@ -271,6 +271,26 @@ def test_expected_failures_are_not_red_but_unexpected_passes_are(full: Store) ->
     assert "membrane locking" in as_text(verdict, "baseline")
 
 
+def stating(store: Store, solver: str, uncertainty: float | None, error: float = 0.0) -> None:
+    """Have a solver be wrong by a relative error, and state a relative uncertainty of it."""
+    stated = None if uncertainty is None else uncertainty * strip.CENTRE
+    centre = {"value": strip.CENTRE * (1 + error), "uncertainty": stated}
+    for record in store.read().records:
+        if record.identity.solver == solver:
+            changed(store, record, values=record.model_dump()["values"] | {"centre": centre})
+
+
+@pytest.mark.parametrize(("uncertainty", "colour"), [(0.9e-3, "green"), (1.1e-3, "red"), (None, "green")])
+def test_an_answer_that_is_less_sure_than_its_tolerance_has_not_passed(
+    full: Store, uncertainty: float | None, colour: str
+) -> None:
+    widen()
+    stating(full, "toy", uncertainty)
+    (found,) = (f for f in gate(full, None, TOYS).accuracy if f.row.solver == "toy" and f.row.quantity == "centre")
+    assert found.colour == colour
+    assert ("it is uncertain by 0.0011, and 0.001 is allowed" in found.sentence) == (colour == "red")
+
+
 MOVING: dict[str, object] = {"status": "not settled", "reason": "centre still moves by 2e-3"}
 
 
@@ -281,7 +301,7 @@ def test_what_has_not_settled_is_red_however_right_it_is(full: Store) -> None:
     assert [finding.colour for finding in moving] == ["red", "red"]
     assert {finding.sentence for finding in moving} == {"it has not settled: centre still moves by 2e-3"}
     (row,) = (finding.row for finding in moving if finding.row.quantity == "centre")
-    assert (row.status, row.passed, row.value, row.uncertainty) == ("not settled", False, strip.CENTRE, 1e-9)
+    assert (row.status, row.passed, row.value, row.uncertainty) == ("not settled", False, strip.CENTRE, 1e-12)
     assert not verdict.good()
 
 

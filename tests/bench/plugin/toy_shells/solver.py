@@ -48,7 +48,7 @@ class StripSolution:
         self.parameters = 4
         self.storage_bytes = 8
         self.diagnostics = {"residual": np.float64(1e-12), "energy_gap": float("nan")}
-        self.uncertainty = {"centre": 1e-9}
+        self.uncertainty = {"centre": 1e-12}
         self.extrapolated = {"centre": 1.0}
 
     def _strip(self) -> tuple[float, float, float]:
@@ -163,6 +163,7 @@ class NoisySolver:
         misbehave(settings.behaviour, case)
         factor = 1 + settings.noise * np.random.default_rng(settings.seed).standard_normal()
         solution = StripSolution(case, factor)
+        solution.uncertainty = {"centre": 1e-9}
         solution.diagnostics = {"checkpoint": settings.checkpoint}
         if settings.behaviour == "resumed":
             solution.history = (Step(0, 1000.0, -1.0, 4),)
