@@ -13,6 +13,7 @@ from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store
 from shellbench.report import (
+    calibration,
     consistency,
     cost,
     engines,
@@ -53,6 +54,7 @@ MAKERS: tuple[Maker, ...] = (
     trace_tables.cloth,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
+    calibration.section,
     engines.section,
     cost.section,
     consistency.section,
@@ -66,7 +68,11 @@ MAKERS: tuple[Maker, ...] = (
 )
 
 
-OF_VARIANTS: tuple[Maker, ...] = (tables.displacements, tables.quantities)  # the sections that tell of variants too
+OF_VARIANTS: tuple[Maker, ...] = (
+    tables.displacements,
+    calibration.section,
+    tables.quantities,
+)  # that tell of variants too
 
 
 def gather(
