@@ -72,14 +72,15 @@ def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
 
     What a file knows is no physics: it may have changed since the run.
     """
-    files = {case.name: case for text in cases if catalog.is_own(case := catalog.find_case(text))}
+    named = [catalog.find_case(text) for text in cases]
+    files = {case.name: case for case in named if catalog.is_own(case)}
     runs, stale = [], dict(current.stale)
     for run in current.runs:
-        case = files.get(run.case.name) if run.record.own_case else None
-        if case is not None and case.digest() != run.record.identity.case:
+        file = files.get(run.case.name) if run.record.own_case else None
+        if file is not None and file.digest() != run.record.identity.case:
             stale[run.record.run_id] = (run.record, "the case has changed since")
         else:
-            runs.append(run if case is None else replace(run, case=case))
+            runs.append(run if file is None else replace(run, case=file))
     return replace(current, runs=tuple(runs), stale=stale)
 
 
