@@ -23,6 +23,8 @@ from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case
 
 PAGE = Path(__file__).with_name("case_format.md")
+SHOWN = "shellbench.problems", "shellbench.known"
+"""Modules of the models that case files are read into."""
 Schema = Mapping[str, Any]
 
 WHOLE = {
@@ -121,6 +123,10 @@ EXAMPLES = {
     "LoadQuantity": Example('[[quantities]]\nname = "load_300mm"\nkind = "load"\nat = 0.3     # m of the path\'s displacement\nscale = 4.0', "arc length"),
     "LimitPoint": Example('[[quantities]]\nname = "limit_load"\nkind = "limit_point"\nturning = "load"\nnumber = 1\nscale = 4.0', "arc length"),
     "CriticalPoint": Example('[[quantities]]\nname = "critical_load"\nkind = "critical_point"\nscale = 4.0', "path"),
+    "Known": Example(
+        '[[known]]\nquantity = "headline"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
+        "tolerance = 0.01  # 1 %"
+    ),
     "Picture": Example('[picture]\nscale = 50\ndirection = [0, 0, -1]\nview = [25, -60]\nup = "z"'),
 }  # fmt: skip
 
@@ -137,6 +143,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy",
       "ReactionQuantity", "TorqueQuantity", "LoadQuantity", "LimitPoint", "CriticalPoint")),
+    ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip
 
@@ -175,7 +182,7 @@ class UndescribedError(Exception):
 
 def model_class(name: str) -> type[Model]:
     """Return the model of this name."""
-    (found,) = {cls for cls in subclasses(Model) if cls.__name__ == name and "problems" in cls.__module__}
+    (found,) = {cls for cls in subclasses(Model) if cls.__name__ == name and cls.__module__.startswith(SHOWN)}
     return found
 
 

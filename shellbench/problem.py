@@ -20,6 +20,7 @@ from pydantic import Field, ValidationError, model_validator
 
 from shellbench.account import Phase
 from shellbench.errors import InputError
+from shellbench.known import Known, check_known
 from shellbench.model import LONGEST_TITLE, Finite, Model, Name, Positive, one_sentence, read_toml
 from shellbench.portrait import Portrait
 from shellbench.sample import Sample
@@ -120,9 +121,11 @@ class Problem(Model):
         Units of the file: SI unless it says otherwise (text for tables; nothing is converted).
     theory
         Which theory the answer is asked for: known values of another theory do not judge it.
+    known
+        What its quantities should be, in a user's own case only: those of our cases are in references/.
     """
 
-    not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units"})
+    not_physics: ClassVar[frozenset[str]] = frozenset({"name", "title", "description", "suites", "units", "known"})
     not_physics_of_a_quantity: ClassVar[frozenset[str]] = frozenset(
         {"description", "unit", "primary", "tolerance", "absolute", "open_finding"}
     )
@@ -134,6 +137,7 @@ class Problem(Model):
     units: str = "SI"
     suites: tuple[Name, ...] = ()
     theory: str
+    known: tuple[Known, ...] = ()
 
     if TYPE_CHECKING:
 
@@ -228,6 +232,7 @@ class Problem(Model):
                 raise ValueError(f"two of them are called '{name}': quantity names must differ")
         if sum(q.primary for q in self.quantities) != 1:
             raise ValueError("exactly one quantity must be primary")
+        check_known(self.known, names)
         return self
 
 

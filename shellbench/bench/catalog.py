@@ -63,6 +63,8 @@ def named_case(name: str) -> Problem:
         return variant_of(named_case(base), variant)
     path = data_folder("cases") / f"{name}.toml"
     case = read_problem(path)
+    if case.known:
+        raise InputError(f"{path}: field 'known' is no field of a suite's case: references/ holds it")
     for number, quantity in enumerate(case.quantities):
         if quantity.tolerance or quantity.open_finding:
             field = f"quantities.{number}.{'tolerance' if quantity.tolerance else 'open_finding'}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from statistics import median
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, current_runs, overrides_of
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
-from shellbench.bench.reference import KnownValue, KnownValues
+from shellbench.bench.reference import KnownValue, KnownValues, Tolerance
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
@@ -56,7 +57,7 @@ def rows_and_notes(
     wanted = asked_cases(cases, suites)
     # Records that count, and plans that no record has ended. Suites narrow a row to those of its suites that were asked
     # for.
-    current, planned = current_runs(store.read()), read_planned(store)
+    current, planned = as_files_say(current_runs(store.read()), cases), read_planned(store)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
     if suites:
         asked = [(row, tuple(name for name in row.suites if name in suites)) for row in found]
@@ -64,6 +65,23 @@ def rows_and_notes(
     if cases:
         found = [row for row in found if (row.case, row.own_case) in wanted]
     return found, (*current.notes, *planned.damaged)
+
+
+def as_files_say(current: CurrentRuns, cases: Sequence[str]) -> CurrentRuns:
+    """Return the runs with the cases of the files that are named as they stand there now, if they ask the same still.
+
+    What a file knows is no physics: it may have changed since the run.
+    """
+    named = [catalog.find_case(text) for text in cases]
+    files = {case.name: case for case in named if catalog.is_own(case)}
+    runs, stale = [], dict(current.stale)
+    for run in current.runs:
+        file = files.get(run.case.name) if run.record.own_case else None
+        if file is not None and file.digest() != run.record.identity.case:
+            stale[run.record.run_id] = (run.record, "the case has changed since")
+        else:
+            runs.append(run if file is None else replace(run, case=file))
+    return replace(current, runs=tuple(runs), stale=stale)
 
 
 def asked_cases(cases: Sequence[str], suites: Sequence[str]) -> set[tuple[str, bool]]:
@@ -260,11 +278,43 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         storage_bytes=record.storage_bytes,
         run_id=record.run_id,
     )
-    # A user's own case may bear the name of one of the suite. Neither known values nor tolerances are passed on to it.
-    known = KnownValues() if record.own_case else catalog.known_values(record.case_name)
+    # A user's own case may bear the name of one of the suite. What is known of that, and allowed there, is not passed
+    # on to it: its own file says both.
+    known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
-    allowed = catalog.tolerance(row.case, row.quantity, row.solver)
-    return row if run.overrides or record.own_case or allowed is None else row.judged(allowed, ours=True)
+    allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
+    ours = row.solver in catalog.tolerances()
+    return row if run.overrides or allowed is None else row.judged(allowed, ours)
+
+
+def _frozen(row: Row) -> Tolerance | None:
+    return catalog.tolerance(row.case, row.quantity, row.solver)
+
+
+def values_of_file(case: Problem) -> KnownValues:
+    """Return the known values that stand in a user's own case file."""
+    return KnownValues(
+        values=tuple(
+            KnownValue(
+                quantity=one.quantity,
+                role="judge",
+                value=one.value,
+                uncertainty=one.uncertainty,
+                theory=case.theory,
+                origin="the case's own file",
+                source=one.source,
+            )
+            for one in case.known
+        )
+    )
+
+
+def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:
+    """Return what a user's own case file allows every solver; None if it gates nothing of a quantity."""
+    for one in case.known:
+        if one.quantity == quantity.name and one.tolerance is not None:
+            return Tolerance.model_validate({"absolute" if one.absolute else "relative": one.tolerance})
+    return None
 
 
 def _converged(record: Record) -> bool | None:

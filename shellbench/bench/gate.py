@@ -124,7 +124,7 @@ def gate(store: Store, baseline: Baseline | None, scope: Scope) -> Verdict:
         others += _beside(others, stale_rows(current))
     found = [*unfinished, *_beside(unfinished, others)]
     rows = [row for row in found if _in_scope(row, scope, cases)]
-    _check_judged(rows, scope, cases)
+    _check_judged(rows, scope, cases, notes)
     _check_answered(rows, graded)
     by_id = {run.record.run_id: run.record for run in current.runs}
     records = [by_id[run_id] for run_id in dict.fromkeys(row.run_id for row in rows) if run_id in by_id]
@@ -257,7 +257,7 @@ def _check_answered(rows: Sequence[Row], graded: Collection[str]) -> None:
             raise InputError(f"nothing was judged of solver '{solver}': it declines every case that was asked for")
 
 
-def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]]) -> None:
+def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]], notes: Sequence[str]) -> None:
     """Refuse a scope of which a part judges nothing: a gate that can't fail is none.
 
     Raises
@@ -268,7 +268,8 @@ def _check_judged(rows: Sequence[Row], scope: Scope, cases: set[tuple[str, bool]
     # Each name is checked for itself: a misspelt or ungated one would hide behind rows of the others.
     begin = "nothing was judged"
     if not rows and scope.narrowed:
-        raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}")
+        why = f" ({'; '.join(notes)})" if notes else ""
+        raise InputError(f"{begin}: no run is gated of {scope.narrowed.replace(' only', '')}{why}")
     if not rows:
         raise InputError(f"{begin}: nothing that was run is gated; `shellbench list` says what is")
     for solver in scope.solvers:
