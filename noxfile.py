@@ -15,6 +15,8 @@ GATES = ("--regression", "--cost")  # what is reported unless it is asked to be 
 STUDIES = ("resolution", "thinness", "sampling", "training")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
+CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
+DRAWN, CALIBRATION_STORE = "reports/calibration/cases", "reports/calibration/runs"
 ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
 WITHOUT_AVX512 = {
     "OPENBLAS_CORETYPE": "Haswell",
@@ -74,6 +76,23 @@ def shapes(session: nox.Session) -> None:
 def variants(session: nox.Session) -> None:
     """Ask the shells of other suites otherwise (axes, frame, units, coordinates), and judge. `-- --quick`."""
     run_and_judge(session, "variants")
+
+
+@nox.session
+def calibration(session: nox.Session) -> None:
+    """Hold what solvers state of their errors against the errors: all linear shells, their variants, and 48 drawn ones.
+
+    Of `fem` and one seed of `ndf-ritz`; `-- --solver NAME` asks others. The page has the table and the figure.
+    """
+    install(session)
+    session.run("python", "-m", "derivations.drawn_shells", DRAWN)
+    drawn = sorted(str(path) for path in Path(DRAWN).glob("drawn_*.toml"))
+    suites = [option for name in CALIBRATED for option in ("--suite", name)]
+    solvers = tuple(session.posargs) or QUICK_SOLVERS
+    for asked in (suites, drawn):
+        session.run("shellbench", "run", *asked, *solvers, "--store", CALIBRATION_STORE, success_codes=[0, 1])
+    session.run("shellbench", "report", "--store", CALIBRATION_STORE, "--no-print", "--out", REPORT)
+    session.run("shellbench", "gate", "--store", CALIBRATION_STORE)
 
 
 @nox.session

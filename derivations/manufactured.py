@@ -49,8 +49,8 @@ POINTS = 40
 """Chebyshev points a side at which a load is interpolated."""
 KEPT = 1e-11
 """Part of the largest load below which a Chebyshev coefficient is dropped."""
-DIGITS = 13
-"""After the point, of a coefficient relative to the largest load: rounding stays below what is dropped."""
+MORE_DIGITS = 2
+"""Of a coefficient, beyond what is dropped: rounding stays below that."""
 TRUNCATED = 1e-11
 """Relative error of a known value, as the load of a case is a polynomial: `manufactured_splines` shows a quarter of it."""
 GRID, STEP = 25, 0.02
@@ -196,8 +196,8 @@ def _cross(one: Vector, two: Vector) -> Vector:
 # --- the load as formulas ----------------------------------------------------------------------------
 
 
-def load_formulas(case: Case) -> tuple[str, str, str]:
-    """Return the load as three polynomials in xi1 and xi2.
+def load_formulas(case: Case, dropped: float = KEPT) -> tuple[str, str, str]:
+    """Return the load as three polynomials in xi1 and xi2, without Chebyshev coefficients below this part of it.
 
     Raises
     ------
@@ -211,10 +211,10 @@ def load_formulas(case: Case) -> tuple[str, str, str]:
     transform = np.linalg.inv(chebyshev.chebvander(nodes, POINTS - 1))
     coefficients = np.einsum("ip,jq,pqc->cij", transform, transform, values)
     scale = np.abs(values).max()
-    if max(np.abs(coefficients[:, -2:]).max(), np.abs(coefficients[..., -2:]).max()) > KEPT * scale:
+    if max(np.abs(coefficients[:, -2:]).max(), np.abs(coefficients[..., -2:]).max()) > dropped * scale:
         raise ValueError(f"the load varies too quickly to be a polynomial of degree {POINTS - 1} in each coordinate")
-    kept = np.where(np.abs(coefficients) < KEPT * scale, 0.0, coefficients)
-    places = DIGITS - int(np.ceil(np.log10(scale)))
+    kept = np.where(np.abs(coefficients) < dropped * scale, 0.0, coefficients)
+    places = MORE_DIGITS - round(np.log10(dropped)) - int(np.ceil(np.log10(scale)))
     first, second = (_variable(f"xi{k + 1}", float(middle[k]), float(half[k])) for k in (0, 1))
     x, y, z = (_nested([_nested(row, second, places) for row in _monomials(c)], first, places) for c in kept)
     return x, y, z
@@ -262,25 +262,29 @@ def float_or_none(text: str) -> float | None:
 
 def manufactured(name: str) -> dict[str, Estimate]:
     """Return the values of all quantities of a case of the project for the prescribed displacement."""
-    case = read_case(CASES / f"{name}.toml")
+    return values_of(read_case(CASES / f"{name}.toml"))
+
+
+def values_of(case: Case, truncated: float = TRUNCATED) -> dict[str, Estimate]:
+    """Return the values of all quantities for the prescribed displacement; its load is known so well, relative."""
     coarse, fine = (_energies(case, count) for count in GAUSS)
     found = {}
     for quantity in case.quantities:
         if quantity.kind in fine:
             value = fine[quantity.kind]
-            found[quantity.name] = Estimate.between(value, coarse[quantity.kind], "J", TRUNCATED * value)
+            found[quantity.name] = Estimate.between(value, coarse[quantity.kind], "J", truncated * value)
         elif quantity.kind == "displacement":
             points = np.array([case.places[name].xi for name in quantity.points])
             directions = np.array(quantity.directions)
             directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
             moved = case.evaluate(exact_formulas(case), points)[0, 0]
             value = float(np.mean(np.sum(moved * directions, axis=-1)))
-            found[quantity.name] = Estimate(value, TRUNCATED * abs(value), "m")
+            found[quantity.name] = Estimate(value, truncated * abs(value), "m")
         elif quantity.kind == "largest_displacement":
             value = largest(case, lambda points: case.evaluate(exact_formulas(case), points)[0, 0])
-            found[quantity.name] = Estimate(value, TRUNCATED * value, "m")
+            found[quantity.name] = Estimate(value, truncated * value, "m")
         else:
-            found[quantity.name] = Estimate(0.0, TRUNCATED, "")
+            found[quantity.name] = Estimate(0.0, truncated, "")
     return found
 
 
