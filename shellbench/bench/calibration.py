@@ -102,7 +102,7 @@ def judged_figure(row: Row) -> Judged | None:
     """Return the error and what is stated of it; None if the row has no known value or states nothing."""
     if not _has_known_error(row) or row.uncertainty is None or row.absolute_error is None or row.reference is None:
         return None
-    near_zero = row.tolerance_is_absolute or row.relative_error is None
+    near_zero = row.relative_error is None
     scale = (0.0 if row.own_case else scale_of(row.case, row.unit)) if near_zero else abs(row.reference)
     stated = row.uncertainty + (row.reference_uncertainty or 0.0) + ROUNDING * scale
     return Judged(row, abs(row.absolute_error), stated, scale)
