@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -18,8 +19,17 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.assembly import NODE_DOFS
-from shellbench.solvers.fem.mesh import graded_mesh, singular_points
-from shellbench.solvers.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
+from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
+from shellbench.solvers.fem.mesh import UNGRADED, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.refinement import (
+    ASYMPTOTIC,
+    Cells,
+    Level,
+    balanced_share,
+    first_level,
+    level_cells,
+    levels,
+)
 from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 from shellbench.solvers.fem.solver import FemSettings
 from shellbench.solvers.fem.symmetry import FoldedMesh
@@ -55,16 +65,19 @@ def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Motio
 
 def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution:
     began = time.perf_counter()
-    on_mesh, trials = _solves(case, chosen, progress)
+    # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
+    graded = case.linear and chosen.grading > 1 and not case.prescribed
+    ends, slowest = (edge_gradings(case), slowest_rate(case)) if graded else (UNGRADED, ASYMPTOTIC)
+    on_mesh, trials = _solves(case, chosen, ends, progress)
     tolerance = chosen.tolerance or usual_tolerance(case)
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
     solution: FemSolution | None = None
     try:
-        meshes = _meshes(case, chosen, trials)
+        meshes = _meshes(case, chosen, ends, trials)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
-        for level in levels(case, meshes, on_mesh, _measured, forgiven):
+        for level in levels(case, meshes, on_mesh, _measured, forgiven, slowest):
             seconds = time.perf_counter() - began
             found = level.equilibrium
             unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
@@ -95,7 +108,9 @@ def usual_tolerance(case: Case) -> float:
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
-def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tuple[OnMesh, tuple[OnMesh, ...]]:
+def _solves(
+    case: Case, settings: FemSettings, ends: Ends, progress: ProgressCallback
+) -> tuple[OnMesh, tuple[OnMesh, ...]]:
     """Return how a case is solved on a mesh, and how trials are made that share out the cells.
 
     Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
@@ -103,7 +118,7 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
 
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading)
+            mesh = graded_mesh(of, cells, settings.grading, ends)
             how = of.states, settings.quadrature_order, settings.direct_solver
             folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
             if folded is None:
@@ -155,19 +170,17 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         raise SolveFailure(str(error), partial=solution) from None
 
 
-def _meshes(case: Case, settings: FemSettings, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
+def _meshes(case: Case, settings: FemSettings, ends: Ends, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
     """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
     if settings.cells:
         yield settings.cells
         return
-    first, share = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count), 0
+    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, ends).node_count)
+    share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
-        try:
+        with contextlib.suppress(SolveFailure):
             share = balanced_share(trial, first - 1)
             break
-        except SolveFailure:
-            if trial is trials[-1]:
-                raise
     for level in itertools.count(first):
         yield level_cells(level, share)
 
