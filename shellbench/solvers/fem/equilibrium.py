@@ -59,10 +59,10 @@ class Answer:
     unknowns
         (nodes, 12, n).
     residual
-        Largest |K z - f| over largest |f|. On thin shells it is large by rounding alone: forces of the membrane
-        cancel that are (L/h)^2 times the loads.
+        Largest |K z - f| over largest |f| after two refinements. On thin shells rounding alone makes it large: forces
+        of the membrane cancel that are (L/h)^2 times the loads.
     backward_error
-        Largest |K z - f| over |K| |z| + |f|, force by force (Oettli & Prager 1964): the relative change of K and f
+        Largest |K z - f| over |K| |z| + |f| then, force by force (Oettli & Prager 1964): the relative change of K and f
         by which z becomes exact.
     correction
         Largest change by the last refinement over the largest unknown.
@@ -121,6 +121,9 @@ def solve_reduced(
             change = backward(left)
             unknowns = unknowns + change
             correction, noise = _ratio(change, unknowns), _energy(left, change)
+        left = right - matrix @ unknowns
+        magnitude = BlockMatrix(np.abs(matrix.blocks), matrix.columns) @ np.abs(unknowns) + np.abs(right)
+        backward_error, relative = _largest_share(left, magnitude), _ratio(left, right)
         if residual and correction > CAREFUL:
             before = math.inf  # the first step mends the rounding of K: it may be larger than the last one by K
             for _ in range(CAREFUL_REFINEMENTS):
@@ -138,9 +141,7 @@ def solve_reduced(
             f"the stiffness matrix is singular to working precision on {_cells(mesh)} cells: a mechanism that the"
             " supports leave, or a thickness that is lost in rounding beside the shell's size"
         ) from None
-    left = right - matrix @ unknowns
-    magnitude = BlockMatrix(np.abs(matrix.blocks), matrix.columns) @ np.abs(unknowns) + np.abs(right)
-    answer = Answer(unknowns, _ratio(left, right), _largest_share(left, magnitude), correction, noise)
+    answer = Answer(unknowns, relative, backward_error, correction, noise)
     # Written so that what is not a number fails.
     if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
         raise RoundingError(
