@@ -41,7 +41,7 @@ Bending = Literal["clamped", "supported", "free", "mirrored"]
 
 MOST = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
 SMOOTH_RATE = 4.0  # of the element's energy where the fields are smooth
-STEEPEST = 5.0  # grading: smaller cells at the corner would be lost in rounding
+STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
 WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of a double root
 ITERATIONS = 40  # of the secant method

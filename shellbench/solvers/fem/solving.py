@@ -18,7 +18,6 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
-from shellbench.solvers.fem.assembly import NODE_DOFS
 from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
 from shellbench.solvers.fem.mesh import UNGRADED, Ends, graded_mesh, singular_points
 from shellbench.solvers.fem.refinement import (
@@ -89,7 +88,7 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
             converged = level.error <= tolerance
             solution = _finished(level, tuple(steps), differences, tolerance, chosen)
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
-            if converged or 2 * NODE_DOFS * found.solution.mesh.node_count > largest:
+            if converged or 2 * unknowns > largest:
                 break
     except SolveFailure as failure:
         raise SolveFailure(str(failure), partial=solution or failure.partial) from None
