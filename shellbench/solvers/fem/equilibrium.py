@@ -42,6 +42,7 @@ Solve = Callable[[Array], Array]
 REFINEMENTS = 2  # steps of iterative refinement after the first solve
 CAREFUL = 1e-9  # change of the answer by the last of them from which on the residual is formed by way of the strains
 CAREFUL_REFINEMENTS = 8  # at most, then, as long as each is smaller than half the one before
+ALIGNED = 0.5  # cosine between two such changes that are no rounding
 LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
 LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
 
@@ -124,16 +125,21 @@ def solve_reduced(
         left = right - matrix @ unknowns
         magnitude = BlockMatrix(np.abs(matrix.blocks), matrix.columns) @ np.abs(unknowns) + np.abs(right)
         backward_error, relative = _largest_share(left, magnitude), _ratio(left, right)
+        stuck = False
         if residual and correction > CAREFUL:
-            before = math.inf  # the first step mends the rounding of K: it may be larger than the last one by K
+            before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
             for _ in range(CAREFUL_REFINEMENTS):
                 left = residual(unknowns)
                 change = backward(left)
                 unknowns = unknowns + change
                 correction, noise = _ratio(change, unknowns), _energy(left, change)
-                if correction <= CAREFUL or not correction < before / 2:
+                if correction <= CAREFUL:
                     break
-                before = correction
+                if not correction < before / 2:
+                    # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
+                    stuck = not _cosine(change, last) < ALIGNED
+                    break
+                before, last = correction, change
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -148,7 +154,7 @@ def solve_reduced(
             f"the direct solver failed on {_cells(mesh)} cells: its answer solves a system whose stiffness differs by"
             f" {answer.backward_error:.1e} (relative residual {answer.residual:.1e})"
         )
-    if not correction <= LARGEST_CORRECTION:
+    if stuck or not correction <= LARGEST_CORRECTION:
         raise RoundingError(
             f"rounding moves the answer by {correction:.1e} of itself on {_cells(mesh)} cells: the shell resists some"
             " motion with too small a part of its stiffness, for its thickness or for what holds it"
@@ -158,6 +164,11 @@ def solve_reduced(
 
 def _energy(forces: Array, change: Array) -> float:
     return float(np.abs(np.sum(forces * change, axis=(0, 1))).max()) / 2
+
+
+def _cosine(first: Array, second: Array) -> float:
+    lengths = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
+    return float(np.sum(first * second)) / lengths if lengths else 0.0
 
 
 def _cells(mesh: TensorMesh) -> str:

@@ -41,6 +41,8 @@ LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
+MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
+FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
 FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
@@ -97,6 +99,13 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     except np.linalg.LinAlgError:
         raise SolveFailure("the surface's metric is singular at a quadrature point", partial=solution) from None
     assert solution is not None  # there is always a first mesh
+    if len(steps) >= FEWEST_TO_JUDGE and level.error > MOST_UNCERTAIN:
+        cells = "{} x {}".format(*solution.mesh.cells)
+        raise SolveFailure(
+            f"the meshes do not resolve the shell: on the finest one, {cells} cells, some quantity is uncertain by"
+            f" {level.error:.0%} of itself",
+            partial=solution,
+        )
     return solution
 
 
