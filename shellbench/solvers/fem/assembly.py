@@ -185,6 +185,49 @@ def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature
     return BlockMatrix(blocks, neighbour_columns(mesh))
 
 
+class InternalForces:
+    """The stiffness matrix times displacements by way of their strains, G^T (G q) where K = G^T G.
+
+    In K q the rounding of single products does work on every motion. Here it makes small strains, and these do no work
+    on motions that strain nothing else: what a thin shell, or a tiny cell, resists least is not disturbed.
+
+    Attributes
+    ----------
+    mesh
+        What it is integrated on.
+    """
+
+    def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
+        self.mesh = mesh
+        tables = [tabulate(quadrature.points, d).reshape(len(quadrature.points), FUNCTIONS) for d in DERIVATIVES]
+        self._table = np.stack(tables, axis=1).reshape(-1, FUNCTIONS)
+        self._portions = [
+            (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
+            for cells in chunks(mesh)
+        ]
+
+    def __call__(self, q: Array) -> Array:
+        """Return the nodal forces (nodes, 12, n) of displacements (nodes, 12, n)."""
+        result, count = np.zeros_like(q), q.shape[-1]
+        nodal = q.reshape(-1, COMPONENTS, len(KINDS), count)
+        for cells, operator, scales in self._portions:
+            nodes = self.mesh.nodes[cells]
+            weights = scales.reshape(len(nodes), FUNCTIONS, 1, 1)
+            local = np.swapaxes(nodal[nodes], 2, 3).reshape(len(nodes), FUNCTIONS, COMPONENTS, count) * weights
+            gradients = (self._table @ local.reshape(len(nodes), FUNCTIONS, -1)).reshape(
+                -1, len(DERIVATIVES), COMPONENTS, count
+            )
+            flat = operator.reshape(len(gradients), 6, -1)
+            strains = flat @ np.swapaxes(gradients, 1, 2).reshape(len(gradients), -1, count)
+            work = (np.swapaxes(flat, 1, 2) @ strains).reshape(-1, COMPONENTS, len(DERIVATIVES), count)
+            spread = np.swapaxes(work, 1, 2).reshape(len(nodes), len(self._table), -1)
+            forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), len(KINDS), COMPONENTS, count)
+            forces *= weights.reshape(len(nodes), len(CORNERS), len(KINDS), 1, 1)
+            for corner in range(len(CORNERS)):
+                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(len(nodes), NODE_DOFS, count)
+        return result
+
+
 def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
     """Add matrices (cells, 3, 4, 4, 3, 4, 4) of different cells with corners `nodes` (cells, 4), in place."""
     for a, (i, j) in enumerate(CORNERS):
@@ -206,14 +249,8 @@ def _cell_matrices(
     # 4. K = G^T G.
     # The textbook sums B^T C B point by point. The root form has one product a cell, and K is symmetric and positive
     # semidefinite by construction.
-    points, weights = quadrature.on_cells(mesh, cells)
-    count, per_cell = weights.shape
-    geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
-    operator = stress_root_operator(geometry, material)
-    operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
-    sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
-    operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]
-    operator = operator.reshape(count, per_cell, 6 * COMPONENTS, len(DERIVATIVES))
+    operator = _root_operator(mesh, cells, surface, material, quadrature)
+    count, per_cell = operator.shape[:2]
     roots = np.empty((count, per_cell, 6, COMPONENTS, table.shape[-1]))
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
@@ -223,6 +260,20 @@ def _cell_matrices(
     matrices = np.swapaxes(flat, -1, -2) @ flat
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
     return matrices.reshape(count, *shape, *shape)
+
+
+def _root_operator(
+    mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature
+) -> Array:
+    """Return G (cells, points, 18, 5) on the derivatives of the unit cell: by root strain and component (slow)."""
+    points, weights = quadrature.on_cells(mesh, cells)
+    count, per_cell = weights.shape
+    geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
+    operator = stress_root_operator(geometry, material)
+    operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
+    sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
+    operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]
+    return np.asarray(operator.reshape(count, per_cell, 6 * COMPONENTS, len(DERIVATIVES)))
 
 
 Density = Callable[[Array], Array]

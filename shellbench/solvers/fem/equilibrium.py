@@ -1,12 +1,13 @@
 """Equilibrium of the linear shell on one mesh: assemble, tie, remove rigid motions, solve, read off the reactions.
 
-The reduced system is solved directly, with the residual checked after every solve. `dissection` is our own multifrontal
-Cholesky factorisation and the default; `superlu` is SciPy's general sparse LU, `pardiso` the solver of Intel's MKL
-through pypardiso, where that is installed. All three see the same matrix.
+The reduced system is solved directly, and what rounding may hide is measured after every solve. `dissection` is our own
+multifrontal Cholesky factorisation and the default; `superlu` is SciPy's general sparse LU, `pardiso` the solver of
+Intel's MKL through pypardiso, where that is installed. All three see the same matrix.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,7 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     BlockMatrix,
+    InternalForces,
     Quadrature,
     stiffness,
 )
@@ -38,13 +40,15 @@ Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
 REFINEMENTS = 2  # steps of iterative refinement after the first solve
-LARGEST_RESIDUAL = 1e-5  # relative to the right-hand side; a point load on a graded mesh leaves 1e-8
+CAREFUL = 1e-9  # change of the answer by the last of them from which on the residual is formed by way of the strains
+CAREFUL_REFINEMENTS = 8  # at most, then, as long as each is smaller than half the one before
+ALIGNED = 0.5  # cosine between two such changes that are no rounding
+LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
 LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
 
-SINGULAR = (
-    "the stiffness matrix is singular to working precision: check that the supports hold the shell,"
-    " and that its thickness is not vanishingly small"
-)
+
+class RoundingError(SolveFailure):
+    """Rounding hides the answer on this mesh; on another one it need not."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +60,27 @@ class Answer:
     unknowns
         (nodes, 12, n).
     residual
-        Largest |K z - f| over largest |f|.
+        Largest |K z - f| over largest |f| after two refinements. On thin shells rounding alone makes it large: forces
+        of the membrane cancel that are (L/h)^2 times the loads.
+    backward_error
+        Largest |K z - f| over |K| |z| + |f| then, force by force (Oettli & Prager 1964): the relative change of K and f
+        by which z becomes exact.
     correction
         Largest change by the last refinement over the largest unknown.
+    noise
+        Energy of that change, J.
     """
 
     unknowns: Array
     residual: float
+    backward_error: float
     correction: float
+    noise: float
 
 
-def solve_reduced(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method) -> Answer:
+def solve_reduced(
+    matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method, residual: Solve | None = None
+) -> Answer:
     """Solve K z = f.
 
     Parameters
@@ -79,12 +93,14 @@ def solve_reduced(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: M
         The mesh that the matrix belongs to.
     method
         Which direct solver.
+    residual
+        f - K z of z with less rounding than the matrix has itself, if that can be had.
 
     Raises
     ------
     SolveFailure
-        If the right-hand side is not finite, the matrix is singular, the memory does not suffice, or the residual
-        stays large.
+        If the right-hand side is not finite, or the memory does not suffice; `RoundingError` if the matrix is
+        singular to working precision, or rounding moves the answer.
     InputError
         If pardiso is asked for and not installed.
     """
@@ -93,27 +109,75 @@ def solve_reduced(matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: M
     if not np.all(np.isfinite(matrix.blocks)):
         raise SolveFailure("the stiffness matrix is not finite: the surface or the material is out of range")
     try:
-        # Factorise once, then refine by the residual. The textbook forms that in higher precision, and iterates until
-        # it is small. In the same precision refinement still mends what a factorisation without pivoting has lost. Its
-        # last correction shows the error of the answer, which a small residual of an ill-conditioned K does not.
+        # 1. Factorise once, then refine by the residual. In the same precision that mends what a factorisation without
+        #    pivoting has lost. What is left of the residual is rounding, as is K itself: the last correction, K^-1
+        #    times it, is the error that it makes of the answer. The residual's own size says nothing of that error.
+        # 2. Where that is much, go on with a residual that does not come from K. The textbook forms one in higher
+        #    precision; strains do as well, and mend the rounding of K besides.
         backward = _FACTORISATIONS[method](matrix, mesh)
         unknowns = backward(right)
-        correction = 0.0
+        correction = noise = 0.0
         for _ in range(REFINEMENTS):
-            change = backward(right - matrix @ unknowns)
+            left = right - matrix @ unknowns
+            change = backward(left)
             unknowns = unknowns + change
-            correction = _ratio(change, unknowns)
+            correction, noise = _ratio(change, unknowns), _energy(left, change)
+        left = right - matrix @ unknowns
+        magnitude = BlockMatrix(np.abs(matrix.blocks), matrix.columns) @ np.abs(unknowns) + np.abs(right)
+        backward_error, relative = _largest_share(left, magnitude), _ratio(left, right)
+        stuck = False
+        if residual and correction > CAREFUL:
+            before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
+            for _ in range(CAREFUL_REFINEMENTS):
+                left = residual(unknowns)
+                change = backward(left)
+                unknowns = unknowns + change
+                correction, noise = _ratio(change, unknowns), _energy(left, change)
+                if correction <= CAREFUL:
+                    break
+                if not correction < before / 2:
+                    # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
+                    stuck = not _cosine(change, last) < ALIGNED
+                    break
+                before, last = correction, change
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
-        raise SolveFailure(SINGULAR) from None
-    residual = _ratio(right - matrix @ unknowns, right)
-    # Written so that a residual which is not a number fails.
-    if not (residual <= LARGEST_RESIDUAL and correction <= LARGEST_CORRECTION):
-        raise SolveFailure(
-            f"{SINGULAR} (relative residual {residual:.1e}, last correction {correction:.1e} of the answer)"
+        raise RoundingError(
+            f"the stiffness matrix is singular to working precision on {_cells(mesh)} cells: a mechanism that the"
+            " supports leave, or a thickness that is lost in rounding beside the shell's size"
+        ) from None
+    answer = Answer(unknowns, relative, backward_error, correction, noise)
+    # Written so that what is not a number fails.
+    if not answer.backward_error <= LARGEST_BACKWARD_ERROR:
+        raise RoundingError(
+            f"the direct solver failed on {_cells(mesh)} cells: its answer solves a system whose stiffness differs by"
+            f" {answer.backward_error:.1e} (relative residual {answer.residual:.1e})"
         )
-    return Answer(unknowns, residual, correction)
+    if stuck or not correction <= LARGEST_CORRECTION:
+        raise RoundingError(
+            f"rounding moves the answer by {correction:.1e} of itself on {_cells(mesh)} cells: the shell resists some"
+            " motion with too small a part of its stiffness, for its thickness or for what holds it"
+        )
+    return answer
+
+
+def _energy(forces: Array, change: Array) -> float:
+    return float(np.abs(np.sum(forces * change, axis=(0, 1))).max()) / 2
+
+
+def _cosine(first: Array, second: Array) -> float:
+    lengths = float(np.linalg.norm(first)) * float(np.linalg.norm(second))
+    return float(np.sum(first * second)) / lengths if lengths else 0.0
+
+
+def _cells(mesh: TensorMesh) -> str:
+    return f"{mesh.cells[0]} x {mesh.cells[1]}"
+
+
+def _largest_share(part: Array, whole: Array) -> float:
+    """Return the largest of |part| / whole where the whole is not zero."""
+    return float(np.max(np.abs(part) / np.where(whole > 0, whole, 1.0)))
 
 
 def _ratio(part: Array, whole: Array) -> float:
@@ -182,14 +246,15 @@ class Equilibrium:
         The field, without history.
     potential_energy
         Strain energy less the work of the loads at the last state, J.
-    residual, correction
+    residual, correction, noise
         See `shellbench.solvers.fem.equilibrium.Answer`.
     """
 
     solution: FemSolution
     potential_energy: float
     residual: float
-    correction: float
+    correction: float = 0.0
+    noise: float = 0.0
 
 
 def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_order: int, method: Method) -> Equilibrium:
@@ -218,10 +283,20 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     for clamp in clamps:
         clamp.add_to(system)
         forces = forces + clamp.right_hand_side(mesh.node_count)
-    answer = solve_reduced(ties.reduce(system), ties.to_free(forces - system @ ties.particular), mesh, method)
+    careful: list[InternalForces] = []
+
+    def residual(unknowns: Array) -> Array:
+        if not careful:
+            careful.append(InternalForces(mesh, case.surface, case.material, quadrature))
+        nodal = ties.to_nodal(unknowns) + ties.particular
+        held = system @ nodal - matrix @ nodal if clamps else 0.0
+        return ties.to_free(forces - careful[0](nodal) - held)
+
+    right = ties.to_free(forces - system @ ties.particular)
+    answer = solve_reduced(ties.reduce(system), right, mesh, method, residual)
     q = ties.to_nodal(answer.unknowns) + ties.particular
 
-    internal = matrix @ q
+    internal = careful[0](q) if careful else matrix @ q
     energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
     unbalanced = internal - loading.nodal + sum(clamp.gap_forces(q) for clamp in clamps)
     reactions = unbalanced[ties.nodes]
@@ -240,7 +315,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         quadrature_order=quadrature_order,
         parameters=int(np.count_nonzero(ties.free)),
     )
-    return Equilibrium(solution, float(energy), answer.residual, answer.correction)
+    return Equilibrium(solution, float(energy), answer.residual, answer.correction, answer.noise)
 
 
 def check_balance(loading: Loading, loose: Array) -> None:

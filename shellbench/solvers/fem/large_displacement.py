@@ -137,7 +137,7 @@ def solve(
     if reason is not None:
         raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
     last = states[-1]
-    equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1], 0.0)
+    equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1])
     return equilibrium, _solution(problem, quadrature_order, states, marks, ())
 
 
@@ -169,7 +169,7 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
         quadrature_order=quadrature_order,
         parameters=0,
     )
-    return Equilibrium(solution, sum(solution.energies()), 0.0, 0.0)
+    return Equilibrium(solution, sum(solution.energies()), 0.0)
 
 
 def _path(

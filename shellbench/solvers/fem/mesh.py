@@ -12,7 +12,7 @@ inverts a Vandermonde matrix in global coordinates instead, whose condition grow
 
 Bogner, Fox & Schmit (1965), The generation of interelement-compatible stiffness and mass matrices.
 
-Mesh lines: uniform, or graded toward the points where forces act.
+Mesh lines: uniform, or graded toward the points where forces act, and toward edges that end at singular corners.
 """
 
 from __future__ import annotations
@@ -255,27 +255,23 @@ def singular_points(case: Case) -> list[tuple[float, float]]:
     return sorted({place.xi for place in places if isinstance(place, Point)})
 
 
-def segment(cells: int, graded: tuple[bool, bool], exponent: float) -> Array:
-    """Return lines (cells + 1,) from 0 to 1 with sizes that shrink toward the graded ends.
+def segment(cells: int, exponents: tuple[float, float]) -> Array:
+    """Return lines (cells + 1,) from 0 to 1 whose distances from either end grow by these powers; 1 grades nothing.
 
     Raises
     ------
     ValueError
         If both ends are graded and the number of cells is odd.
     """
-    match graded:
-        case (False, False):
-            return np.linspace(0.0, 1.0, cells + 1)
-        case (True, False):
-            return np.asarray(np.linspace(0.0, 1.0, cells + 1) ** exponent)
-        case (False, True):
-            return 1.0 - segment(cells, (True, False), exponent)[::-1]
-        case _:
-            half, odd = divmod(cells, 2)
-            if odd:
-                raise ValueError("a segment that is graded toward both ends needs an even number of cells")
-            first = segment(half, (True, False), exponent) / 2
-            return np.concatenate([first, 1.0 - first[-2::-1]])
+    first, last = exponents
+    if last == 1:
+        return np.asarray(np.linspace(0.0, 1.0, cells + 1) ** first)
+    if first == 1:
+        return np.asarray(1.0 - segment(cells, (last, first))[::-1])
+    half, odd = divmod(cells, 2)
+    if odd:
+        raise ValueError("a segment that is graded toward both ends needs an even number of cells")
+    return np.concatenate([segment(half, (first, 1)) / 2, 1.0 - segment(half, (last, 1))[-2::-1] / 2])
 
 
 def marked_coordinates(case: Case, axis: int) -> list[float]:
@@ -291,12 +287,13 @@ def marked_coordinates(case: Case, axis: int) -> list[float]:
     return sorted(marks)
 
 
-def axis_lines(case: Case, axis: int, cells: int, exponent: float) -> Array:
+def axis_lines(case: Case, axis: int, cells: int, exponent: float, ends: tuple[float, float] = (1.0, 1.0)) -> Array:
     """Return the mesh lines of a coordinate.
 
-    The coordinate is divided at the singular points; each divided part counts as two halves if it is graded toward
-    both ends or toward none. The longest of these gets `cells` cells, and shorter ones fewer, so that the cells on
-    either side of a singular point are alike.
+    The coordinate is divided at the singular points, toward which it is graded by `exponent`, as it is toward its
+    `ends` by theirs; each divided part counts as two halves if it is graded toward both ends or toward none. The
+    longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of a singular point
+    are alike.
     """
     domain = case.surface.domain
     lower, upper = domain.lower[axis], domain.upper[axis]
@@ -304,24 +301,27 @@ def axis_lines(case: Case, axis: int, cells: int, exponent: float) -> Array:
     marks = marked_coordinates(case, axis)
     if domain.periodic[axis]:
         stops = [*marks, marks[0] + domain.size[axis]] if marks else [lower, upper]
-        graded = [bool(marks)] * len(stops)
+        powers = [exponent if marks else 1.0] * len(stops)
     else:
         stops = [lower, *(m for m in marks if lower + slack < m < upper - slack), upper]
-        graded = [any(abs(m - stop) <= slack for m in marks) for stop in stops]
-    ends = list(pairwise(graded))
-    halves = [1 if first != second else 2 for first, second in ends]
+        powers = [exponent if any(abs(m - stop) <= slack for m in marks) else 1.0 for stop in stops]
+        powers[0], powers[-1] = max(powers[0], ends[0]), max(powers[-1], ends[1])
+    toward = list(pairwise(powers))
+    halves = [1 if (first > 1) != (second > 1) else 2 for first, second in toward]
     reaches = np.diff(stops) / halves
     counts = np.ceil(cells * (reaches / reaches.max()) ** (1 / exponent) - SAME).astype(int)
     lines = [np.array([stops[0]])]
-    for (start, stop), toward, parts, count in zip(pairwise(stops), ends, halves, counts, strict=True):
-        inside = segment(parts * max(int(count), FEWEST), toward, exponent)[1:-1]
+    for (start, stop), exponents, parts, count in zip(pairwise(stops), toward, halves, counts, strict=True):
+        inside = segment(parts * max(int(count), FEWEST), exponents)[1:-1]
         lines += [start + (stop - start) * inside, np.array([stop])]
     return np.concatenate(lines)
 
 
-def graded_mesh(case: Case, cells: tuple[int, int], exponent: float) -> TensorMesh:
+Ends = tuple[tuple[float, float], tuple[float, float]]
+UNGRADED: Ends = ((1.0, 1.0), (1.0, 1.0))
+
+
+def graded_mesh(case: Case, cells: tuple[int, int], exponent: float, ends: Ends = UNGRADED) -> TensorMesh:
     """Return a mesh with `cells` along each coordinate as `axis_lines` counts them."""
-    return TensorMesh(
-        case.surface.domain,
-        (axis_lines(case, 0, cells[0], exponent), axis_lines(case, 1, cells[1], exponent)),
-    )
+    first, second = (axis_lines(case, axis, cells[axis], exponent, ends[axis]) for axis in (0, 1))
+    return TensorMesh(case.surface.domain, (first, second))

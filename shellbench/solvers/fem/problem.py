@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 BALANCED = 1e-3  # largest residual force before the last step, relative to the largest nodal force
 MOST_ITERATIONS = 14  # a step that takes more is cut
+UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the rounding of a shell that is only moved
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 
@@ -350,7 +351,8 @@ class FiniteProblem:
         # 2. Factorise K: strains from q, but the stresses of its geometric part from the step before (see the top).
         # 3. dq = K^-1 r, without travelling waves where they are held, or bordered by the constraint of a path.
         # 4. Predict the next stresses, C (eps + eps' dq), before q moves.
-        # 5. Stop when the work r . dq is at rounding and r was already small before the step.
+        # 5. Stop when the work r . dq is at rounding and r was already small before the step. Beside the shell's own
+        #    forces and energy counts what rounding makes of a shell that is only moved, which has neither.
         # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
         # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
@@ -364,12 +366,14 @@ class FiniteProblem:
         elif start.factor is not None:
             factor = start.factor  # at the start itself the tangent is known
         first, residuals, waves = 0.0, [], self.travelling(start.q)
+        membrane = self.case.material.membrane_stiffness
         for iteration in range(1, MOST_ITERATIONS + 1):
             forces = self.forces(q, t)
             right = forces - strained.forces
             # The start's forces count too: a shell that is unloaded has no others at its end.
             largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
-            residuals.append(_size(ties, right) / max(largest, np.finfo(float).tiny))
+            unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
+            residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
             try:
                 if iteration > 1 or factor is None:
                     factor = self._factorised(q, t, strained, stresses)
@@ -392,7 +396,8 @@ class FiniteProblem:
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
-            if decrement <= tolerance * scale and residuals[-1] <= BALANCED:
+            idle = decrement <= max(tolerance * scale, membrane * moved**2)
+            if idle and unbalanced <= max(BALANCED * largest, membrane * moved):
                 angles, forgiven = self._angles(q, start), int(hold.negative)
                 return FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
         raise NotConvergedError

@@ -3,14 +3,20 @@
 The meshes of a sequence grow by the square root of two a side. How the cells are shared out between the coordinates
 is settled first, on coarse meshes, by what the potential energy gains from a finer mesh in either coordinate alone.
 
-How far a sequence of meshes has come: extrapolation with the observed rate, and an honest uncertainty.
+How far a sequence of meshes has come: extrapolation with the observed rate, and an honest uncertainty. It rests on
+one assumption, that errors stay below C n^-p, and on three observations:
+
+- C is the largest that the last changes show, not what the very last one shows: errors pass through zero.
+- p is no faster than the rate of the energy, whose error has one sign and is the most regular of all: the error of a
+  linear functional is the energy product of two errors. It is no faster than the singular corners let it be, either.
+- Nothing is surer than rounding leaves it: the last refinement of the linear solve measures that.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +36,15 @@ from shellbench.problems.shell.quantities import (
     QuantityModel,
 )
 from shellbench.solvers.fem.assembly import NODE_DOFS
-from shellbench.solvers.fem.equilibrium import Equilibrium
+from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution
 
-SLOWEST, FASTEST = 1.0, 6.0  # rates in the mesh size that are believed; under-resolved meshes show others
+SLOWEST, FASTEST = 0.1, 6.0  # rates in the mesh size that are believed; under-resolved meshes show others
 ASYMPTOTIC = 4.0  # order of the element's energies and displacements: coarse meshes may seem faster, and slow down
+UNSEEN = 2.0  # rate that is believed where none is observed: half the element's
 SAFETY = 1.5  # of the error that extrapolation estimates
+RECENT = 2  # changes that bound the error
 
 
 @dataclass(frozen=True)
@@ -58,7 +66,7 @@ class Estimate:
     rate: float | None
 
 
-def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
+def estimate(values: Sequence[float], resolutions: Sequence[float], fastest: float | None = None) -> Estimate:
     """Extrapolate values v_k = v + C n_k^-p to their limit v.
 
     Parameters
@@ -67,38 +75,43 @@ def estimate(values: Sequence[float], resolutions: Sequence[float]) -> Estimate:
         On one mesh after the other.
     resolutions
         Cells a side n_k of the meshes, increasing.
+    fastest
+        Rate that the uncertainty believes at most, and where the values show none; None if it is not known.
 
     Returns
     -------
     Estimate
-        From the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster rate is
-        taken for `FASTEST`, and the uncertainty trusts in none beyond `ASYMPTOTIC`. Otherwise nothing is
-        extrapolated: the uncertainty is what the last change leaves at the slowest rate if it is a small step back,
-        and else the largest change among them.
+        Extrapolated from the last three values if they converge at a rate between `SLOWEST` and `FASTEST`; a faster
+        rate is taken for `FASTEST`. The uncertainty is the sum of all changes to come, by the largest of the last
+        changes and a rate that is no more than observed, `fastest` and `ASYMPTOTIC`.
     """
-    # 1. One value says nothing. Two say their difference, as does a sequence that stands still.
-    # 2. Three that swing, the last between the others: what the slowest rate leaves of the last change.
-    # 3. Three that converge at a credible rate: extrapolate, and take a margin on the error that this shows.
-    # 4. Three that do neither: no limit is in sight, and the whole spread is the uncertainty.
-    # Richardson's textbook takes the element's order for p. Here p is observed. Under point loads, and on meshes that
-    # do not resolve the solution yet, it is another one.
+    # 1. One value says nothing. Two say their difference, or more if convergence is known to be slow.
+    # 2. The rate p: observed, or else the given one, or else a slow one; never faster than is believed.
+    # 3. The changes that are still to come, |d| / (n^-p at its start less that at its end) n_last^-p, which is the
+    #    geometric tail |d| r / (1 - r) where meshes grow by a constant factor: the largest by any recent change d.
+    # 4. Where changes grow no limit is in sight, and the whole spread is uncertain besides.
+    # Richardson's textbook takes the element's order for p, and the last change alone. Under point loads, at corners,
+    # and on meshes that do not resolve the solution yet, p is another one. An error that changes its sign leaves one
+    # change small by accident: C is bounded by the one before.
     last = values[-1]
     if len(values) < 2:
         return Estimate(last, math.inf, None)
-    change = last - values[-2]
-    if len(values) < 3 or change == 0.0:
-        return Estimate(last, abs(change), None)
-    growth = resolutions[-1] / resolutions[-2]
-    before = values[-2] - values[-3]
-    if before * change < 0 and abs(change) < abs(before) / 2:
-        return Estimate(last, SAFETY * abs(change) / (growth**SLOWEST - 1), None)
+    limit = min(fastest or ASYMPTOTIC, ASYMPTOTIC)
+    change, growth = last - values[-2], resolutions[-1] / resolutions[-2]
+    if len(values) < 3:
+        return Estimate(last, abs(change) * max(1.0, 1 / (growth**limit - 1)), None)
     rate = observed_rate(values[-3:], resolutions[-3:])
+    believed = min(limit, rate) if rate is not None else min(limit, fastest or UNSEEN)
+    uncertainty = 0.0
+    for k in range(-1, -1 - min(RECENT, len(values) - 1), -1):
+        start, end = ((n / resolutions[-1]) ** -believed for n in (resolutions[k - 1], resolutions[k]))
+        uncertainty = max(uncertainty, SAFETY * abs(values[k] - values[k - 1]) / (start - end))
     if rate is None:
-        return Estimate(last, max(abs(change), abs(last - values[-3])), None)
+        before = values[-2] - values[-3]
+        if abs(change) > abs(before):
+            uncertainty = max(uncertainty, abs(change), abs(last - values[-3]))
+        return Estimate(last, uncertainty, None)
     extrapolated = last + change / (growth**rate - 1)
-    # A rate above the element's own is an accident of coarse meshes. The extrapolation uses it, the uncertainty does
-    # not.
-    uncertainty = SAFETY * abs(change) / (growth ** min(rate, ASYMPTOTIC) - 1)
     return Estimate(extrapolated, uncertainty, rate if rate < FASTEST else None)
 
 
@@ -133,6 +146,9 @@ IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
 UNSTRAINED = 1e-6  # square of a strain that is none: it measures the energy of a shell that is only moved
+IDLE_STRAIN = 1e-14  # strain, relative to the displacements, that rounding makes of a shell that is only moved
+ROUNDING = 4.0  # of the change by the last refinement, as the error that rounding leaves
+EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
@@ -162,9 +178,11 @@ def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
     # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
     # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
     n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
-    even = solve((n, n)).potential_energy
+    found = solve((n, n))
+    even = found.potential_energy
     first, second = (abs(solve(cells).potential_energy - even) for cells in ((finer, n), (n, finer)))
-    if max(first, second) <= IDLE * abs(even):
+    unstrained = _unstrained_energy(found.solution)  # of a motion that strains nothing all changes are rounding
+    if max(first, second) <= max(IDLE * abs(even), unstrained):
         return 0
     # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
     # would get no cells: its ratio is bounded, and so is the share.
@@ -203,17 +221,24 @@ def levels(
     solve: Callable[[Cells], Equilibrium],
     measure: Callable[[FemSolution], Mapping[str, float]],
     forgiven: int = 0,
+    slowest: float = ASYMPTOTIC,
 ) -> Iterator[Level]:
-    """Yield the answers on ever finer meshes; as many of the first ones as are `forgiven` may fail."""
+    """Yield the answers on ever finer meshes, until one is lost in rounding.
+
+    As many of the first ones as are `forgiven` may fail. The energy converges no faster than at the rate `slowest`.
+    """
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     resolutions: list[float] = []
+    energies: list[float] = []
     before: FemSolution | None = None
     for cells in meshes:
         try:
             equilibrium = solve(cells)
             solution = equilibrium.solution
             quantities = measure(solution)
-        except SolveFailure:
+        except SolveFailure as failure:
+            if before is not None and isinstance(failure, RoundingError):
+                return  # what coarser meshes found stands, as sure as they are
             # The coarsest meshes may have no equilibrium where finer ones do. A later failure is the case's own.
             if before is not None or forgiven == 0:
                 raise
@@ -223,7 +248,13 @@ def levels(
         resolutions.append(float(np.sqrt(np.prod(solution.mesh.cells))))
         for name, value in quantities.items():
             values[name].append(value)
-        estimates = {name: estimate(v, resolutions) for name, v in values.items()}
+        energies.append(equilibrium.potential_energy)
+        seen = observed_rate(energies[-3:], resolutions[-3:]) if len(energies) > 2 else None
+        fastest = min(slowest, seen) if seen is not None else slowest if slowest < ASYMPTOTIC else None
+        estimates = {}
+        for q in case.quantities:
+            found = estimate(values[q.name], resolutions, fastest)
+            estimates[q.name] = replace(found, uncertainty=found.uncertainty + rounding(equilibrium, q, quantities))
         # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
         error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
         difference = field_difference(solution, before) if before else None
@@ -248,12 +279,45 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
         case LoadQuantity() | LimitPoint() | CriticalPoint():
             return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():
-            largest = float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(quantity.at)], axis=1).max())
-            return max(value, NEGLIGIBLE * largest, tiny)
+            return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
             forces = np.abs(solution.support_forces[..., 0, solution.state(quantity.at)]).sum()
             size = np.ptp(solution.case.surface.position(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)), axis=(0, 1)).max()
             return max(value, NEGLIGIBLE * float(forces) * (float(size) if quantity.kind == "torque" else 1.0), tiny)
+
+
+def _largest_displacement(solution: FemSolution, at: float | None) -> float:
+    return float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(at)], axis=1).max())
+
+
+def _unstrained_energy(solution: FemSolution) -> float:
+    """Return the energy, J, that rounding makes of a shell that is only moved."""
+    strain = IDLE_STRAIN * _largest_displacement(solution, None)
+    return solution.case.material.membrane_stiffness * strain**2
+
+
+def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
+    """Return the error that rounding leaves in a quantity.
+
+    The last refinement of the linear solve changed the displacements by `correction`, relative to the largest, and the
+    change has the energy e = `noise`. A part P of the energy changes by 2 sqrt(P e) + e at most (Cauchy & Schwarz), and
+    forces in linear theory by sqrt(e) over the root of the energy.
+    """
+    solution, value = equilibrium.solution, abs(quantities[quantity.name])
+    change, noise = equilibrium.correction, equilibrium.noise
+    match quantity:
+        case EnergyQuantity():
+            return ROUNDING * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
+        case FieldError():
+            return ROUNDING * max(change, EPSILON)
+        case LargestDisplacement() | DisplacementQuantity():
+            return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
+        case LoadQuantity() | LimitPoint() | CriticalPoint():
+            return EPSILON * value
+        case _:
+            energy = sum(solution.energies(quantity.at))
+            share = math.sqrt(noise / energy) if energy > 0 else 0.0
+            return ROUNDING * max(share, EPSILON) * scale(solution, quantity, quantities)
 
 
 def field_difference(solution: FemSolution, other: FemSolution) -> float:

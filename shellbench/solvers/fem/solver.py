@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field, PositiveInt
 
+from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolver
@@ -89,10 +90,18 @@ class FemSolver(ShellSolver):
         SolveFailure
             If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
         InputError
-            If supports contradict each other, or a direct solver is not installed.
+            If the surface has a kink, supports contradict each other, or a direct solver is not installed.
         """
         from shellbench.solvers.fem import solving
+        from shellbench.solvers.fem.kinks import find_kink
 
+        kink = find_kink(case.surface)
+        if kink is not None:
+            raise InputError(
+                f"{self.name} can't take {case.name}: its surface has a kink at (xi1, xi2) = ({kink.xi[0]:.6g},"
+                f" {kink.xi[1]:.6g}), where its tangent turns by {kink.degrees:.3g} degrees, and {self.name} needs a"
+                " surface without kinks"
+            )
         return solving.solve(case, settings, progress)
 
     def load(self, path: Path) -> FemSolution | MotionSolution:

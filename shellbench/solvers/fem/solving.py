@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -17,9 +18,17 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
-from shellbench.solvers.fem.assembly import NODE_DOFS
-from shellbench.solvers.fem.mesh import graded_mesh, singular_points
-from shellbench.solvers.fem.refinement import Cells, Level, balanced_share, first_level, level_cells, levels
+from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
+from shellbench.solvers.fem.mesh import UNGRADED, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.refinement import (
+    ASYMPTOTIC,
+    Cells,
+    Level,
+    balanced_share,
+    first_level,
+    level_cells,
+    levels,
+)
 from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 from shellbench.solvers.fem.solver import FemSettings
 from shellbench.solvers.fem.symmetry import FoldedMesh
@@ -32,6 +41,8 @@ LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 120_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
+MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
+FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
 FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
@@ -55,16 +66,19 @@ def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Motio
 
 def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution:
     began = time.perf_counter()
-    on_mesh, trials = _solves(case, chosen, progress)
+    # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
+    graded = case.linear and chosen.grading > 1 and not case.prescribed
+    ends, slowest = (edge_gradings(case), slowest_rate(case)) if graded else (UNGRADED, ASYMPTOTIC)
+    on_mesh, trials = _solves(case, chosen, ends, progress)
     tolerance = chosen.tolerance or usual_tolerance(case)
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
     solution: FemSolution | None = None
     try:
-        meshes = _meshes(case, chosen, trials)
+        meshes = _meshes(case, chosen, ends, trials)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
-        for level in levels(case, meshes, on_mesh, _measured, forgiven):
+        for level in levels(case, meshes, on_mesh, _measured, forgiven, slowest):
             seconds = time.perf_counter() - began
             found = level.equilibrium
             unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
@@ -76,7 +90,7 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
             converged = level.error <= tolerance
             solution = _finished(level, tuple(steps), differences, tolerance, chosen)
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
-            if converged or 2 * NODE_DOFS * found.solution.mesh.node_count > largest:
+            if converged or 2 * unknowns > largest:
                 break
     except SolveFailure as failure:
         raise SolveFailure(str(failure), partial=solution or failure.partial) from None
@@ -85,6 +99,13 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     except np.linalg.LinAlgError:
         raise SolveFailure("the surface's metric is singular at a quadrature point", partial=solution) from None
     assert solution is not None  # there is always a first mesh
+    if len(steps) >= FEWEST_TO_JUDGE and level.error > MOST_UNCERTAIN:
+        cells = "{} x {}".format(*solution.mesh.cells)
+        raise SolveFailure(
+            f"the meshes do not resolve the shell: on the finest one, {cells} cells, some quantity is uncertain by"
+            f" {level.error:.0%} of itself",
+            partial=solution,
+        )
     return solution
 
 
@@ -95,7 +116,9 @@ def usual_tolerance(case: Case) -> float:
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
-def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tuple[OnMesh, tuple[OnMesh, ...]]:
+def _solves(
+    case: Case, settings: FemSettings, ends: Ends, progress: ProgressCallback
+) -> tuple[OnMesh, tuple[OnMesh, ...]]:
     """Return how a case is solved on a mesh, and how trials are made that share out the cells.
 
     Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
@@ -103,7 +126,7 @@ def _solves(case: Case, settings: FemSettings, progress: ProgressCallback) -> tu
 
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading)
+            mesh = graded_mesh(of, cells, settings.grading, ends)
             how = of.states, settings.quadrature_order, settings.direct_solver
             folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
             if folded is None:
@@ -155,19 +178,17 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         raise SolveFailure(str(error), partial=solution) from None
 
 
-def _meshes(case: Case, settings: FemSettings, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
+def _meshes(case: Case, settings: FemSettings, ends: Ends, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
     """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
     if settings.cells:
         yield settings.cells
         return
-    first, share = first_level(lambda cells: graded_mesh(case, cells, settings.grading).node_count), 0
+    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, ends).node_count)
+    share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
-        try:
+        with contextlib.suppress(SolveFailure):
             share = balanced_share(trial, first - 1)
             break
-        except SolveFailure:
-            if trial is trials[-1]:
-                raise
     for level in itertools.count(first):
         yield level_cells(level, share)
 

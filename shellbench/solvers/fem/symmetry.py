@@ -186,7 +186,9 @@ class FoldedMesh:
             support_forces=whole_forces.reshape(len(case.supports), mesh.node_count, *tail)[:, nodes],
             images=(images[0] if begun[0] else 1, images[1] if begun[1] else 1),
         )
-        return replace(found, solution=answer, potential_energy=found.potential_energy * images[0] * images[1])
+        count = images[0] * images[1]
+        energies = {"potential_energy": found.potential_energy * count, "noise": found.noise * count}
+        return replace(found, solution=answer, **energies)
 
 
 class _Observed:

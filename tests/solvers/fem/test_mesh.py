@@ -40,9 +40,20 @@ def test_quantities_grade_nothing():
 
 
 def test_both_ends_need_an_even_number():
-    assert np.allclose(segment(4, (True, True), 2.0), [0, 0.125, 0.5, 0.875, 1])
+    assert np.allclose(segment(4, (2.0, 2.0)), [0, 0.125, 0.5, 0.875, 1])
+    assert np.allclose(segment(4, (2.0, 3.0)), [0, 0.125, 0.5, 0.9375, 1])  # each end by its own power
+    assert np.allclose(segment(2, (1.0, 3.0)), [0, 0.875, 1])
     with pytest.raises(ValueError, match="even"):
-        segment(3, (True, True), 2.0)
+        segment(3, (2.0, 2.0))
+
+
+def test_an_edge_is_graded_without_a_point_on_it():
+    case = shell(points=POINTS, supports=[{"name": "rim", "on": EVERY_EDGE}], loads=[point_load("a")])
+    lines = axis_lines(case, 0, 8, 2.0, (4.0, 1.0))
+    sizes = np.diff(lines)
+    assert sizes[0] == pytest.approx(0.6 / 7**4)  # half the way to the point at 1.2, of which 7 cells are the share
+    assert np.all(np.diff(sizes[:7]) > 0)
+    assert np.all(np.diff(sizes[np.searchsorted(lines, 1.2) :]) > 0)
 
 
 @pytest.mark.parametrize("angles", [(90, 270), (0, 180), (360, 180), (10, 350)])
