@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from shellbench.bench.plan import Plan
 
 
+QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
+
+
 def list_command(
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
@@ -49,6 +52,14 @@ def run(
         ),
     ] = None,
     seed: SeedOption = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="For a first look: fem and ndf-ritz, or those of --solver, with one seed; the course, or what "
+            "cases and suites name.",
+        ),
+    ] = False,
     jobs: Annotated[
         int | None,
         typer.Option(
@@ -92,6 +103,8 @@ def run(
     --------
         shellbench run --suite obstacle_course
 
+        shellbench run --quick
+
         shellbench run scordelis_lo --solver fem --solver ndf-ritz --seed 0 --seed 1
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
@@ -101,7 +114,7 @@ def run(
     from shellbench.bench.display import display
     from shellbench.bench.execute import execute
     from shellbench.bench.identity import parse_setting
-    from shellbench.bench.plan import Request, make_plan
+    from shellbench.bench.plan import DEFAULT_SUITE, Request, make_plan
     from shellbench.bench.store import Store
 
     if timeout is not None and not 0 < timeout < float("inf"):
@@ -112,12 +125,13 @@ def run(
         given.setdefault(name, {})[key] = value
     request = Request(
         cases=tuple(cases or ()),
-        suites=tuple(suite or ()),
+        suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
         solvers=tuple(solver or ()),
         settings=given,
         seeds=tuple(dict.fromkeys(seed or ())),
         device=device.value,
         threads=threads,
+        quick=QUICK_SOLVERS if quick else (),
     )
     where = Store(store)
     contents = where.read()
