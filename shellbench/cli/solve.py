@@ -28,12 +28,29 @@ QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
 
 
 def list_command(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver."),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
 ) -> None:
-    """List the cases, the suites and the solvers, with what each needs."""
-    from shellbench.bench import listing
+    """List the cases, the suites and the solvers; with a name, all about that one.
 
-    typer.echo(listing.as_json() if json else listing.as_text())
+    Of a case that is its question, what is known of each quantity, and what each solver is allowed; of a suite its
+    cases and runs; of a solver its settings, what it declines, and its tolerances.
+
+    Examples
+    --------
+        shellbench list scordelis_lo
+
+        shellbench list scordelis_lo@oblique --json
+    """
+    from shellbench.bench import about, listing
+
+    if name is None:
+        typer.echo(listing.as_json() if json else listing.as_text())
+    else:
+        typer.echo(about.as_json(name) if json else about.as_text(name))
 
 
 def run(
