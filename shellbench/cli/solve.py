@@ -217,23 +217,51 @@ def check_solver_command(
             "--refine", metavar="KEY=V;V;V", help="Values of a setting from coarse to fine, to measure a rate by."
         ),
     ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A first verdict: grade by the suite `quick`, which takes a minute.")
+    ] = False,
+    suite: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--suite", metavar="NAME", help="Suite to grade by; may be repeated. Default: all that takes minutes."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", metavar="N", min=1, max=1024, help="Runs at a time, one thread each.")
+    ] = None,
+    store: StoreOption = DEFAULT_STORE,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
     timeout: Annotated[
         float, typer.Option("--timeout", metavar="S", min=1, help="Seconds that the solver has for one answer.")
     ] = 600.0,
 ) -> None:
-    """Check that a solver keeps the protocol: one line a check, exit 1 if one fails.
+    """Check that a solver keeps the protocol, one line a check, and grade it.
 
     Asked are, among others, continuous answers, determinism, units, rigid motions, a rate of convergence, energies,
     and honest counts of parameters and bytes. A solver that crashes or hangs fails the check in which it does.
 
+    The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it holds in every figure of every case that judges it; of
+    the cases that --case names if any are named. Exit 1 if a check fails or no class is held, 2 if it declines all.
+
     Examples
     --------
-        shellbench check-solver fem
+        shellbench check-solver mine --quick
 
         shellbench check-solver mine --case scordelis_lo --refine "cells=[8, 8];[16, 16];[32, 32]"
     """
+    from shellbench.bench.exam import QUICK, WHOLE
+    from shellbench.testing.grading import ExamOptions
     from shellbench.testing.suite import check_solver
 
-    code = check_solver(solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json)
+    if quick and suite:
+        raise typer.BadParameter("name suites or take the quick one", param_hint="'--quick'")
+    by = tuple(dict.fromkeys(suite)) if suite else QUICK if quick else () if cases else WHOLE
+    exam = ExamOptions(by, store, jobs)
+    try:
+        code = check_solver(
+            solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam
+        )
+    except KeyboardInterrupt:
+        say("interrupted: what had ended is kept, and the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
     raise typer.Exit(code)
