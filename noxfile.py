@@ -281,6 +281,13 @@ def repeatability(session: nox.Session) -> None:
 
 
 @nox.session
+def case_pages(session: nox.Session) -> None:
+    """Write a page and a figure for each case into docs/cases, with results from reports/runs; `docs` takes them up."""
+    install(session)
+    session.run("python", "docs/cases.py", "--store", "reports/runs", *session.posargs)
+
+
+@nox.session
 def docs(session: nox.Session) -> None:
     """Build the site in site/ without a network; a link or an anchor that leads nowhere is an error."""
     extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shellbench.bench.listing import attributes
 from shellbench.model import Model
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from shellbench.problems.rope import case as rope
@@ -191,17 +192,6 @@ def subclasses(cls: type) -> Iterator[type]:
     for below in cls.__subclasses__():
         yield below
         yield from subclasses(below)
-
-
-def attributes(cls: type) -> dict[str, str]:
-    """Return what the section "Attributes" of a class and of those above it says, by field; the class's own words win."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__):
-        text = inspect.cleandoc(one.__dict__.get("__doc__") or "")
-        section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
-        for names, words in re.findall(r"^(\S.*)\n((?:(?: +.*)?\n?)+)", section[1] if section else "", re.MULTILINE):
-            found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
-    return found
 
 
 def summary(cls: type) -> str:

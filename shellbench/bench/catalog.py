@@ -151,10 +151,12 @@ def cases_named(suite: str, name: str) -> list[Problem]:
 
 @cache
 def variants_asked(suite: str) -> tuple[str, ...]:
-    """Return the names of the variants that a suite asks: all, or so many of each case, drawn by its seed."""
+    """Return the names of the variants that a suite asks: by name, all, or so many of each case, drawn by its seed."""
     asked = find_suite(suite).variants
     if asked is None:
         return ()
+    if asked.named:
+        return asked.named
     cases = {case.name: case for source in asked.suites or (suite,) for case in members(source)}
     return tuple(name for case in cases.values() for name in _drawn(case, asked.drawn, asked.seed))
 

@@ -77,7 +77,8 @@ class Expected:
                 yield without_record(self.case, quantity, self.solver, self.seed, (self.suite,), reason, status)
                 continue
             row = row_of(self.run, quantity)
-            row = judged_by_class(row) if self.by_class else row
+            if self.by_class:  # whatever is frozen of a solver of ours that is graded as a stranger is
+                row = judged_by_class(row.model_copy(update={"passed": None, "open_finding": None}))
             if row.gated:  # a class says nothing of a zero that has no other value of its unit beside it
                 yield row
 
@@ -117,9 +118,14 @@ def expected_of_strangers(scope: Scope, solvers: set[str], current: CurrentRuns)
                 for seed in scope.seeds or declared or (FIRST_SEED,):
                     if (case.name, seed) not in seen:
                         seen.add((case.name, seed))
-                        found = current.find(case.name, solver, {}, seed)
-                        lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
-                        yield Expected(suite, case, solver, seed, found, lack, by_class=True)
+                        yield expected_of_stranger(suite, case, solver, seed, current)
+
+
+def expected_of_stranger(suite: str, case: Problem, solver: str, seed: int, current: CurrentRuns) -> Expected:
+    """Return what a solver that is judged by class should have of a case: an answer, or why it declines."""
+    found = current.find(case.name, solver, {}, seed)
+    lack = NOTHING_LACKS if found else _lack(current, case, solver, seed)
+    return Expected(suite, case, solver, seed, found, lack, by_class=True)
 
 
 def _suites_that_compare() -> list[str]:

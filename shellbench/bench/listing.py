@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
 from io import StringIO
 from typing import Any
 
@@ -26,8 +28,8 @@ def contents() -> dict[str, Any]:
     """
     return {
         "cases": [_case(name) for name in catalog.case_names()],
-        "suites": [_suite(name) for name in catalog.suite_names()],
-        "solvers": [_solver(entry) for entry in solver_entries().values()],
+        "suites": [list_suite(name) for name in catalog.suite_names()],
+        "solvers": [list_solver(entry) for entry in solver_entries().values()],
     }
 
 
@@ -59,7 +61,8 @@ def _tolerances(case: str, quantity: str) -> dict[str, float]:
     return {solver: allowed.largest for solver, allowed in found.items() if allowed}
 
 
-def _suite(name: str) -> dict[str, Any]:
+def list_suite(name: str) -> dict[str, Any]:
+    """Return what is listed of a suite as JSON data."""
     suite = catalog.find_suite(name)
     return {
         "name": name,
@@ -70,7 +73,8 @@ def _suite(name: str) -> dict[str, Any]:
     }
 
 
-def _solver(entry: SolverEntry) -> dict[str, Any]:
+def list_solver(entry: SolverEntry) -> dict[str, Any]:
+    """Return what is listed of a solver as JSON data; why, if it can't be imported."""
     origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
     try:
         solver = load_solver(entry)
@@ -101,11 +105,22 @@ def _settings(settings: type[Settings]) -> list[dict[str, Any]]:
         {
             "name": name,
             "default": _engine(settings) if name == ENGINE else schema.get("default"),
-            "description": schema.get("description", ""),
+            "description": schema.get("description") or attributes(settings).get(name, ""),
         }
         for name, schema in properties.items()
         if name not in {"seed", "device"}
     ]
+
+
+def attributes(cls: type) -> dict[str, str]:
+    """Return by field what the section "Attributes" of a class and of those above it says; its own words win."""
+    found: dict[str, str] = {}
+    for one in reversed(cls.__mro__):
+        text = inspect.cleandoc(one.__dict__.get("__doc__") or "")
+        section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
+        for names, words in re.findall(r"^(\S.*)\n((?:(?: +.*)?\n?)+)", section[1] if section else "", re.MULTILINE):
+            found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
+    return found
 
 
 def as_json() -> str:
@@ -123,7 +138,7 @@ def as_text() -> str:
         cases.add_row(case["name"], *map(escape, shown))
     suites = _table("Suites", "name", "title", "cases", "runs")
     for suite in found["suites"]:
-        runs = ", ".join(_run(run) for run in suite["runs"])
+        runs = ", ".join(run_words(run) for run in suite["runs"])
         asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
         suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(asked), runs)))
     solvers = _table("Solvers", "name", "what it is", "engine", "devices", "theories", "seeds")
@@ -150,5 +165,6 @@ def _table(title: str, *columns: str) -> Table:
     return table
 
 
-def _run(run: dict[str, Any]) -> str:
+def run_words(run: dict[str, Any]) -> str:
+    """Return what tables call a run of a suite."""
     return f"{run['solver']} {run['label']}".strip()

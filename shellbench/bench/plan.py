@@ -36,7 +36,8 @@ FIRST_SEED = 0
 class Request:
     """What was asked for: names as they were typed; empty for what was left open.
 
-    `threads` are those of each run; None for as many as usual (`shellbench.bench.environment.threads`).
+    `threads` are those of each run; None for as many as usual (`shellbench.bench.environment.threads`). `quick` names
+    solvers of which one seed is wanted, where no solver is named; of those that are, one seed is wanted too.
     """
 
     cases: tuple[str, ...] = ()
@@ -46,6 +47,7 @@ class Request:
     seeds: tuple[int, ...] = ()
     device: str = "cpu"
     threads: int | None = None
+    quick: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,6 +94,11 @@ def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     """
     if not request.cases and not request.suites:
         raise InputError(f"nothing to run: name a case, a path to a .toml file, or --suite {DEFAULT_SUITE}")
+    found = _runs_asked(request)
+    yield from _first_seeds(request, found) if request.quick else found
+
+
+def _runs_asked(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     cases = [catalog.find_case(text) for text in request.cases]
     for name in dict.fromkeys(request.suites):
         suite = catalog.find_suite(name)
@@ -100,6 +107,21 @@ def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
     if not request.suites:
         for case in cases:
             yield from ((case, run) for run in _runs_of(case, request.solvers))
+
+
+def _first_seeds(request: Request, found: Iterator[tuple[Problem, SuiteRun]]) -> Iterator[tuple[Problem, SuiteRun]]:
+    """Yield of each solver that is quick, or was named, the first seed that is declared for a case and settings."""
+    seen: set[tuple[str, str, str]] = set()
+    for case, run in found:
+        key = (case.name, run.solver, repr(sorted(run.settings.items())))
+        if run.solver in (request.solvers or request.quick) and key not in seen:
+            seen.add(key)
+            yield case, run.model_copy(update={"seeds": run.seeds[:1]})
+    if not seen:
+        quick = " and ".join(request.quick)
+        raise InputError(
+            f"nothing to run: --quick takes {quick}, which nothing that was asked for declares; add --solver"
+        )
 
 
 def _of_suite(name: str, cases: Sequence[Problem]) -> Iterator[Problem]:

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 
 from shellbench.errors import InputError
 from shellbench.model import Model, Name, one_sentence, read_toml
-from shellbench.problem import VARIANT
+from shellbench.problem import VARIANT, CaseName
 
 Study = Literal["resolution", "sampling", "training", "thinness", "engines"]
 """What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
@@ -57,8 +57,11 @@ class AskedVariants(Model):
         How many of each case are drawn; all if it is left out.
     seed
         Of the draw.
+    named
+        Variants by name, such as ``scordelis_lo@oblique``; then these, and no others.
     """
 
+    named: tuple[CaseName, ...] = ()
     suites: tuple[Name, ...] = ()
     drawn: Annotated[int, Field(ge=1)] | None = None
     seed: int = 0

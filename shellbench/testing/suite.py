@@ -32,6 +32,7 @@ from shellbench.testing.examination import (
     not_shown,
     shells,
 )
+from shellbench.testing.grading import ExamOptions, Graded, graded
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
 
@@ -211,7 +212,7 @@ def _takes(exam: Examination, case: Case) -> bool:
 
 COLOURS: dict[Status, str] = {"passed": "green", "failed": "red", "not applicable": "dim", "not shown": "yellow"}
 LONGEST_STATUS = 14  # characters
-GOOD, BAD = 0, 1
+GOOD, BAD, NOTHING_JUDGED = 0, 1, 2
 
 
 def _shell(text: str) -> Case:
@@ -229,8 +230,16 @@ def check_solver(
     seconds: float = 600.0,
     as_json: bool = False,
     console: Console | None = None,
+    exam: ExamOptions | None = None,
 ) -> int:
-    """Examine a solver, print what was found, and return the exit code: 0 if no check failed, else 1.
+    """Examine a solver, print what was found, and return the exit code.
+
+    It is 1 if a check failed, or a stranger that is graded holds no class; 2 if an exam was held that judged nothing.
+
+    Parameters
+    ----------
+    exam
+        The exam by which it is graded, with default settings; None for no grade.
 
     Raises
     ------
@@ -245,7 +254,6 @@ def check_solver(
     lines: list[Line] = []
     if as_json:
         lines = list(examine(entry, options))
-        out.out(json.dumps({"solver": name, "checks": [as_data(line) for line in lines]}, indent=2), highlight=False)
     elif out.is_terminal:
         with out.status(name) as spinner:
             lines = [_shown(out, line) for line in examine(entry, options, lambda word: _turn(spinner, name, word))]
@@ -253,7 +261,19 @@ def check_solver(
         lines = [_shown(out, line) for line in examine(entry, options)]
     if not as_json:
         out.out(summary(name, lines))
-    return BAD if any(line.verdict.status == "failed" for line in lines) else GOOD
+    grade = None
+    if exam is not None and options.settings:
+        grade = Graded(name, exam.suites, "grades are of default settings, and --set changes them")
+    elif exam is not None:
+        grade = graded(name, options.cases, exam, seconds, Console(stderr=True) if as_json else out)
+    if as_json:
+        data = {"solver": name, "checks": [as_data(line) for line in lines]} | (grade.as_data() if grade else {})
+        out.out(json.dumps(data, indent=2), highlight=False)
+    elif grade is not None:
+        out.out("\n".join(grade.lines()), highlight=False)
+    if any(line.verdict.status == "failed" for line in lines) or (grade and grade.fell_short):
+        return BAD
+    return NOTHING_JUDGED if grade and grade.judged_nothing else GOOD
 
 
 def _turn(spinner: Spinner, name: str, word: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 from shellbench.bench import catalog, environment
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import problem_of
-from shellbench.bench.plan import Plan, Request, make_plan
+from shellbench.bench.plan import Plan, Request, make_plan, wanted_runs
 from shellbench.bench.registry import find_solver, load_solver, solver_entries
 from shellbench.bench.remote import unfit
 from shellbench.bench.store import Contents, Store
@@ -273,3 +273,23 @@ def test_the_version_of_an_engine_is_in_identity_and_environment(toys: Path, plu
 def test_a_worker_with_the_same_source_fits_whatever_the_kind_of_problem(case: str, solver: str) -> None:
     (task,) = plan(case, solvers=(solver,)).tasks
     assert unfit(task) is None
+
+
+def quick(**asked: Any) -> list[tuple[str, str, tuple[int, ...]]]:
+    return [
+        (case.name, run.solver, run.seeds) for case, run in wanted_runs(Request(quick=("fem", "ndf-ritz"), **asked))
+    ]
+
+
+def test_quick_is_two_solvers_with_one_seed_of_whatever_is_asked() -> None:
+    found = quick(suites=("obstacle_course",))
+    cases = [case.name for case in catalog.cases_of("obstacle_course")]
+    assert found == [(case, solver, (0,)) for case in cases for solver in ("fem", "ndf-ritz")]
+    assert quick(cases=("scordelis_lo",)) == [("scordelis_lo", "fem", (0,)), ("scordelis_lo", "ndf-ritz", (0,))]
+    assert quick(suites=("nonlinear",), cases=("rolled_plate",), solvers=("ndf",)) == [("rolled_plate", "ndf", (0,))]
+
+
+def test_quick_joins_no_solver_that_a_suite_does_not_run() -> None:
+    assert {solver for _, solver, _ in quick(suites=("cloth",))} == {"fem"}
+    with pytest.raises(InputError, match="nothing to run: --quick takes fem and ndf-ritz"):
+        quick(suites=("ropes",))

@@ -2,16 +2,19 @@
 
 import io
 import json
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from shellbench.bench.exam import QUICK, WHOLE
 from shellbench.bench.registry import SolverEntry
 from shellbench.cli import app
 from shellbench.errors import InputError
 from shellbench.testing import suite
 from shellbench.testing.examination import Verdict
+from shellbench.testing.grading import ExamOptions
 from shellbench.testing.suite import Line
 
 
@@ -93,4 +96,26 @@ def test_the_command_line_passes_all_on(monkeypatch):
         "refine": "order=1;2;3",
         "seconds": 5.0,
         "as_json": True,
+        "exam": ExamOptions((), Path("reports/runs")),  # of the cases that are named
     }
+
+
+@pytest.mark.parametrize(
+    ("options", "suites"),
+    [
+        ([], WHOLE),
+        (["--quick"], QUICK),
+        (["--suite", "shapes"], ("shapes",)),
+        (["--case", "square_plate", "--quick"], QUICK),
+    ],
+)
+def test_what_it_is_graded_by(monkeypatch, options, suites):
+    given = {}
+    monkeypatch.setattr(suite, "check_solver", lambda *_, **more: given.update(more) or 0)
+    assert CliRunner().invoke(app, ["check-solver", "mine", *options]).exit_code == 0
+    assert given["exam"].suites == suites
+
+
+def test_quick_and_suites_exclude_each_other(monkeypatch):
+    monkeypatch.setattr(suite, "check_solver", lambda *_, **__: 0)
+    assert CliRunner().invoke(app, ["check-solver", "mine", "--quick", "--suite", "shapes"]).exit_code == 2

@@ -19,7 +19,13 @@ NOT_OF_THE_TRAINING = {"device", "iterations", "checkpoint", "checkpoint_every"}
 
 
 class PublishedSettings(SeededSettings):
-    """Settings of `ndf-published`; the defaults are the paper's."""
+    """Settings of `ndf-published`; the defaults are the paper's.
+
+    Attributes
+    ----------
+    learning_rate
+        Of Adam.
+    """
 
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
     layers: int = PydanticField(5, ge=1, le=20, description="hidden layers")

@@ -27,7 +27,13 @@ if TYPE_CHECKING:
 
 
 class RitzSettings(SeededSettings):
-    """Settings of `ndf-ritz`; what is None follows from the case."""
+    """Settings of `ndf-ritz`; what is None follows from the case.
+
+    Attributes
+    ----------
+    activation
+        "sine", "tanh" or "gelu"; "relu" has no curvature, and is refused.
+    """
 
     neurons: int | None = PydanticField(None, ge=1, le=4000, description="width of the random layer")
     activation: str = "sine"

@@ -23,7 +23,13 @@ INNER = (8, 8)  # hidden layers before the last; wider ones gained nothing certi
 
 
 class TrainerSettings(SeededSettings):
-    """Settings of `ndf`; what is None follows from the case."""
+    """Settings of `ndf`; what is None follows from the case.
+
+    Attributes
+    ----------
+    activation
+        "sine", "tanh" or "gelu"; "relu" has no curvature, and is refused.
+    """
 
     inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
     widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")

@@ -1,0 +1,256 @@
+"""Write a page and a figure for each case, in the manner of a validation manual: `python docs/cases.py [--store DIR]`.
+
+A page has the problem, what is asked, the known values with their uncertainty and origins, what each solver is allowed,
+the results of all solvers if a store is given, and remarks. Everything comes from the case files, references/ and the
+store's records. Pages are built into docs/cases/, and not committed; `python -m nox -s docs` takes them up.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from shellbench.bench import catalog, compare
+from shellbench.bench.about import about, question, tolerance_words
+from shellbench.bench.current import current_runs
+from shellbench.bench.kinds import portrait_of_named
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.problem import Problem
+from shellbench.report.document import Source, read_bibliography
+from shellbench.report.exhibit import style
+from shellbench.report.fields import point_forces, shell
+from shellbench.report.notation import escape_markdown as words
+from shellbench.report.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
+
+ROOT = Path(__file__).parents[1]
+FOLDER = Path(__file__).with_name("cases")
+BIBLIOGRAPHY = ROOT / "references" / "bibliography.bib"
+POINTS = 33  # a side of the grid on which a reference surface is drawn
+SIZE, DPI = (3.2, 2.6), 110  # inches of a panel, dots an inch
+Data = dict[str, Any]
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
+    """Yield the lines of a Markdown table; nothing if it has no rows."""
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    if lines:
+        yield from (f"| {' | '.join(head)} |", f"|{'---|' * len(head)}", *lines, "")
+
+
+def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Source]) -> str:
+    """Return the page of a case.
+
+    Parameters
+    ----------
+    rows
+        Of runs with default settings; none if no store is given.
+    figure
+        Name of the picture's file; empty if nothing can be drawn.
+    """
+    data = about(case.name)
+    lines = [
+        f"# {words(case.title)}",
+        "",
+        f"`{case.name}`, {case.theory}, suites {', '.join(map(code, case.suites))}",
+        "",
+    ]
+    if figure:
+        caption = (
+            "The reference surface, supports as thick lines, point forces as arrows; and as solved, if runs are given."
+        )
+        lines += [f"![{words(case.title)}]({figure})", "", f"*{caption}*", ""]
+    lines += [words(case.description), "", "## Problem", ""]
+    lines += table(("part", "value"), ((code(name), words(value)) for name, value in question(data)))
+    lines += ["## What is asked", ""]
+    lines += table(("quantity", "what", "unit", "where"), map(asked, data["quantities"]))
+    lines += ["## Reference", ""]
+    lines += list(table(("quantity", "role", "value", "theory", "how", "source"), known(data))) or [
+        "No value is known.",
+        "",
+    ]
+    lines += [f"- `{key}`: {words(sources[key].words)}" for key in cited(data) if key in sources]
+    lines += ["", "## What solvers are allowed", ""]
+    lines += list(table(("quantity", "largest error"), allowed(data))) or [
+        "Nothing: no solver is gated by this case.",
+        "",
+    ]
+    lines += ["## Results", ""]
+    lines += list(table(RESULTS, results(rows))) or [
+        "None: the page was built without a store that has runs of it.",
+        "",
+    ]
+    lines += ["## Remarks", "", *(f"- {remark}" for remark in remarks(data)), ""]
+    return "\n".join(lines)
+
+
+def code(name: str) -> str:
+    """Return a name in typewriter."""
+    return f"`{name}`"
+
+
+def asked(quantity: Data) -> tuple[str, ...]:
+    """Return the row of a quantity."""
+    name = code(quantity["name"]) + (", headline" if quantity["primary"] else "")
+    return (
+        name,
+        words(quantity["description"] or quantity["kind"].replace("_", " ")),
+        quantity["unit"] or "1",
+        words(quantity["mark"]),
+    )
+
+
+def known(data: Data) -> Iterator[tuple[str, ...]]:
+    """Yield the rows of what is known; what judges is in bold."""
+    for quantity in data["quantities"]:
+        for value in quantity["known"]:
+            sure = f" ± {value['uncertainty']:.2g}" if value.get("uncertainty") is not None else ""
+            figure = f"{value['value']:.13g}{sure} {quantity['unit']}".rstrip()
+            source = code(value["source"]) + (f", {words(value['locator'])}" if value.get("locator") else "")
+            how = words(f"{value['label']}: {value['origin']}" if value.get("label") else value["origin"])
+            shown = f"**{figure}**" if value["judges"] else figure
+            yield code(quantity["name"]), value["role"], shown, value["theory"], how, source
+
+
+def cited(data: Data) -> list[str]:
+    """Return the keys of what a case cites, each once."""
+    keys = [value["source"] for quantity in data["quantities"] for value in quantity["known"]]
+    return list(dict.fromkeys([*keys, *(curve["source"] for curve in data["curves"])]))
+
+
+def allowed(data: Data) -> Iterator[tuple[str, str]]:
+    """Yield the rows of tolerances."""
+    for quantity in data["quantities"]:
+        if quantity["tolerances"]:
+            yield code(quantity["name"]), words(tolerance_words(quantity))
+
+
+RESULTS = ("quantity", "solver", "seeds", "value", "error", "states", "verdict")
+
+
+def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    """Yield the results: for each quantity and solver the run that is farthest from the known value."""
+    lines: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        lines.setdefault((row.quantity, row.solver), []).append(row)
+    for (quantity, solver), found in lines.items():
+        worst = max(found, key=lambda row: (row.status != "ok", abs(row.judged_error or 0.0)))
+        seeds = ", ".join(str(row.seed) for row in found if row.seed is not None)
+        value = "–" if worst.value is None else f"{worst.value:.8g} {worst.unit}".rstrip()
+        stated = "–" if worst.uncertainty is None else f"± {worst.uncertainty:.1e}"
+        yield code(quantity), code(solver), seeds or "–", value, error_of(worst), stated, words(verdict_on(worst))
+
+
+def error_of(row: Row) -> str:
+    """Return the error of a row, relative unless its tolerance or its value forbids."""
+    if row.relative_error is not None and not row.tolerance_is_absolute:
+        return f"{row.relative_error:+.1e}"
+    return "–" if row.absolute_error is None else f"{row.absolute_error:+.1e} {row.unit}".rstrip()
+
+
+def verdict_on(row: Row) -> str:
+    """Return in words what the gate makes of a row."""
+    if row.status != "ok":
+        return f"{row.status}: {row.reason or ''}".rstrip(": ")
+    if not row.gated:
+        return "not gated"
+    return (
+        "holds"
+        if row.passed
+        else f"open finding: {row.open_finding}"
+        if row.passed is None
+        else f"misses: {row.reason}"
+    )
+
+
+def remarks(data: Data) -> Iterator[str]:
+    """Yield what else to know: notes on known values, curves, and other ways to ask the question."""
+    judged = [q["name"] for q in data["quantities"] if any(value["judges"] for value in q["known"])]
+    yield f"{len(judged)} of {len(data['quantities'])} quantities have a value that judges them."
+    for quantity in data["quantities"]:
+        for value in quantity["known"]:
+            if value.get("note"):
+                yield f"{code(quantity['name'])}, {value['role']} of `{value['source']}`: {words(value['note'])}"
+    for curve in data["curves"]:
+        yield f"A curve of {code(curve['quantity'])} with {curve['points']} points is in `{curve['source']}`: {words(curve['origin'])}."
+    if data["variants"]:
+        yield f"It can be asked otherwise: {', '.join(code(variant['name']) for variant in data['variants'])}."
+
+
+def picture(case: Problem, store: Store | None) -> Figure | None:
+    """Draw the reference surface, and beside it the deformed one if a run kept it; None if nothing can be drawn."""
+    surface, scene = getattr(case, "surface", None), portrait_of_named(case).scene
+    if surface is None or scene is None:
+        return None
+    solved = deformed(case, store)
+    figure = Figure(figsize=(SIZE[0] * (2 if solved else 1), SIZE[1]), dpi=DPI, layout="constrained")
+    panels = figure.subplots(1, 2 if solved else 1, squeeze=False)[0]
+    xi = surface.domain.grid(POINTS, POINTS)
+    position = np.asarray(surface.position(xi))
+    held = tuple(np.take(position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held)
+    forces = point_forces(scene, xi, position)
+    at_rest = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, Camera(*scene.view, scene.up))
+    draw_reference(panels[0], Shell(**{**vars(at_rest), "held": held, "forces": forces}))
+    if solved:
+        draw_deformed(panels[1], solved)
+        panels[1].set_title(f"{solved.solver}, {scale_words(solved)}", fontsize=7.5, loc="left")
+        colour_bar(figure, panels[1], solved)
+    return figure
+
+
+def deformed(case: Problem, store: Store | None) -> Shell | None:
+    """Return the deformed shell of the first run of a case that kept one."""
+    if store is None:
+        return None
+    records = (run.record for run in current_runs(store.read()).runs)
+    of_case = (r for r in records if r.case_name == case.name and not r.own_case and r.status == "ok")
+    return next((found for record in of_case if (found := shell(record, store.folder)) is not None), None)
+
+
+def index(cases: Sequence[Problem]) -> str:
+    """Return the page that leads to the others."""
+    rows = (
+        (f"[{words(case.title)}]({case.name}.md)", code(case.name), case.theory, ", ".join(map(code, case.suites)))
+        for case in cases
+    )
+    head = ("case", "name", "theory", "suites")
+    preface = "A page each: the problem, its known values and their origins, what solvers are allowed, and results."
+    return "\n".join(["# The cases", "", preface, "", *table(head, rows)])
+
+
+def write(names: Sequence[str], store: Store | None, folder: Path) -> None:
+    """Write the pages and figures of cases, and the index."""
+    folder.mkdir(parents=True, exist_ok=True)
+    sources = read_bibliography(BIBLIOGRAPHY)
+    rows = compare.rows(store) if store else []
+    cases = [catalog.named_case(name) for name in names]
+    for case in cases:
+        with style():
+            drawn = picture(case, store)
+            if drawn is not None:
+                drawn.savefig(folder / f"{case.name}.png")
+        own = [row for row in rows if row.case == case.name and not row.own_case and row.default_settings]
+        text = page(case, own, f"{case.name}.png" if drawn is not None else "", sources)
+        (folder / f"{case.name}.md").write_text(text, encoding="utf-8")
+    (folder / "index.md").write_text(index(cases), encoding="utf-8")
+
+
+def main() -> None:
+    """Write what the command line asks for."""
+    parser = argparse.ArgumentParser(description="Write a page and a figure for each case.")
+    parser.add_argument("cases", nargs="*", help="names of cases; all if none")
+    parser.add_argument("--store", type=Path, help="folder of records, for results and deformed shapes")
+    parser.add_argument("--out", type=Path, default=FOLDER, help="folder to write")
+    options = parser.parse_args()
+    store = Store(options.store) if options.store and options.store.is_dir() else None
+    write(options.cases or catalog.case_names(), store, options.out)
+    print(f"written to {options.out / 'index.md'}")
+
+
+if __name__ == "__main__":
+    main()

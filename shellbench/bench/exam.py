@@ -1,0 +1,95 @@
+"""The exam of one solver: cases that known values judge are solved with default settings, and its class is found.
+
+It is the gate's own judgement, narrowed to one solver: every judged figure counts, what is declined is said, and a case
+that has no answer is not held. A solver of ours is graded in the same way as a stranger.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shellbench.bench import catalog
+from shellbench.bench.classes import LOOSEST, Grade, grades
+from shellbench.bench.current import current_runs
+from shellbench.bench.execute import Executor, Observer, execute
+from shellbench.bench.expected import expected_of_stranger
+from shellbench.bench.plan import FIRST_SEED, Plan, Request, make_plan
+from shellbench.bench.row import Row
+from shellbench.bench.store import Store
+from shellbench.problem import Problem
+
+QUICK = ("quick",)
+WHOLE = ("obstacle_course", "verification", "variants", "shapes", "nonlinear")  # what minutes are enough for
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """What came of an exam.
+
+    Attributes
+    ----------
+    grade
+        The class that the solver holds.
+    missed
+        Rows that do not even hold the loosest class, each with its reason.
+    records
+        How many runs were made.
+    """
+
+    grade: Grade
+    missed: tuple[Row, ...]
+    records: int
+
+
+def questions(suites: Sequence[str]) -> list[Problem]:
+    """Return the cases and variants of suites that known values judge, each once; InputError if a suite is unknown."""
+    found = {case.name: case for suite in suites for case in catalog.cases_of(suite)}
+    return [case for case in found.values() if is_judged(case)]
+
+
+def is_judged(case: Problem) -> bool:
+    """Whether a known value judges anything of a case; of a user's own none does."""
+    known = () if catalog.is_own(case) else catalog.known_values(case.name).values
+    return any(value.role == "judge" and value.theory == case.theory for value in known)
+
+
+def plan_of(solver: str, cases: Sequence[Problem], store: Store, executor: Executor, threads: int) -> Plan:
+    """Return what has to be run before a solver can be graded; what has a record that counts is kept.
+
+    Raises
+    ------
+    InputError
+        If the solver can't be imported.
+    """
+    request = Request(cases=tuple(case.name for case in cases), solvers=(solver,), seeds=(FIRST_SEED,), threads=threads)
+    return make_plan(request, store.read(), expect=executor.expect)
+
+
+def sit(
+    solver: str, cases: Sequence[Problem], store: Store, plan: Plan, executor: Executor, observer: Observer
+) -> Sitting:
+    """Have a solver answer what has no record, and grade all its answers.
+
+    Raises
+    ------
+    StoreError
+        If the store can't be written.
+    """
+    with contextlib.closing(executor):
+        outcomes = execute(plan.tasks, store, observer, executor)
+    current = current_runs(store.read())
+    expected = (expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases)
+    rows = [row for one in expected for row in one.rows()]
+    (grade,) = grades(rows, [solver])
+    return Sitting(
+        grade=grade,
+        missed=tuple(row for row in rows if row.status != "declined" and not row.passed),
+        records=len(outcomes),
+    )
+
+
+def missed_words(row: Row) -> str:
+    """Say in a line what a row misses."""
+    return f"{row.case} {row.quantity}: {row.reason or f'it misses class {LOOSEST:g}'}"

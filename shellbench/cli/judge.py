@@ -1,0 +1,214 @@
+"""The commands about what was run: ``table``, ``gate``, ``baseline``, ``report`` and ``export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, cast
+
+import typer
+
+from shellbench.cli.options import (
+    DEFAULT_BASELINE,
+    DEFAULT_REPORT,
+    DEFAULT_STORE,
+    LARGEST_SEED,
+    BaselineOption,
+    CasesArgument,
+    Format,
+    SeedOption,
+    SolverOption,
+    StoreOption,
+    SuiteOption,
+    note,
+    say,
+    warn,
+)
+from shellbench.errors import InputError
+
+
+def table(
+    cases: CasesArgument = None,
+    store: StoreOption = DEFAULT_STORE,
+    format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
+    suite: SuiteOption = None,
+) -> None:
+    """Print the displacements, the known values beside them, the errors and what each answer cost.
+
+    Shown is what was run, each run once; with --suite, all of its runs that there are.
+
+    JSON is a list of objects, one for each case, solver, settings, seed and quantity; the other formats print the
+    headline quantity of each case.
+    """
+    from shellbench.bench import compare
+    from shellbench.bench.gate import check_filled
+    from shellbench.bench.store import Store
+
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
+    warn(notes)
+    if format is Format.json:
+        typer.echo(compare.as_json(rows))
+        return
+    from shellbench.report import tables
+
+    if not rows:
+        say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
+    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
+    if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
+        typer.echo(f"\n{more}")
+
+
+def gate_command(
+    cases: CasesArgument = None,
+    store: StoreOption = DEFAULT_STORE,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    seed: SeedOption = None,
+    cost: Annotated[bool, typer.Option("--cost", help="Let the cost gate count as well.")] = False,
+    regression: Annotated[bool, typer.Option("--regression", help="Let the regression gate count as well.")] = False,
+    baseline: BaselineOption = DEFAULT_BASELINE,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Print the green rows too.")] = False,
+) -> None:
+    """Judge the records: exit 0 only if every gate holds.
+
+    Judged is what was run; what was planned and did not end is red. With --suite, all that it gates is judged, and a
+    gated row without a record is red. Cases, --solver and --seed narrow what is judged, and it says so. If nothing
+    is judged, the exit code is 2.
+
+    Accuracy holds each quantity against its known value at the tolerance frozen for the solver. The lock holds cases,
+    known values and tolerances: what makes the exam easier is red. Regression holds a figure against the baseline.
+    Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
+    are reported, and count only if asked for.
+    """
+    from shellbench.bench import verdicts
+    from shellbench.bench.baseline import read_baseline
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.gate import gate
+    from shellbench.bench.store import Store
+
+    scope = Scope(
+        tuple(dict.fromkeys(suite or ())),
+        tuple(dict.fromkeys(solver or ())),
+        tuple(dict.fromkeys(seed or ())),
+        tuple(dict.fromkeys(cases or ())),
+    )
+    verdict = gate(Store(store), read_baseline(baseline), scope)
+    warn(verdict.warnings)
+    typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose, regression=regression))
+    raise typer.Exit(0 if verdict.good(cost, regression) else 1)
+
+
+def baseline_command(
+    store: StoreOption = DEFAULT_STORE,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    write: Annotated[
+        bool, typer.Option("--write", help="Move the baseline; without it, only show the changes.")
+    ] = False,
+    baseline: BaselineOption = DEFAULT_BASELINE,
+    like: Annotated[
+        list[Path] | None,
+        typer.Option("--like", metavar="DIR", help="Store of the same runs from another processor; may be repeated."),
+    ] = None,
+) -> None:
+    """Show how the records differ from the baseline, and with --write make them the new one.
+
+    Only runs whose gated rows all hold can be remembered. Runs outside of --suite and --solver stay as they were.
+    What values differ by from those of --like widens what the regression gate allows.
+    """
+    from shellbench.bench import baseline as baselines
+    from shellbench.bench import verdicts
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.gate import move_baseline
+    from shellbench.bench.store import Store
+
+    scope = Scope(tuple(suite or ()), tuple(solver or ()))
+    where, old = Store(store), baselines.read_baseline(baseline)
+    warn(where.read().damaged)
+    new = move_baseline(where, old, scope, tuple(map(Store, like or ())))
+    typer.echo(verdicts.changes(old, new))
+    if write:
+        baselines.write_baseline(new, baseline)
+        typer.echo(f"written to {baseline}: commit it with the reason")
+
+
+def report(
+    cases: CasesArgument = None,
+    store: StoreOption = DEFAULT_STORE,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
+    suite: SuiteOption = None,
+    for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = True,
+    paper: Annotated[
+        Path | None,
+        typer.Option(
+            "--paper",
+            metavar="DIR",
+            help="Instead of the page write this folder for LaTeX: a booktabs file for each table, figures as PDF, "
+            "bibliography, and a document that shows them all.",
+        ),
+    ] = None,
+) -> None:
+    """Write the report: tables in Markdown, CSV, LaTeX and HTML, figures, and a page that shows them.
+
+    It is about what was run; with --suite, about that suite. Records are all it needs: no solver has to be installed.
+    """
+    from shellbench.bench import compare
+    from shellbench.bench.gate import check_filled, missing_rows
+    from shellbench.bench.store import Store
+    from shellbench.report import page
+
+    check_filled(Store(store))
+    rows, notes = compare.rows_and_notes(Store(store), tuple(suite or ()), tuple(cases or ()))
+    warn(notes)
+    rows += missing_rows(Store(store), rows, tuple(suite or ()), tuple(cases or ()))
+    if not rows:
+        raise InputError(f"store {store}: holds no records that count of what was asked for")
+    if paper is not None:
+        if out != DEFAULT_REPORT:
+            raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
+        from shellbench.report.paper import write_paper
+
+        typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=note)}")
+        return
+    written = page.write_report(Store(store), rows, out, for_print=for_print, whole=bool(suite), say=note)
+    typer.echo(f"written to {written}")
+
+
+def export(
+    case: Annotated[str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.")],
+    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File to write: .npz (arrays), .obj (deformed shape) or .vtu.")
+    ],
+    resolution: Annotated[
+        int, typer.Option("--resolution", metavar="N", min=2, max=5000, help="Points a side of the grid.")
+    ] = 101,
+    scale: Annotated[float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj.")] = 1.0,
+    at: Annotated[
+        float | None, typer.Option("--at", metavar="T", help="Time (s) or kept state of a path; the last if not given.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Which seed's solution.")
+    ] = None,
+    store: StoreOption = DEFAULT_STORE,
+) -> None:
+    """Write a stored solution, sampled as finely as you like, for another program.
+
+    The grid's points have displacement (m), strains (covariant components 11, 22, 12) and energy densities (J/m2). In
+    .vtu the shell is undeformed, and viewers warp it by the displacement; .obj is the deformed shape.
+
+    Examples
+    --------
+        shellbench export scordelis_lo --solver fem --out roof.vtu --resolution 201
+
+        shellbench export napkin_plane --solver fem --out napkin.obj --at 0.5
+    """
+    from shellbench.bench import export as exports
+    from shellbench.bench.store import Store
+
+    exports.writer_of(out)
+    where = Store(store)
+    stored = exports.stored_run(where, case, solver, seed, note)
+    sampled = exports.sample(where, stored, resolution, at)
+    exports.export(sampled, out, scale)
+    typer.echo(f"written to {out}")

@@ -1,0 +1,67 @@
+"""What several commands take, and how they speak: options, exit codes, lines on standard error."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
+LARGEST_SEED = 2**31 - 1
+DEFAULT_STORE = Path("reports/runs")
+DEFAULT_REPORT = Path("reports/latest")
+DEFAULT_BASELINE = Path("reports/baseline.json")
+
+
+class Device(StrEnum):
+    """Where to run."""
+
+    cpu = "cpu"
+    cuda = "cuda"
+
+
+class Format(StrEnum):
+    """How to print a table."""
+
+    text = "text"
+    markdown = "markdown"
+    latex = "latex"
+    csv = "csv"
+    json = "json"
+
+
+StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the records.")]
+SuiteOption = Annotated[
+    list[str] | None, typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.")
+]
+SolverOption = Annotated[
+    list[str] | None, typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.")
+]
+SeedOption = Annotated[
+    list[int] | None,
+    typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
+]
+CasesArgument = Annotated[
+    list[str] | None, typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.")
+]
+BaselineOption = Annotated[
+    Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
+]
+
+
+def say(sentence: str) -> None:
+    """Write one line to standard error."""
+    typer.echo(f"shellbench: {sentence}", err=True)
+
+
+def note(sentence: str) -> None:
+    """Write what else to know to standard error."""
+    say(f"note: {sentence}")
+
+
+def warn(sentences: tuple[str, ...]) -> None:
+    """Write notes, one line each."""
+    for sentence in sentences:
+        note(sentence)

@@ -1,0 +1,274 @@
+"""The commands that ask solvers: ``list``, ``run`` and ``check-solver``."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from shellbench.cli.options import (
+    DEFAULT_STORE,
+    INTERRUPTED,
+    Device,
+    SeedOption,
+    SolverOption,
+    StoreOption,
+    SuiteOption,
+    say,
+    warn,
+)
+
+if TYPE_CHECKING:
+    from shellbench.bench.execute import Executor, Outcome
+    from shellbench.bench.plan import Plan
+
+
+QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
+
+
+def list_command(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver."),
+    ] = None,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+) -> None:
+    """List the cases, the suites and the solvers; with a name, all about that one.
+
+    Of a case that is its question, what is known of each quantity, and what each solver is allowed; of a suite its
+    cases and runs; of a solver its settings, what it declines, and its tolerances.
+
+    Examples
+    --------
+        shellbench list scordelis_lo
+
+        shellbench list scordelis_lo@oblique --json
+    """
+    from shellbench.bench import about, listing
+
+    if name is None:
+        typer.echo(listing.as_json() if json else listing.as_text())
+    else:
+        typer.echo(about.as_json(name) if json else about.as_text(name))
+
+
+def run(
+    cases: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own."),
+    ] = None,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="SOLVER.KEY=VALUE",
+            help="A setting of a solver, its value in TOML (2, 1e-6, true, [1, 2], text); may be repeated.",
+        ),
+    ] = None,
+    seed: SeedOption = None,
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="For a first look: fem and ndf-ritz, or those of --solver, with one seed; the course, or what "
+            "cases and suites name.",
+        ),
+    ] = False,
+    jobs: Annotated[
+        int | None,
+        typer.Option(
+            "--jobs",
+            "-j",
+            metavar="N",
+            min=1,
+            max=1024,
+            help="Runs at a time. Default: as many as fit on the cores; with --scheduler, on those of all workers.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None,
+        typer.Option("--threads", metavar="N", min=1, max=1024, help="Threads of each run. Default: two."),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS",
+            help="Run on this Dask cluster: address (tcp://host:8786) or scheduler file. Default: on this machine.",
+        ),
+    ] = None,
+    device: Annotated[Device, typer.Option("--device", help="Where to run solvers that offer it.")] = Device.cpu,
+    store: StoreOption = DEFAULT_STORE,
+    force: Annotated[bool, typer.Option("--force", help="Run again what has a record already.")] = False,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", metavar="S", help="Stop a run, that run only, after so many seconds.")
+    ] = None,
+) -> None:
+    """Solve cases and keep the answers as records.
+
+    Name cases, suites or both. A suite runs the solvers, settings and seeds that it declares; --solver narrows it
+    to those, --seed and --set replace what it declares. A case without a suite runs as its first suite declares,
+    a case of your own with every solver of the obstacle course.
+
+    What has a record already is kept, so a run that was interrupted goes on where it stopped; failed runs are
+    tried again. `run` does not judge the answers: `gate` does.
+
+    The exit code is 1 if a run failed, or if a solver says of its answer that it has not settled: that answer is
+    recorded with its value and uncertainty, and no gate passes it.
+
+    Examples
+    --------
+        shellbench run --suite obstacle_course
+
+        shellbench run --quick
+
+        shellbench run scordelis_lo --solver fem --solver ndf-ritz --seed 0 --seed 1
+
+        shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
+    """
+    from rich.console import Console
+
+    from shellbench.bench.display import display
+    from shellbench.bench.execute import execute
+    from shellbench.bench.identity import parse_setting
+    from shellbench.bench.plan import DEFAULT_SUITE, Request, make_plan
+    from shellbench.bench.store import Store
+
+    if timeout is not None and not 0 < timeout < float("inf"):
+        raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
+    given: dict[str, dict[str, Any]] = {}
+    for text in settings or ():
+        name, key, value = parse_setting(text)
+        given.setdefault(name, {})[key] = value
+    request = Request(
+        cases=tuple(cases or ()),
+        suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
+        solvers=tuple(solver or ()),
+        settings=given,
+        seeds=tuple(dict.fromkeys(seed or ())),
+        device=device.value,
+        threads=threads,
+        quick=QUICK_SOLVERS if quick else (),
+    )
+    where = Store(store)
+    contents = where.read()
+    warn(contents.damaged)
+    outcomes: list[Outcome] = []
+    try:
+        with contextlib.closing(_executor(scheduler, jobs, threads, timeout)) as executor:
+            plan = make_plan(request, contents, force, executor.expect)
+            warn(plan.notes)
+            for declined in plan.declined:
+                say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
+            with display(Console(), len(plan.tasks)) as observer:
+                outcomes = execute(plan.tasks, where, observer, executor)
+    except KeyboardInterrupt:
+        say("interrupted: what had ended is kept, and the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(_summary(plan, outcomes))
+
+
+def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
+    if scheduler is not None:
+        from shellbench.bench.cluster import DaskCluster
+
+        return DaskCluster(scheduler, jobs, threads, timeout, say)
+    from shellbench.bench import environment
+    from shellbench.bench.local import LocalProcesses
+
+    each = threads or environment.threads()
+    return LocalProcesses(jobs or max(1, environment.cores() // each), each, timeout)
+
+
+def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
+    """Print how the runs ended, and return the exit code."""
+    from shellbench.bench.display import run_name
+    from shellbench.bench.record import NOT_SETTLED
+
+    refused = [outcome for outcome in outcomes if outcome.record is None]
+    bad = [outcome.record for outcome in outcomes if outcome.record and outcome.record.status != "ok"]
+    for outcome in refused:
+        say(f"{run_name(outcome.task)}: refused: {outcome.refused}")
+    for record in (*bad, *plan.unsettled):
+        say(f"{run_name(record)}: {record.status}: {record.reason}")
+    moving = sum(record.status == NOT_SETTLED for record in bad)
+    kept = f"kept from before{f' ({len(plan.unsettled)} of them {NOT_SETTLED})' if plan.unsettled else ''}"
+    counts = [
+        (len(outcomes) - len(bad) - len(refused), "solved"),
+        (moving, NOT_SETTLED),
+        (len(bad) - moving, "failed"),
+        (len(refused), "refused"),
+        (len(plan.kept), kept),
+        (len(plan.declined), "not applicable"),
+    ]
+    typer.echo(", ".join(f"{count} {what}" for count, what in counts if count) or "nothing to run")
+    return 2 if refused else 1 if bad or plan.unsettled else 0
+
+
+def check_solver_command(
+    solver: Annotated[str, typer.Argument(metavar="NAME", help="Solver to check; see `shellbench list`.")],
+    cases: Annotated[
+        list[str] | None,
+        typer.Option("--case", metavar="CASE|PATH.toml", help="Case to solve; may be repeated. Default: a cheap one."),
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="SOLVER.KEY=VALUE", help="A setting of the solver; may be repeated."),
+    ] = None,
+    refine: Annotated[
+        str | None,
+        typer.Option(
+            "--refine", metavar="KEY=V;V;V", help="Values of a setting from coarse to fine, to measure a rate by."
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A first verdict: grade by the suite `quick`, which takes a minute.")
+    ] = False,
+    suite: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--suite", metavar="NAME", help="Suite to grade by; may be repeated. Default: all that takes minutes."
+        ),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", "-j", metavar="N", min=1, max=1024, help="Runs at a time, one thread each.")
+    ] = None,
+    store: StoreOption = DEFAULT_STORE,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    timeout: Annotated[
+        float, typer.Option("--timeout", metavar="S", min=1, help="Seconds that the solver has for one answer.")
+    ] = 600.0,
+) -> None:
+    """Check that a solver keeps the protocol, one line a check, and grade it.
+
+    Asked are, among others, continuous answers, determinism, units, rigid motions, a rate of convergence, energies,
+    and honest counts of parameters and bytes. A solver that crashes or hangs fails the check in which it does.
+
+    The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it holds in every figure of every case that judges it; of
+    the cases that --case names if any are named. Exit 1 if a check fails or no class is held, 2 if it declines all.
+
+    Examples
+    --------
+        shellbench check-solver mine --quick
+
+        shellbench check-solver mine --case scordelis_lo --refine "cells=[8, 8];[16, 16];[32, 32]"
+    """
+    from shellbench.bench.exam import QUICK, WHOLE
+    from shellbench.testing.grading import ExamOptions
+    from shellbench.testing.suite import check_solver
+
+    if quick and suite:
+        raise typer.BadParameter("name suites or take the quick one", param_hint="'--quick'")
+    by = tuple(dict.fromkeys(suite)) if suite else QUICK if quick else () if cases else WHOLE
+    exam = ExamOptions(by, store, jobs)
+    try:
+        code = check_solver(
+            solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam
+        )
+    except KeyboardInterrupt:
+        say("interrupted: what had ended is kept, and the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    raise typer.Exit(code)
