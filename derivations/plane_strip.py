@@ -33,13 +33,14 @@ SPREAD = 1e-11
 
 @dataclass(frozen=True)
 class Bent:
-    """Load factor, displacement of the tip toward the wall and across (m), energies per width (N)."""
+    """Load factor, displacement of the tip toward the wall and across (m), energies per width (N), coefficients."""
 
     factor: float
     shortening: float
     deflection: float
     membrane: float
     bending: float
+    coefficients: Array
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class PlaneStrip:
                 raise RuntimeError(f"no equilibrium of the strip at {factor:.3g} of its load")
             membrane, bending = self._energy(coefficients)[:2]
             x, z = self.position(coefficients, self.length)
-            yield Bent(float(factor), self.length - float(x), float(z), membrane, bending)
+            yield Bent(float(factor), self.length - float(x), float(z), membrane, bending, coefficients)
 
 
 def cantilever_shear() -> dict[str, Estimate]:

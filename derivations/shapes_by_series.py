@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import partial
 
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
+from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
+from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
 from .estimate import Estimate
 from .goursat_plate import by_goursat
 from .oval_tube import oval_tube, oval_tube_by_exponentials
@@ -20,6 +22,7 @@ from .rigid_turn import (
     small_turn_by_generator,
 )
 from .ring_twist import ring_twist, ring_twist_by_ritz
+from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
 
 Values = Callable[[], dict[str, Estimate]]
 
@@ -36,6 +39,10 @@ JUDGES: dict[str, Values] = {
     "rigid_turn_about_point": rigid_turn_about_point,
     "rigid_turn_by_edge": rigid_turn_by_edge,
     "pressed_motion": pressed_motion,
+    "twisted_parallelogram": twisted_parallelogram,
+    "bent_plate": bent_plate,
+    "sheared_sleeve": sheared_sleeve,
+    "turned_cantilever": turned_cantilever,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -50,4 +57,8 @@ SECOND_FORMS: dict[str, Values] = {
     "rigid_turn_about_point": rigid_turn_by_exponential,
     "rigid_turn_by_edge": small_turn_by_generator,
     "pressed_motion": pressed_motion_of_splines,  # half a minute
+    "twisted_parallelogram": parallelogram_by_ritz,
+    "bent_plate": bent_plate_by_ritz,
+    "sheared_sleeve": sleeve_by_ritz,
+    "turned_cantilever": turned_cantilever_by_polynomials,
 }

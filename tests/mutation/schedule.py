@@ -109,17 +109,19 @@ def reaches(solver: str, folder: Path, longest: float, processes: int, say: Say)
     modules = sorted({name for target in TARGETS.values() if solver in target.solvers for name in target.modules()})
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"reach-{solver}-{_digest(modules)}.jsonl"
-    known = {entry["case"]: entry for entry in _lines(path)}
-    waiting = [case for case in _cases(solver, longest) if case not in known]
+    now = {case: _digest_of_case(case) for case in _cases(solver, longest)}
+    known = {e["case"]: e for e in _lines(path) if now.get(e["case"]) == e["digest"]}
+    waiting = [case for case in now if case not in known]
 
     def asked(case: str) -> dict[str, Any]:
         question = Question(solver, case)
         # Noting lines, and a busy machine, may take some times as long.
         answers, why = _answers(None, [question], modules, lambda _: 3 * longest + LEAST_LIMIT)
+        entry = {"case": case, "digest": now[case]}
         if not answers:
-            return {"case": case, "red": why, "seconds": 0.0, "lines": {}}
+            return entry | {"red": why, "seconds": 0.0, "lines": {}}
         (answer,) = answers
-        return {"case": case, "red": answer.red, "seconds": answer.seconds, "lines": answer.reached}
+        return entry | {"red": answer.red, "seconds": answer.seconds, "lines": answer.reached}
 
     with ThreadPoolExecutor(processes) as pool, path.open("a", encoding="utf-8") as file:
         for entry in pool.map(asked, waiting):
@@ -255,9 +257,14 @@ def _lines(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _digest(modules: Sequence[str]) -> str:
-    """Return a digest of the modules' source and of the cases."""
-    files = [*map(file_of, modules), *sorted((ROOT / "cases").rglob("*.toml"))]
-    return hashlib.sha256(b"\n".join(path.read_bytes() for path in files)).hexdigest()[:8]
+    """Return a digest of the modules' source."""
+    return hashlib.sha256(b"\n".join(file_of(module).read_bytes() for module in modules)).hexdigest()[:8]
+
+
+def _digest_of_case(name: str) -> str:
+    """Return a digest of the file of a case, which is that of its variants too."""
+    path = ROOT / "cases" / f"{name.partition('@')[0]}.toml"
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:8]
 
 
 def _not_reached(mutants: Sequence[Mutant]) -> dict[str, list[str]]:
