@@ -13,6 +13,7 @@ from .hinged_roof import hinged_roof_thick, hinged_roof_thin
 from .hypar import HYPARS
 from .hyperboloid import HYPERBOLOIDS
 from .large_displacements import cylinder_pull_out, scordelis_lo_nonlinear, slit_annular_plate, square_plate_nonlinear
+from .large_hemisphere import hemisphere_hole_nonlinear
 from .levy_roof import scordelis_lo
 from .manufactured import MANUFACTURED
 from .motion import napkin_plane, napkin_soft_pin
@@ -40,6 +41,7 @@ __all__ = [
     "cylinder_pull_out",
     "free_fall",
     "hemisphere_hole",
+    "hemisphere_hole_nonlinear",
     "hinged_roof_thick",
     "hinged_roof_thin",
     "napkin_corner",

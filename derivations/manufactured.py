@@ -323,7 +323,8 @@ def _energies(case: Case, count: int) -> dict[str, float]:
 
 
 NAMES = ("manufactured_hypar", "manufactured_oblique_cylinder", "manufactured_paraboloid")
-MANUFACTURED = {name: partial(manufactured, name) for name in NAMES}
+FINITE = "manufactured_finite_strain"
+MANUFACTURED = {name: partial(manufactured, name) for name in (*NAMES, FINITE)}
 """What computes the known values of each case."""
 
 

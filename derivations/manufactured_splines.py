@@ -1,14 +1,18 @@
 r"""Manufactured solutions once more: the shell is solved under the load that its case declares.
 
 The trial functions are splines along the vectors x,1, x,2 and x,1 cross x,2, which meet the clamped edges exactly
-(`linear_splines`). What supports move is added to them as the formula of the motion itself, which must tilt no edge. Nothing
-here knows the prescribed displacement but the error that is asked for, and the strong form is not used: strains are products
-of vectors, and loads and stresses are tested by the splines.
+(`linear_splines`). What supports move is added to them as the formula of the motion itself, which must tilt no edge. In the
+exact theory the trial functions are splines of Cartesian components, from positions (`spline_shell`). They have no slope
+across a clamped edge at all: more than a clamp asks, and no more than the prescribed displacement has.
+
+Nothing here knows the prescribed displacement but the error that is asked for, and the strong form is not used: strains are
+products of vectors, or of positions, and loads and stresses are tested by the splines.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +22,8 @@ from shellbench.problems.shell.conditions import AreaLoad, Value
 from .estimate import Estimate
 from .linear_splines import Answer, Field, LinearShell, elasticity
 from .manufactured import CASES, exact_formulas, largest, manufactured_load, parametric_rule
-from .spline_shell import Ends, Splines
+from .spline_path import load_control
+from .spline_shell import Ends, Shell, Splines
 from .surface_strains import DERIVATIVES, Array, first_variation
 
 DEGREE = 7
@@ -101,7 +106,63 @@ def manufactured_by_splines(name: str) -> dict[str, Estimate]:
     return found
 
 
-def _measured(case: Case, answer: Answer) -> Mapping[str, float]:
+# --- the exact theory --------------------------------------------------------------------------------
+
+FACTORS = 0.25, 0.5, 0.75, 1.0
+EXACT_SPANS = 6, 8
+"""Knot spans a side, coarser and finer."""
+
+
+@dataclass(frozen=True)
+class LargeAnswer:
+    """A shell from positions at the end of its path: free coefficients, and energies in J."""
+
+    shell: Shell
+    free: Array
+    membrane: float
+    bending: float
+
+    def displacement(self, one: float, two: float) -> Array:
+        """Displacement (3,) at a point."""
+        return np.array([self.shell.row(one, two, tuple(unit)) @ self.free for unit in np.eye(3)])
+
+
+def pressed_shell(case: Case, spans: int) -> LargeAnswer:
+    """Return the answer to a case of the exact theory that is clamped all around, under the load that it declares."""
+    (load,), domain, material = case.loads, case.surface.domain, case.material
+    assert isinstance(load, AreaLoad)
+    vector = load.vector
+    first, second = (
+        Splines(np.linspace(low, high, spans + 1), DEGREE) for low, high in zip(domain.lower, domain.upper, strict=True)
+    )
+    clamped: tuple[Ends, Ends] = (("clamped", "clamped"), ("clamped", "clamped"))
+    shell = Shell(
+        surface_of(case),
+        (first, second),
+        [clamped] * 3,
+        material.youngs_modulus,
+        material.poissons_ratio,
+        material.thickness,
+        load=lambda one, two: case.evaluate(vector, _points(one, two))[0, 0],
+    )
+    *_, state = load_control(shell, FACTORS)
+    return LargeAnswer(shell, state.free, *shell.energies(state.free))
+
+
+def finite_strain_by_splines(name: str) -> dict[str, Estimate]:
+    """Return the values of all quantities of a case of the exact theory, uncertain by the change from fewer spans."""
+    case = read_case(CASES / f"{name}.toml")
+    coarse, fine = (_measured(case, pressed_shell(case, spans)) for spans in EXACT_SPANS)
+    return {
+        q.name: Estimate.between(fine[q.name], coarse[q.name], q.unit, ROUNDING * max(abs(fine[q.name]), not q.unit))
+        for q in case.quantities
+    }
+
+
+# --- what both are asked -----------------------------------------------------------------------------
+
+
+def _measured(case: Case, answer: Answer | LargeAnswer) -> Mapping[str, float]:
     found = {}
     energies = {"membrane_energy": answer.membrane, "bending_energy": answer.bending}
     energies["strain_energy"] = sum(energies.values())

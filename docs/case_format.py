@@ -75,7 +75,7 @@ EXAMPLES = {
         'xi1 = [0, 90]           # degrees\nxi2 = [0, 1]\nangles = ["xi1"]\nconstants = { r = 2.0, H = 0.5 }'
     ),
     "Material": Example(
-        "[material]\nyoungs_modulus = 2e11  # Pa\npoissons_ratio = 0.3\nthickness = 0.01      # m\nareal_density = 8.0   # kg/m^2"
+        "[material]\nyoungs_modulus = 2e11  # Pa\npoissons_ratio = 0.3\nthickness = 0.01      # m\nareal_density = 8.0   # kg/m^2\nthickness_factor = \"1 - 0.5*xi1\"  # half as thick at xi1 = 1"
     ),
     "Support": Example(
         '[[supports]]\nname = "mirror"\non = ["xi2_min"]\nsymmetry = "y"\n\n'

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
-from derivations.manufactured import NAMES, exact_formulas, load_formulas, manufactured, manufactured_load
-from derivations.manufactured_splines import frame_of, manufactured_by_splines, residuals, spline_shell, surface_of
+from derivations.manufactured import FINITE, NAMES, exact_formulas, load_formulas, manufactured, manufactured_load
+from derivations.manufactured_splines import (
+    finite_strain_by_splines,
+    frame_of,
+    manufactured_by_splines,
+    residuals,
+    spline_shell,
+    surface_of,
+)
 from shellbench.bench import catalog
 from shellbench.problem import VARIANT
 from shellbench.problems.shell.measure import measure
@@ -143,7 +150,7 @@ def test_a_large_displacement_is_in_balance_with_its_load(name):
 # --- the weak form -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, FINITE])
 def test_the_prescribed_displacement_is_in_balance_with_the_declared_load(name):
     """Strains are the variation of the exact ones, and integrals are Gauss's: nothing of the strong form is used."""
     case = catalog.named_case(name)
@@ -172,26 +179,26 @@ def test_splines_meet_what_supports_prescribe():
             np.testing.assert_allclose(answer.displacement(*xi), case.evaluate(motion, xi)[0, 0], atol=1e-16)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, pytest.param(FINITE, marks=pytest.mark.long)])
 def test_second_forms_are_what_they_compute_and_agree(name):
-    found, first = manufactured_by_splines(name), manufactured(name)
-    known = catalog.known_values(name)
-    assert set(found) == set(first) == {q.name for q in catalog.named_case(name).quantities}
+    found = (finite_strain_by_splines if name == FINITE else manufactured_by_splines)(name)
+    first, known, case = manufactured(name), catalog.known_values(name), catalog.named_case(name)
+    assert set(found) == set(first) == {q.name for q in case.quantities}
     for quantity, estimate in found.items():
         (second,) = known.of(quantity, "origin")
-        judge = known.judge(quantity, "kirchhoff-love-linear")
+        judge = known.judge(quantity, case.theory)
         assert abs(second.value - estimate.value) <= 0.5 * second.uncertainty
         assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, FINITE])
 def test_both_parts_of_the_energy_count(name):
     known = manufactured(name)
     share = known["bending_energy"].value / known["strain_energy"].value
     assert 0.1 < share < 0.9
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, FINITE])
 def test_the_prescribed_displacement_meets_the_supports(name):
     """On the edges it is the motion, and u,n . a3 = 0 with the conormal n."""
     case = catalog.named_case(name)
@@ -213,7 +220,7 @@ def test_the_prescribed_displacement_meets_the_supports(name):
 # --- solvers -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, FINITE])
 def test_the_error_of_the_field_falls_with_the_fourth_power_of_the_mesh(name):
     case = catalog.named_case(name)
     errors = [measure(FemSolver().solve(case, FemSettings(cells=(n, n))), case.quantity("field_error")) for n in (4, 8)]

@@ -61,6 +61,7 @@ ORIGINS = {
     **origins.HYPARS,
     **origins.MANUFACTURED,
     "hemisphere_hole": origins.hemisphere_hole,
+    "hemisphere_hole_nonlinear": origins.hemisphere_hole_nonlinear,
     **shapes_by_series.JUDGES,
 }
 LONG = {
@@ -76,6 +77,7 @@ LONG = {
     "hinged_roof_thick",
     "hinged_roof_thin",
     "scordelis_lo_nonlinear",
+    "hemisphere_hole_nonlinear",
     *origins.HYPARS,
 }
 SECOND_FORMS = {

@@ -110,6 +110,13 @@ class Case(Shell):
             stiffness = self.stiffness_of(spring, sample)
             if not np.all(np.isfinite(stiffness)) or np.any(stiffness < 0):
                 raise ValueError(f"the stiffness of spring '{spring.name}' is not finite, or negative, on the shell")
+        try:
+            factors = self.material.factors(sample, self.surface.named_constants)
+        except InputError as error:
+            raise ValueError(f"a factor of the material: {error}") from None
+        for name, factor in zip(("modulus_factor", "thickness_factor"), factors, strict=True):
+            if not (np.all(np.isfinite(factor)) and np.all(factor > 0)):
+                raise ValueError(f"field 'material.{name}' is not finite, or not positive, on the shell")
         for support, place in self.supported_places():
             if not all(np.all(np.isfinite(v)) for v in self._checked_motion(support, place, sample).values()):
                 raise ValueError(f"the motion of support '{support.name}' is not finite on the shell")

@@ -5,11 +5,15 @@ Linear isotropic shell material (Kairanda et al., eqs. (17)-(19)).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from shellbench.model import Finite, Model, Name, Positive, Vector
+from shellbench.problems.expression import Expression
 
 Component = Literal["x", "y", "z"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
@@ -314,7 +318,14 @@ Load = Annotated[AreaLoad | PressureLoad | GravityLoad | EdgeLoad | PointLoad | 
 class Material(Model):
     """Young's modulus, Poisson's ratio, thickness and density of a shell.
 
-    The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa).
+    The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa). Where the shell is not the same
+    everywhere, modulus and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the
+    stiffness D and B alone: an areal density is what it is.
+
+    Attributes
+    ----------
+    modulus_factor, thickness_factor
+        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell, and smooth: a jump is none.
     """
 
     youngs_modulus: Positive = Field(description="E, Pa")
@@ -322,6 +333,22 @@ class Material(Model):
     thickness: Positive = Field(description="h, metres")
     areal_density: Annotated[Finite, Field(ge=0)] = Field(0.0, description="rho, kg per square metre")
     bending_factor: Positive = Field(1.0, description="scales B alone; 1 for a homogeneous shell")
+    modulus_factor: Formula = 1.0
+    thickness_factor: Formula = 1.0
+
+    @property
+    def uniform(self) -> bool:
+        """Whether the shell has one modulus and one thickness."""
+        return self.modulus_factor == 1.0 and self.thickness_factor == 1.0
+
+    def factors(
+        self, points: ArrayLike, constants: Mapping[str, float]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the factors (...) of modulus and thickness at points (..., 2); the surface's constants are known."""
+        xi = np.asarray(points, dtype=float)
+        formulas = (Expression(f, ("xi1", "xi2"), constants) for f in (self.modulus_factor, self.thickness_factor))
+        modulus, thickness = (np.array(formula.derivatives(xi, 0)[0, 0]) for formula in formulas)
+        return modulus, thickness
 
     @property
     def membrane_stiffness(self) -> float:

@@ -79,6 +79,8 @@ def check_motion(case: Shell) -> None:
         raise ValueError("a case has a [path] or [dynamics], not both")
     if case.material.areal_density <= 0:
         raise ValueError("field 'material.areal_density' must be given and positive where the shell moves")
+    if not case.material.uniform:
+        raise ValueError("a modulus or thickness that varies belongs to a case without [dynamics]")
     if case.prescribed:
         raise ValueError("where everything is prescribed nothing is left to move by Newton's law")
     if len(case.held_everywhere) == len(COMPONENTS):

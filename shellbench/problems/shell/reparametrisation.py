@@ -227,6 +227,9 @@ class _Reparametrisation:
             name: [float(f"{x:.{DIGITS}g}") for x in chart.to_new(case.surface.domain.internal(xi))]
             for name, xi in data.get("points", {}).items()
         }
+        for name in ("modulus_factor", "thickness_factor"):
+            if name in data["material"]:
+                data["material"][name] = self.formula(data["material"][name])
         data["supports"] = [self._support(s) for s in data.get("supports", [])]
         data["springs"] = [{**s, "stiffness": self.formula(s["stiffness"])} for s in data.get("springs", [])]
         data["loads"] = [self._load(load) for load in data.get("loads", [])]

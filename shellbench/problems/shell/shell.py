@@ -139,6 +139,9 @@ class Shell(Problem):
         for load in data["loads"]:
             if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
                 del load["follows"]
+        for name in ("modulus_factor", "thickness_factor"):  # as before there were any
+            if data["material"][name] == 1.0:
+                del data["material"][name]
         return data
 
     @cached_property

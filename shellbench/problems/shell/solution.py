@@ -327,16 +327,21 @@ class ShellSolver:
     ----------
     uses_start
         Whether `answer` goes on from an earlier solution; it is refused otherwise.
+    takes_varying_stiffness
+        Whether modulus and thickness may vary over the shell; such a case is declined otherwise.
     """
 
     name: ClassVar[str]
     capabilities: ClassVar[Capabilities]
     settings_type: ClassVar[type[Settings]] = Settings
     uses_start: ClassVar[bool] = False
+    takes_varying_stiffness: ClassVar[bool] = False
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
-        return None if case.theory in self.capabilities.theories else f"it does not solve the theory {case.theory}"
+        if case.theory not in self.capabilities.theories:
+            return f"it does not solve the theory {case.theory}"
+        return None if self.takes_varying_stiffness else why_not_uniform(case)
 
     def declines_with(self, case: Case, settings: Any) -> str | None:
         """Return why the solver can't take a case with settings; what `declines` says unless settings matter."""
@@ -375,6 +380,13 @@ class ShellSolver:
     def load(self, path: Path) -> Solution:
         """Read a solution that `Solution.save` wrote; InputError in one sentence if it is none."""
         raise NotImplementedError
+
+
+def why_not_uniform(case: Case) -> str | None:
+    """Return why a solver that knows one modulus and one thickness can't take a case, as one clause, or None."""
+    return (
+        None if case.material.uniform else "its modulus or thickness varies, and this solver takes the same everywhere"
+    )
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -86,6 +86,11 @@ class Surface(Protocol):
         """The parametric rectangle."""
         ...
 
+    @property
+    def named_constants(self) -> dict[str, float]:
+        """Constants that formulas on it may name."""
+        ...
+
     def position(self, points: ArrayLike) -> Array:
         """Return the positions (..., 3) in metres of points (..., 2)."""
         ...

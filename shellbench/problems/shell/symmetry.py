@@ -148,12 +148,22 @@ def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
     for key in x.keys() - {(0, 0)}:
         if not sight.alike(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
             return None
+    if not _stiffness_agrees(case, here, there, sight):
+        return None
     for t in _times(case):
         if not sight.alike(load_density(case, there, t), mirror.signs * load_density(case, here, t)):
             return None
         if not (_edge_loads_agree(case, mirror, sight, t) and _point_loads_agree(case, mirror, sight, t)):
             return None
     return mirror if _supports_agree(case, mirror, sight) else None
+
+
+def _stiffness_agrees(case: Case, here: Array, there: Array, sight: Sight) -> bool:
+    if case.material.uniform:
+        return True
+    constants = case.surface.named_constants
+    factors = (case.material.factors(points, constants) for points in (here, there))
+    return all(sight.alike(one, other) for one, other in zip(*factors, strict=True))
 
 
 def _times(case: Case) -> tuple[float, ...]:
@@ -550,7 +560,8 @@ def axis_of_revolution(case: Case) -> Array | None:
     domain = case.surface.domain
     points = domain.grid(REVOLVED, REVOLVED)
     x = case.surface.derivatives(points.reshape(-1, 2), order=1)
-    axis = None if case.loads or case.springs else _axis(x[0, 0], x[1, 0])
+    plain = case.material.uniform and not (case.loads or case.springs)
+    axis = None if not plain else _axis(x[0, 0], x[1, 0])
     if axis is None:
         return None
     for support, place in case.supported_places():

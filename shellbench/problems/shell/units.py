@@ -72,6 +72,9 @@ class _Conversion:
         material = data["material"]
         material["youngs_modulus"] *= factor(-2, 1)
         material["thickness"] *= self.units.length
+        for name in ("modulus_factor", "thickness_factor"):
+            if name in material:
+                material[name] = self.formula(material[name], 0)
         if "areal_density" in material:
             material["areal_density"] *= factor(-3, 1)
         data["points"] = {

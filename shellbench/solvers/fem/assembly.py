@@ -21,7 +21,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stress_root_operator
+from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
@@ -269,7 +269,8 @@ def _root_operator(
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
-    operator = stress_root_operator(geometry, material)
+    moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
+    operator = stress_root_operator(geometry, material.poissons_ratio, moduli)
     operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
     operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]

@@ -45,6 +45,7 @@ from shellbench.solvers.fem.kinematics import (
     Deformation,
     Midsurface,
     elasticity,
+    stiffness_moduli,
     strain_operator,
 )
 from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
@@ -110,7 +111,8 @@ class ClampedEdge:
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)
         bending = strain_operator(surface)[:, 3:]
         stresses = np.einsum("ps,pst->pt", pairs, elasticity(surface, material.poissons_ratio))
-        moments = material.bending_stiffness * np.einsum("pt,ptcd->pcd", stresses, bending)
+        bent = stiffness_moduli(case.surface, material, rule.points)[:, 1]
+        moments = np.einsum("p,pt,ptcd->pcd", bent, stresses, bending)
         target = []
         for t in states:
             motion = case.motion(support, edge, rule.points, t, order=1)
@@ -127,7 +129,7 @@ class ClampedEdge:
             moment=_on_cells(mesh, rule, moments),
             target=np.stack(target, axis=-1).reshape(*per_cell, -1),
             weights=lengths * rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None],
-            spring=GAMMA * material.bending_stiffness / height[:, None],
+            spring=GAMMA * bent.reshape(per_cell).max(axis=1, keepdims=True) / height[:, None],
         )
 
     def add_to(self, matrix: BlockMatrix) -> None:
@@ -257,7 +259,7 @@ class FiniteClamp:
         lengths = np.linalg.norm(surface.base[:, 1 - edge.axis], axis=-1)
         share = (rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None]).ravel()
         height = surface.area / lengths * np.repeat(rule.sizes[:, edge.axis], GAUSS_POINTS)
-        bending = case.material.bending_stiffness
+        bending = stiffness_moduli(case.surface, case.material, rule.points)[:, 1]
         return cls(
             case=case,
             support=support,
@@ -265,7 +267,7 @@ class FiniteClamp:
             reference=surface,
             rows=_derivative_rows(mesh, rule),
             raised=raised,
-            moments=bending * np.einsum("ps,pst->pt", pairs, tensor),
+            moments=np.einsum("p,ps,pst->pt", bending, pairs, tensor),
             weights=lengths * share,
             spring=GAMMA * bending / height,
         )

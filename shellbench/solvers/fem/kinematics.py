@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.fem.mesh import Derivative
 
 Array = NDArray[np.float64]
@@ -125,17 +126,23 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     return h
 
 
-def stress_root_operator(surface: Midsurface, material: Material) -> Array:
-    """Return the operator (n, 6, 3, 5) whose squared length is twice the strain energy density.
+def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Array:
+    """Return D and B (n, 2) at points (n, 2), N/m and N m: they go with E h and with E h^3."""
+    modulus, thickness = material.factors(points, surface.named_constants)
+    membrane, bending = material.membrane_stiffness, material.bending_stiffness
+    return np.stack([membrane * modulus * thickness, bending * modulus * thickness**3], axis=-1)
+
+
+def stress_root_operator(surface: Midsurface, poissons_ratio: float, moduli: Array) -> Array:
+    """Return the operator (n, 6, 3, 5) whose squared length is twice the strain energy density; `moduli` (n, 2): D, B.
 
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix
     is a product of a matrix with its own transpose, symmetric and positive semidefinite by construction.
     """
     operator = strain_operator(surface)
-    root = np.swapaxes(np.linalg.cholesky(elasticity(surface, material.poissons_ratio)), -1, -2)
+    root = np.swapaxes(np.linalg.cholesky(elasticity(surface, poissons_ratio)), -1, -2)
     flat = operator.reshape(len(operator), 2, 3, -1)
-    stiffness = np.sqrt([material.membrane_stiffness, material.bending_stiffness])
-    rooted = (root[:, None] @ flat) * stiffness[None, :, None, None]
+    rooted = (root[:, None] @ flat) * np.sqrt(moduli)[:, :, None, None]
     return rooted.reshape(operator.shape)
 
 

@@ -25,7 +25,14 @@ from shellbench.problems.shell.solution import (
     time_reached,
 )
 from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
-from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface, elasticity, strain_operator
+from shellbench.solvers.fem.kinematics import (
+    DERIVATIVES,
+    Deformation,
+    Midsurface,
+    elasticity,
+    stiffness_moduli,
+    strain_operator,
+)
 from shellbench.solvers.fem.mesh import FUNCTIONS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
@@ -116,7 +123,7 @@ class FemSolution(ShellSolution):
         else:
             strains = Deformation.from_gradients(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
         material = self.case.material
-        stiffness = np.array([material.membrane_stiffness, material.bending_stiffness])
+        stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
         stresses = strains @ elasticity(surface, material.poissons_ratio)
         return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1), surface.area
 

@@ -65,6 +65,7 @@ class FemSolver(ShellSolver):
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
+    takes_varying_stiffness: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, or None."""

@@ -20,7 +20,14 @@ from shellbench.solvers.fem.assembly import (
     basis_scales,
     neighbour_columns,
 )
-from shellbench.solvers.fem.kinematics import DERIVATIVES, GRADIENT, Deformation, Midsurface, elasticity
+from shellbench.solvers.fem.kinematics import (
+    DERIVATIVES,
+    GRADIENT,
+    Deformation,
+    Midsurface,
+    elasticity,
+    stiffness_moduli,
+)
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
 
 Array = NDArray[np.float64]
@@ -102,10 +109,10 @@ class StrainEnergy:
 
     def _portions(self) -> Iterator[Portion]:
         mesh, count = self.mesh, len(self.mesh.nodes)
-        moduli = np.array([self.material.membrane_stiffness, self.material.bending_stiffness])
         for start in range(0, count, CELLS):
             cells = slice(start, min(start + CELLS, count))
             points, weights = self.quadrature.on_cells(mesh, cells)
+            moduli = stiffness_moduli(self.surface, self.material, points.reshape(-1, 2))
             reference = Midsurface.at(self.surface.derivatives(points.reshape(-1, 2), order=2))
             share = (weights.ravel() * reference.area)[:, None, None, None]
             tensor = elasticity(reference, self.material.poissons_ratio)[:, None]
@@ -113,7 +120,7 @@ class StrainEnergy:
             yield Portion(
                 cells,
                 reference,
-                tensor * moduli[:, None, None] * share,
+                tensor * moduli[:, :, None, None] * share,
                 np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
                 basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
             )

@@ -244,7 +244,7 @@ def solve(case: Case, settings: KratosIgaSettings, progress: ProgressCallback) -
 
 
 def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
-    """Return the knot lines of the part, closer together toward the end of a coordinate where a point load acts."""
+    """Return the knot lines of the part, closer together toward the ends of a coordinate where point loads act."""
     names = [name for load in part.whole.loads if isinstance(load, PointLoad) for name in load.on]
     marked = [part.seen(part.whole.places[name]) for name in (*names, *part.whole.focus)]
     lines = []
@@ -255,6 +255,10 @@ def knot_lines(part: Part, settings: KratosIgaSettings) -> Lines:
             unit = unit**settings.grading
         elif ends == {-1}:
             unit = 1 - (1 - unit) ** settings.grading
+        elif ends >= {0, -1}:
+            near = np.minimum(unit, 1 - unit)
+            graded = (2 * near) ** settings.grading / 2
+            unit = np.where(unit < 0.5, graded, 1 - graded)
         low, high = part.lower[axis], part.upper[axis]
         inner = (low + (high - low) * unit[1:-1]).tolist()
         lines.append((float(low), *inner, float(high)))

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
-from shellbench.solvers.ndf.geometry import apply_rows, energy_rows, geometry, through_matrix
+from shellbench.solvers.ndf.geometry import apply_rows, energy_rows, geometry, rigidities, through_matrix
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.supports import concentrated_forces, force_density
@@ -63,7 +63,8 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     reference = geometry(case.surface, points, placement)
     matrix = ansatz.factors.matrix(points, placement)
     weights = placement.tensor(rule.weights) * reference.jacobian
-    rows = energy_rows(reference, case.material) * weights.sqrt()[:, None, None, None]
+    rigidity = rigidities(case.surface, case.material, points, placement)
+    rows = energy_rows(reference, case.material.poissons_ratio, rigidity) * weights.sqrt()[:, None, None, None]
     force = placement.tensor(force_density(case, points, ansatz.t)) * weights[:, None]
     offset, work = rows.new_zeros(rows.shape[:2]), 0.0
     if ansatz.lift.moves:

@@ -137,16 +137,23 @@ def elasticity_tensor(geometry: Geometry, poissons_ratio: float) -> Tensor:
     return torch.stack([torch.stack(row, dim=-1) for row in entries], dim=-2)
 
 
-def energy_rows(geometry: Geometry, material: Material) -> Tensor:
+def rigidities(surface: Surface, material: Material, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
+    """Return D and B (eq. (18)) of the modulus and thickness at points (N, 2), each (N, 1, 1)."""
+    young, height = (placement.tensor(f)[:, None, None] for f in material.factors(points, surface.named_constants))
+    stretch = material.membrane_stiffness * young * height
+    return stretch, stretch * height.square() * (material.bending_stiffness / material.membrane_stiffness)
+
+
+def energy_rows(geometry: Geometry, poissons_ratio: float, rigidity: tuple[Tensor, Tensor]) -> Tensor:
     """Return rows (N, 6, 3, 6) whose half sum of squares is the energy density W (eq. (17)), J/m^2.
 
-    The first three carry the membrane part, the last three the bending part.
+    The first three carry the membrane part, the last three the bending part; `rigidity` is D and B, as (N, 1, 1).
     """
-    root = torch.linalg.cholesky(elasticity_tensor(geometry, material.poissons_ratio)).mT
+    root = torch.linalg.cholesky(elasticity_tensor(geometry, poissons_ratio)).mT
     rows = strain_rows(geometry)
     count = len(rows)
-    membrane = material.membrane_stiffness**0.5 * root @ rows[:, :3].reshape(count, 3, 18)
-    bending = material.bending_stiffness**0.5 * root @ rows[:, 3:].reshape(count, 3, 18)
+    membrane = rigidity[0].sqrt() * root @ rows[:, :3].reshape(count, 3, 18)
+    bending = rigidity[1].sqrt() * root @ rows[:, 3:].reshape(count, 3, 18)
     return torch.cat([membrane, bending], dim=1).view(count, 6, 3, 6)
 
 

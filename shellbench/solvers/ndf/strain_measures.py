@@ -22,7 +22,7 @@ Also here: the undeformed surface at points, as strain measures need it, with it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -32,7 +32,7 @@ from torch import Tensor
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.ndf.choices import StrainName
-from shellbench.solvers.ndf.geometry import Geometry, elasticity_tensor, geometry
+from shellbench.solvers.ndf.geometry import Geometry, elasticity_tensor, geometry, rigidities
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Array, Placement, from_derivatives
 
 GRADIENTS = 15  # u,1, u,2, d_11, d_22, d_12, each with three components
@@ -340,6 +340,7 @@ class Undeformed:
 
     geometry: Geometry
     reference: Reference
+    rigidity: Callable[[Material], tuple[Tensor, Tensor]]
 
     @classmethod
     def at_points(cls, surface: Surface, points: Array, placement: Placement) -> Undeformed:
@@ -348,7 +349,8 @@ class Undeformed:
         jet = from_derivatives(surface.derivatives(points, 2), placement)
         second = torch.stack([jet[D11], jet[D22], jet[D12]], dim=1)
         curvature = (second @ found.normal[..., None])[..., 0]
-        return cls(found, Reference(found.tangents, found.normal, found.inverse_metric, curvature))
+        reference = Reference(found.tangents, found.normal, found.inverse_metric, curvature)
+        return cls(found, reference, lambda material: rigidities(surface, material, points, placement))
 
     def gradients(self, jet: Tensor) -> Tensor:
         """Return u,1, u,2, d_11, d_22, d_12 (N, 5, 3) of a displacement with jet (6, N, 3)."""
@@ -361,8 +363,7 @@ class Undeformed:
     def elasticity(self, material: Material) -> Tensor:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""
         tensor = elasticity_tensor(self.geometry, material.poissons_ratio)[:, None]
-        stiffness = tensor.new_tensor([material.membrane_stiffness, material.bending_stiffness])
-        return tensor * stiffness[:, None, None]
+        return tensor * torch.stack(self.rigidity(material), dim=1)
 
 
 def stresses(elasticity: Tensor, strains: Tensor) -> Tensor:

@@ -61,6 +61,7 @@ class NdfSolver(ShellSolver):
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
     uses_start: ClassVar[bool] = True
+    takes_varying_stiffness: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
