@@ -32,8 +32,7 @@ from shellbench.solvers.ndf.quadrature import RuleSpec
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
 SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
 NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
-WIDTHS = (1.0, 2.0, 3.5, 5.0)  # of each level, in units of the usual width
-MOST_NEURONS = 1200  # of a level's first answer: 3,600 unknowns and more are integrated in about 10 s
+WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
 CHALLENGERS = 0.25  # in units of the neurons they challenge
 SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
@@ -113,9 +112,10 @@ def _seed(seed: int, level: int, kind: int) -> int:
     return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
 
 
-def first_level(case: Case, usual: Resolution, given_rule: bool = False) -> Level:
-    """Return the level that a case begins with, from its usual resolution; `given_rule`: whether its rule must stay."""
-    usual = replace(usual, edge_scale=_edge_scale(case))
+def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
+    """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
+    neurons = usual.neurons * (2 if not given_width and _is_slender(case) else 1)
+    usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual, cuts=2)
     return Level(chosen, _challengers(usual.neurons), detail=1)
 
@@ -129,7 +129,7 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
     if neurons <= before.resolution.neurons:
         return None
     plain, stretched = GROWTH[winner]
-    old, growth = before.resolution, WIDTHS[number] ** 0.4
+    old, growth = before.resolution, WIDTHS[number] ** 0.3
     resolution = replace(
         old,
         neurons=neurons,
@@ -150,8 +150,18 @@ def _edge_scale(case: Case) -> float:
     """Return the scale of inputs stretched toward edges in a first answer; zero where it leaves them out."""
     if foci(case):
         return 0.0
+    return EDGE_SCALE if not is_flat(case) or _is_slender(case) else 0.0
+
+
+def _is_slender(case: Case) -> bool:
     lengths = side_lengths(case)
-    return EDGE_SCALE if not is_flat(case) or max(lengths) > SLENDER * min(lengths) else 0.0
+    return is_flat(case) and max(lengths) > SLENDER * min(lengths)
+
+
+def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
+    """Return panels that are twice as many along the longer side, whose inputs run through its ends' layers, too."""
+    first, second = side_lengths(case)
+    return (2 * panels[0], panels[1]) if first > second else (panels[0], 2 * panels[1])
 
 
 def _with_layers(case: Case, usual: Resolution, cuts: int) -> Resolution:
@@ -159,6 +169,8 @@ def _with_layers(case: Case, usual: Resolution, cuts: int) -> Resolution:
     if foci(case) or layers is None:
         return usual
     rule, fine = (replace(spec, layers=layers) for spec in (usual.rule, usual.fine))
+    if _is_slender(case):
+        rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
     return replace(usual, rule=replace(rule, corner_cuts=cuts), fine=replace(fine, corner_cuts=cuts + 1))
 
 

@@ -129,8 +129,9 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     # A level that exploits its quadrature has no answer, but the next one may have.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
     begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
-    fixed = settings.neurons is not None or settings.panels is not None
-    first = first_level(case, usual, given_rule=settings.panels is not None)
+    given_width, given_rule = settings.neurons is not None, settings.panels is not None
+    fixed = given_width or given_rule
+    first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
     misses: list[Miss] = []
     steps: list[Step] = []
