@@ -20,7 +20,7 @@ from shellbench.bench.worker import run
 from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import assembly, constraints, kinematics
 from shellbench.solvers.fem import loads as fem_loads
-from shellbench.solvers.ndf import energy, factors, field, geometry, jets, ritz
+from shellbench.solvers.ndf import energy, factors, field, geometry, jets, static
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
 
@@ -171,9 +171,11 @@ def clamping_factor(patch: pytest.MonkeyPatch) -> None:
 
 
 def three_points_a_side(patch: pytest.MonkeyPatch) -> None:
-    original = ritz.resolution
+    original = static.resolution
     coarse = {"panels": (1, 1), "order": 3}
-    patch.setattr(ritz, "resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse)))
+    patch.setattr(
+        static, "resolution", lambda case: replace(original(case), rule=replace(original(case).rule, **coarse))
+    )
 
 
 def without_mixed_derivative(patch: pytest.MonkeyPatch) -> None:

@@ -18,6 +18,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Model, Positive
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, StrainName, Supports
+from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
@@ -56,6 +57,9 @@ class FieldSpec(Model):
         Whether they are added toward the edges of a curved shell that carries no force at points.
     multipliers
         Functions that multiply r^2 log r^2 about each such point; 0 leaves the singular features out.
+    detail
+        What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
+        powers of the distance from corners that are held; 2 more powers.
     t
         Load factor.
     strain
@@ -70,6 +74,7 @@ class FieldSpec(Model):
     layer: Positive = LAYER
     edge_stretched: bool = False
     multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
+    detail: int = PydanticField(0, ge=0, le=2)
     t: float = 1.0
     strain: StrainName = "linear"
 
@@ -77,14 +82,18 @@ class FieldSpec(Model):
 def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     """Return the input coordinates."""
     around = foci(case, spec.layer)
-    edges = edge_layers(case) if spec.edge_stretched and not around else None
+    asked = spec.edge_stretched and (spec.detail > 0 or not around)
+    edges = edge_layers(case, flat=spec.detail > 0) if asked else None
     return Inputs.from_case(case, spec.periodic_input, around if spec.stretched else (), edges)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
     """Return the features of which the field is a linear combination."""
     mirrored = mirrored_axes(case.surface.domain, spec.periodic_input)
-    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored)
+    # Other components, and supports that are springs, would need other powers.
+    exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
+    corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
+    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored, corners)
     return Features(inputs, network, fixed, placement)
 
 
@@ -122,7 +131,8 @@ LINE = 65  # points of a coordinate line that is measured
 class Resolution:
     """Width and scales of random features, and the rules that they are integrated with.
 
-    `along` multiplies the scale of the plain inputs of each coordinate.
+    `along` multiplies the scale of the plain inputs of each coordinate; `edge_scale` is that of inputs stretched toward
+    edges.
     """
 
     neurons: int
@@ -131,11 +141,13 @@ class Resolution:
     rule: RuleSpec
     fine: RuleSpec
     along: tuple[float, float] = (1.0, 1.0)
+    edge_scale: float = 2.0
 
     def scales(self, inputs: Inputs) -> Array:
         """Return the standard deviation (n,) of the weights of each input."""
         plain = [1.0 if axis is None else self.scale * self.along[axis] for axis in inputs.axes]
-        return np.where(inputs.stretched, self.stretched_scale, plain)
+        stretched = np.where(inputs.from_edges, self.edge_scale, self.stretched_scale)
+        return np.where(inputs.stretched, stretched, plain)
 
 
 def is_flat(case: Case) -> bool:

@@ -276,19 +276,19 @@ def certify(
     ]
 
 
-def energy_gap(potential: float, fine: Certified, moved: bool) -> float:
+def energy_gap(potential: float, fine: Certified, moved: bool, rounding: float = 0.0) -> float:
     """Return |C_train / C_fine - 1| from the potential energy on the training rule and the certified energies.
 
     Where only loads act, the compliance is C = -2 E. Where supports are moved it is the disagreement of the two
     potential energies, relative to the magnitudes they are made of. With soft supports both energies have the springs'
     in them: the gap then says how well the two rules agree on shell and springs together, and nothing of how far the
-    supports give.
+    supports give. A shell that moves as a rigid body stores `rounding`, J, and no gap is told of less.
     """
     if not moved:
         # With loads only E = -C / 2 at the minimum: -2 E is the compliance on the training rule.
         return abs(-2 * potential / fine.compliance - 1) if fine.compliance > 0 else 0.0
     membrane, bending, work = fine.parts()
-    magnitude = membrane + bending + fine.spring_energy() + abs(work)
+    magnitude = membrane + bending + fine.spring_energy() + abs(work) + rounding
     return abs(potential - fine.potential()) / magnitude if magnitude > 0 else 0.0
 
 

@@ -21,6 +21,7 @@ from torch import Tensor
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.ndf.choices import MULTIPLIERS
+from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns
 from shellbench.solvers.ndf.jets import (
     D1,
@@ -204,7 +205,7 @@ ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, 
 
 @dataclass(frozen=True)
 class FixedFeatures:
-    """A constant, and r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus.
+    """A constant, r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus, and powers of r about corners.
 
     Attributes
     ----------
@@ -216,12 +217,15 @@ class FixedFeatures:
         How many functions multiply r^2 log r^2.
     kept
         Which of these features are used: all, unless an edge asks for even ones.
+    corners
+        Powers about corners; they come last.
     """
 
     case: Case
     foci: tuple[Focus, ...]
     multipliers: int
     kept: tuple[int, ...]
+    corners: CornerPowers | None = None
 
     @classmethod
     def from_case(
@@ -230,12 +234,14 @@ class FixedFeatures:
         around: tuple[Focus, ...] = (),
         multipliers: int = MULTIPLIERS,
         mirrored: tuple[int, ...] = (),
+        corners: CornerPowers | None = None,
     ) -> FixedFeatures:
         """Derive the features of a case, leaving out those that are not even where free components need it.
 
         They must be even about the seams of the coordinates `mirrored`, too.
         """
-        everything = cls(case, around, multipliers, tuple(range(1 + multipliers * len(around))))
+        total = 1 + multipliers * len(around) + (corners.count if corners else 0)
+        everything = cls(case, around, multipliers, tuple(range(total)), corners)
         even = torch.ones(everything.count, dtype=torch.bool)
         for support in edge_supports(case):
             if support.even:
@@ -244,12 +250,23 @@ class FixedFeatures:
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
-        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()))
+        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()), corners)
 
     @property
     def count(self) -> int:
         """Number of features."""
         return len(self.kept)
+
+    def former(self) -> Array:
+        """Return (count,): whether each feature is there with one detail less: all but new powers about corners."""
+        first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
+        return np.asarray(np.concatenate([first, *([self.corners.former()] if self.corners else [])])[list(self.kept)])
+
+    def allowed(self) -> Array:
+        """Return (3, count): whether each component of F has each feature."""
+        first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
+        everything = np.concatenate([first, *([self.corners.allowed()] if self.corners else [])], axis=1)
+        return np.asarray(everything[:, list(self.kept)])
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, count) at points (N, 2)."""
@@ -258,6 +275,8 @@ class FixedFeatures:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
             for focus in self.foci:
                 columns += self._around(focus, x, placement)
+        if self.corners:
+            columns += self.corners.columns(points, placement)
         return torch.stack([columns[k] for k in self.kept], dim=-1)
 
     def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:
@@ -316,6 +335,12 @@ class Features:
     def count(self) -> int:
         """Number of features M."""
         return self.network.width + self.fixed.count
+
+    def pairs(self, part: Array) -> Array:
+        """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
+        allowed = np.ones((3, self.count), dtype=bool)
+        allowed[:, self.network.width :] = self.fixed.allowed()
+        return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
 
     def jets(self, points: Array) -> Tensor:
         """Return the jets (6, N, M) at points (N, 2)."""

@@ -106,18 +106,24 @@ def strongest_curvature(case: Case, points: Array | None = None) -> float:
     return strongest if strongest * surface_size(case) > CURVED else 0.0
 
 
-def edge_layers(case: Case) -> tuple[float, float] | None:
-    """Return the lengths of the layers at the edges of xi1 and of xi2, in those coordinates; None for a flat shell."""
+def edge_layers(case: Case, flat: bool = False) -> tuple[float, float] | None:
+    """Return the lengths of the layers at the edges of xi1 and of xi2, in those coordinates.
+
+    None for a flat shell, unless `flat` asks for its layers, too: these are as long as effects of an edge reach in a
+    strip as wide as the shorter side (exp(-pi x / width)), or a share of the size.
+    """
     curvature = strongest_curvature(case)
-    if not curvature:
+    if not curvature and not flat:
         return None
     domain = case.surface.domain
     middle = [(low + high) / 2 for low, high in zip(domain.lower, domain.upper, strict=True)]
     x = case.surface.derivatives(np.asarray(middle), 1)
     speeds = [float(np.linalg.norm(d)) for d in (x[1, 0], x[0, 1])]
+    sides = [speed * size for speed, size in zip(speeds, domain.size, strict=True)]
+    most = min(sides) / math.pi if not curvature else math.inf
     first, second = (
-        layer_length(case, curvature, EDGE_LAYER, speed * size) / speed
-        for speed, size in zip(speeds, domain.size, strict=True)
+        min(layer_length(case, curvature, EDGE_LAYER, side), most) / speed
+        for side, speed in zip(sides, speeds, strict=True)
     )
     return first, second
 
@@ -233,6 +239,13 @@ class Inputs:
         """For each input, whether it is a stretched one."""
         flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
         return tuple(flags[k] for k in self.kept)
+
+    @property
+    def from_edges(self) -> tuple[bool, ...]:
+        """For each input, whether it is stretched toward an edge."""
+        flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
+        last = flags.index(True) + len(self._stretched_edges()) if any(flags) else 0
+        return tuple(flags[k] and k < last for k in self.kept)
 
     @property
     def axes(self) -> tuple[int | None, ...]:

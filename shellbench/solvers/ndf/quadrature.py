@@ -47,12 +47,19 @@ class RuleSpec:
         Panels narrow toward focal points like s -> s**grading; 1 leaves them uniform.
     cuts
         How often the panels at a focal point are cut once more, at `CUT` of their length, for its logarithm.
+    layers
+        Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
+        are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
+    corner_cuts
+        How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance.
     """
 
     panels: tuple[int, int]
     order: int
     grading: float = 1.0
     cuts: int = 0
+    layers: tuple[float, float] = (0.0, 0.0)
+    corner_cuts: int = 0
 
 
 def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
@@ -61,6 +68,8 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
     Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
     """
     size = upper - lower
+    if spec.layers[axis] and not periodic:
+        return _layered_ends(lower, upper, spec.layers[axis], spec.panels[axis])
     inner = sorted(f for f in focal if lower + MERGE * size < f < upper - MERGE * size)
     kept: list[float] = []
     for value in inner:
@@ -90,6 +99,19 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
     return np.concatenate(ends)
 
 
+SEARCHED = 4001  # distances from an end among which ends of panels are interpolated
+
+
+def _layered_ends(lower: float, upper: float, layer: float, panels: int) -> Array:
+    """Return ends of panels that narrow toward both bounds, within a layer of that length."""
+    half = (upper - lower) / 2
+    distance = layer * np.sinh(np.linspace(0, np.arcsinh(half / layer), SEARCHED))
+    spread = distance / half + np.arcsinh(distance / layer) / np.arcsinh(half / layer)  # from 0 to 2 at the middle
+    at = np.linspace(0, 4, panels + 1)
+    near = np.interp(np.minimum(at, 4 - at), spread, distance)
+    return np.where(at <= 2, lower + near, upper - near)
+
+
 def line_rule(ends: Array, order: int) -> tuple[Array, Array]:
     """Return Gauss points (n,) and weights (n,) on all panels between ascending ends."""
     x, w = np.polynomial.legendre.leggauss(order)
@@ -112,10 +134,48 @@ def side_rule(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> tuple[
 
 
 def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
-    """Return the tensor rule on the rectangle, graded toward focal points (k, 2)."""
+    """Return the tensor rule on the rectangle, graded toward focal points (k, 2); cells at corners are cut."""
     (x1, w1), (x2, w2) = (side_rule(domain, focal, spec, axis) for axis in (0, 1))
-    points = np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2)
-    return Rule(points, np.outer(w1, w2).ravel())
+    points, weights = _tensor(x1, w1, x2, w2)
+    if not spec.corner_cuts or any(domain.periodic):
+        return Rule(points, weights)
+    inner = np.ones((len(x1), len(x2)), dtype=bool)
+    rules = []
+    for first in (False, True):
+        for second in (False, True):
+            sides = []
+            for axis, last in ((0, first), (1, second)):
+                values = [float(f) for f in focal[:, axis]]
+                ends = panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, periodic=False)
+                sides.append((ends[-1], ends[-2] - ends[-1]) if last else (ends[0], ends[1] - ends[0]))
+            rows, columns = (slice(-spec.order, None) if last else slice(0, spec.order) for last in (first, second))
+            inner[rows, columns] = False
+            rules.append(_corner_rule(sides[0], sides[1], spec))
+    kept = inner.ravel()
+    return Rule(
+        np.concatenate([points[kept], *(rule.points for rule in rules)]),
+        np.concatenate([weights[kept], *(rule.weights for rule in rules)]),
+    )
+
+
+def _tensor(x1: Array, w1: Array, x2: Array, w2: Array) -> tuple[Array, Array]:
+    return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w1, w2).ravel()
+
+
+def _corner_rule(first: tuple[float, float], second: tuple[float, float], spec: RuleSpec) -> Rule:
+    """Return the rule on one cell at a corner, from the corner's coordinates and the cell's signed sides."""
+    # A tensor rule that narrows toward both edges would put most of its points where nothing is singular. Here the cell
+    # at the corner is cut into four, and of these the one at the corner again, and so on.
+    points, weights = [], []
+    for k in range(spec.corner_cuts + 1):
+        outer, inner = CUT**k, CUT ** (k + 1)
+        far, near, whole = (inner, outer), (0.0, inner), (0.0, outer)
+        for one, two in ((whole, whole),) if k == spec.corner_cuts else ((far, near), (near, far), (far, far)):
+            (x1, w1), (x2, w2) = (line_rule(np.array(interval), spec.order) for interval in (one, two))
+            local, weight = _tensor(x1, w1, x2, w2)
+            points.append(np.array([first[0], second[0]]) + local * [first[1], second[1]])
+            weights.append(weight * abs(first[1] * second[1]))
+    return Rule(np.concatenate(points), np.concatenate(weights))
 
 
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:

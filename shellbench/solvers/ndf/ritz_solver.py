@@ -36,6 +36,7 @@ class RitzSettings(SeededSettings):
     """
 
     neurons: int | None = PydanticField(None, ge=1, le=4000, description="width of the random layer")
+    most_neurons: int = PydanticField(900, ge=1, le=4000, description="width up to which it refines; linear statics")
     activation: str = "sine"
     scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
     stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")

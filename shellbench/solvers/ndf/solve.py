@@ -26,7 +26,7 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.energy import NormalEquations
 from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.jets import VALUE
+from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.supports import point_supports
 
 REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
@@ -174,17 +174,15 @@ def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
     return float(0.5 * weights @ (equations.stiffness @ weights) - equations.load @ weights) + equations.constant
 
 
-def solve_nested(ansatz: Ansatz, features: Features, equations: NormalEquations, width: int) -> OutputLayer:
-    """Solve for the weights of the first `width` network features and all fixed ones; the others are zero."""
-    total, hidden = features.count, features.network.width
-    # The first columns of random features are random features too: one matrix serves all widths.
-    each = np.concatenate([np.arange(width), np.arange(hidden, total)])
-    kept = torch.as_tensor(np.concatenate([each + c * total for c in range(3)]), device=equations.load.device)
+def solve_part(ansatz: Ansatz, features: Features, equations: NormalEquations, part: Array) -> OutputLayer:
+    """Solve for the weights of some features, by their numbers (n,); all others are zero."""
+    # One matrix serves all bases whose features are among its own.
+    kept = torch.as_tensor(features.pairs(part), device=equations.load.device)
     constraints, targets = point_constraints(ansatz, features)
-    part = NormalEquations(
+    within = NormalEquations(
         equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
     )
-    solved = solve_output(part, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
+    solved = solve_output(within, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
     weights = torch.zeros_like(equations.load)
     weights[kept] = solved.weights
     return replace(solved, weights=weights)

@@ -13,8 +13,8 @@ from shellbench.solvers.ndf.field import Field, Network, random_features
 from shellbench.solvers.ndf.jets import D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.published_solver import PublishedSettings
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from shellbench.solvers.ndf.ritz import Signs, refusal, unseen_turning
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.signs import Signs, refusal, unseen_turning
 from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import inner_points, shell, support

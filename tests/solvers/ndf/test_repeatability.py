@@ -14,7 +14,7 @@ from shellbench.bench import catalog
 from shellbench.bench.baseline import read_baseline
 from shellbench.problem import Solution
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf import ritz, trainer, training
+from shellbench.solvers.ndf import static, trainer, training
 from shellbench.solvers.ndf.gauss_newton import JITTER as GAUSS_NEWTON
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
@@ -139,7 +139,7 @@ def test_values_repeat_when_points_are_off_by_rounding(
     values = [measure(answer(case), primary)]
     for seed in (1, 2):
         with monkeypatch.context() as patch:
-            for module in (ritz, trainer, training):
+            for module in (static, trainer, training):
                 patch.setattr(module, "area_rule", perturbed(module.area_rule, seed))
             values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"

@@ -1,0 +1,244 @@
+"""How `ndf-ritz` refines a linear shell at rest, and what it says of its uncertainty.
+
+Each level solves twice on one basis. The first answer has features of one kind. Challengers then join: features drawn
+anew, finer ones, ones that vary faster toward edges and points, and powers about corners. What they change is what the
+first answer had missed at least. A level whose answer they hardly change has settled; otherwise the next level is
+wider, and of the kind of challenger that has gained most energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.quantities import (
+    DisplacementQuantity,
+    EnergyQuantity,
+    FieldError,
+    LargestDisplacement,
+)
+from shellbench.problems.shell.solution import ShellSolution
+from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
+from shellbench.solvers.ndf.field import Network, random_features
+from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
+from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.quadrature import RuleSpec
+
+SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
+SETTLED = 1e-3  # of a quantity's scale: what gates of fields ask for
+NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's relative error is idle
+WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
+CHALLENGERS = 0.25  # in units of the neurons they challenge
+SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
+EDGE_SCALE = 2.0  # of inputs stretched toward edges
+ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
+SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of features: factors of the scales of plain inputs, and of those stretched toward edges and points."""
+
+    name: str
+    plain: float
+    edges: float
+    points: float
+
+
+KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
+GROWTH = {"anew": (1.0, 1.0), "finer": (1.7, 1.0), "layers": (1.0, 1.5)}  # of scales from level to level, by winner
+
+
+@dataclass(frozen=True)
+class Level:
+    """Widths, scales and rules of one level.
+
+    Attributes
+    ----------
+    resolution
+        Of the first answer; its rules serve both.
+    challenging
+        Scales of the challengers' inputs before their kind multiplies them.
+    challengers
+        Number of neurons of each kind.
+    detail
+        See `shellbench.solvers.ndf.build.FieldSpec`.
+    number
+        From 0.
+    """
+
+    resolution: Resolution
+    challengers: int
+    detail: int
+    number: int = 0
+
+    def network(self, inputs: Inputs, seed: int, activation: str, placement: Placement) -> Network:
+        """Draw the features of the first answer, then those of each kind of challenger."""
+        drawn = [random_features(self._scales(inputs, None, placement), self.resolution.neurons, seed, activation)]
+        for k, kind in enumerate(KINDS):
+            scales = self._scales(inputs, kind, placement)
+            drawn.append(random_features(scales, self.challengers, _seed(seed, self.number, k), activation))
+        weights, biases = (torch.cat([getattr(n, name)[0] for n in drawn]) for name in ("weights", "biases"))
+        return Network((weights,), (biases,), activation)
+
+    def _scales(self, inputs: Inputs, kind: Kind | None, placement: Placement) -> torch.Tensor:
+        usual = self.resolution
+        if kind is not None:
+            # Challengers look at edges even where the first answer does not.
+            usual = replace(
+                usual,
+                scale=usual.scale * kind.plain,
+                edge_scale=(usual.edge_scale or EDGE_SCALE) * kind.edges,
+                stretched_scale=usual.stretched_scale * kind.points,
+            )
+        return placement.tensor(usual.scales(inputs))
+
+    def groups(self) -> tuple[np.ndarray, ...]:
+        """Return the numbers of the neurons of each kind of challenger."""
+        start, each = self.resolution.neurons, self.challengers
+        return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(KINDS)))
+
+
+LARGEST_SEED = 2**31
+
+
+def _seed(seed: int, level: int, kind: int) -> int:
+    """Return another seed for each kind and level."""
+    return int(np.random.SeedSequence([seed, level, kind]).generate_state(1)[0]) % LARGEST_SEED
+
+
+def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
+    """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
+    neurons = usual.neurons * (2 if not given_width and _is_slender(case) else 1)
+    usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
+    chosen = usual if given_rule else _with_layers(case, usual, cuts=2)
+    return Level(chosen, _challengers(usual.neurons), detail=1)
+
+
+def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
+    """Return the level after one whose challengers of a kind have gained most; None if nothing wider is allowed."""
+    number = before.number + 1
+    if number >= len(WIDTHS):
+        return None
+    neurons = min(round(WIDTHS[number] * first.resolution.neurons), most)
+    if neurons <= before.resolution.neurons:
+        return None
+    plain, stretched = GROWTH[winner]
+    old, growth = before.resolution, WIDTHS[number] ** 0.3
+    resolution = replace(
+        old,
+        neurons=neurons,
+        scale=old.scale * plain,
+        edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
+        stretched_scale=old.stretched_scale * stretched,
+        rule=_finer(first.resolution.rule, growth, 6),
+        fine=_finer(first.resolution.fine, growth, 7),
+    )
+    return Level(resolution, _challengers(neurons), detail=2, number=number)
+
+
+def _challengers(neurons: int) -> int:
+    return max(4, round(CHALLENGERS * neurons / len(KINDS)))
+
+
+def _edge_scale(case: Case) -> float:
+    """Return the scale of inputs stretched toward edges in a first answer; zero where it leaves them out."""
+    if foci(case):
+        return 0.0
+    return EDGE_SCALE if not is_flat(case) or _is_slender(case) else 0.0
+
+
+def _is_slender(case: Case) -> bool:
+    lengths = side_lengths(case)
+    return is_flat(case) and max(lengths) > SLENDER * min(lengths)
+
+
+def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
+    """Return panels that are twice as many along the longer side, whose inputs run through its ends' layers, too."""
+    first, second = side_lengths(case)
+    return (2 * panels[0], panels[1]) if first > second else (panels[0], 2 * panels[1])
+
+
+def _with_layers(case: Case, usual: Resolution, cuts: int) -> Resolution:
+    layers = edge_layers(case, flat=True)
+    if foci(case) or layers is None:
+        return usual
+    rule, fine = (replace(spec, layers=layers) for spec in (usual.rule, usual.fine))
+    if _is_slender(case):
+        rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
+    return replace(usual, rule=replace(rule, corner_cuts=cuts), fine=replace(fine, corner_cuts=cuts + 1))
+
+
+def _finer(spec: RuleSpec, growth: float, cuts: int) -> RuleSpec:
+    first, second = (math.ceil(growth * number) for number in spec.panels)
+    return replace(spec, panels=(first, second), corner_cuts=cuts if spec.corner_cuts else 0)
+
+
+@dataclass(frozen=True)
+class Miss:
+    """What one answer has missed at least, as a finer one tells.
+
+    Attributes
+    ----------
+    changes
+        By quantity, in its unit.
+    energy
+        Energy gained, as a share of all energy.
+    """
+
+    changes: Mapping[str, float]
+    energy: float
+
+
+def uncertainties(
+    misses: Sequence[Miss], gap: float, values: Mapping[str, float], scales: Mapping[str, float]
+) -> dict[str, float]:
+    """Return how sure an answer is of each quantity, from what the answers before it have missed, in order.
+
+    The largest of: its last changes, the energy gained and the gap of the two quadratures as shares of its scale; times
+    the tail of a geometric series, if energy is gained slowly; times `SAFETY`.
+    """
+    # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
+    # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.
+    last = misses[-1]
+    ratio = 0.0
+    if len(misses) > 1 and misses[-2].energy > 0:
+        ratio = min(last.energy / misses[-2].energy, SLOWEST)
+    tail = max(1.0, ratio / (1 - ratio))
+    share = {name: (last.energy + gap + ROUNDING) * scales[name] for name in values}
+    return {name: SAFETY * tail * max(last.changes[name], share[name]) for name in values}
+
+
+def scale(solution: ShellSolution, quantity: object, value: float, rounding: float) -> float:
+    """Return the magnitude that the uncertainty of a quantity is compared with.
+
+    Energies are compared with the whole strain energy, or with one that is `rounding`, J. Displacements near zero are
+    compared with a small part of the largest one.
+    """
+    match quantity:
+        case EnergyQuantity():
+            return max(sum(solution.energies()), rounding)
+        case FieldError():
+            return 1.0  # it is relative already, and goes to zero
+        case LargestDisplacement() | DisplacementQuantity():
+            domain = solution.case.surface.domain
+            largest = float(np.linalg.norm(solution.displacement(domain.grid(PROBES, PROBES)), axis=-1).max())
+            return max(abs(value), NEGLIGIBLE * largest, np.finfo(float).tiny)
+    return max(abs(value), float(np.finfo(float).tiny))
+
+
+PROBES = 25  # points a side at which the largest displacement is looked for
+
+
+def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float]) -> str | None:
+    """Return the clause that says why an answer has not settled, or None if it has."""
+    worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
+    share = uncertainty[worst] / scales[worst]
+    if share <= SETTLED:  # not so where it is not a number
+        return None
+    return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"

@@ -1,0 +1,320 @@
+"""Linear shells at rest by `ndf-ritz`: levels of ever more features, until challengers hardly change the answer.
+
+Where only loads act, each answer is the multiple of the found field that is best on the finer quadrature, so that what
+the training quadrature misjudges does not scale it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure, measure_all
+from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.solvers.ndf.build import (
+    FieldSpec,
+    Resolution,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
+from shellbench.solvers.ndf.energy import (
+    certify,
+    concentrated,
+    energy_gap,
+    normal_equations,
+    rigid_part,
+    surface_area,
+)
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.refinement import (
+    KINDS,
+    Level,
+    Miss,
+    first_level,
+    next_level,
+    scale,
+    uncertainties,
+    unsettled,
+)
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, taken_up, unseen_turning
+from shellbench.solvers.ndf.soft import Springs, support_error
+from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.solve import JITTER, potential_energy, solve_part
+from shellbench.solvers.ndf.supports import check_balance, point_supports
+
+PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
+NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer of a level.
+
+    Attributes
+    ----------
+    solution
+        Without how it came about.
+    potential
+        Certified potential energy, J.
+    magnitude
+        Of the energies that it is made of, J.
+    signs
+        Whether it is an answer at all.
+    values
+        Of all quantities of the case.
+    step
+        Of the history.
+    """
+
+    solution: NdfSolution
+    potential: float
+    magnitude: float
+    signs: Signs
+    values: dict[str, float]
+    step: Step
+
+    def missed(self, finer: Answer) -> Miss:
+        """Return what it has missed at least, as a finer answer tells."""
+        changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
+        return Miss(changes, abs(self.potential - finer.potential) / finer.magnitude)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A level with its answers.
+
+    Attributes
+    ----------
+    narrower
+        Answers with parts of the usual features, for the convergence curve.
+    first, challenged
+        With the usual features, and with those of the challengers.
+    energies
+        Gives the potential energy on the training rule when one kind of challenger joins, J, by kind.
+    """
+
+    level: Level
+    narrower: tuple[Answer, ...]
+    first: Answer
+    challenged: Answer
+    energies: Callable[[], dict[str, float]]
+
+
+def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+    """Refine level by level until the challengers hardly change an answer, or nothing wider is allowed.
+
+    Raises
+    ------
+    SolveFailure
+        If no level has an answer (see `shellbench.solvers.ndf.signs`).
+    """
+    # 1. One basis for two answers: the usual features, and those with challengers of other kinds.
+    # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
+    #    level. The uncertainty of each quantity follows from them.
+    # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
+    # A level that exploits its quadrature has no answer, but the next one may have.
+    # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
+    begin, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    given_width, given_rule = settings.neurons is not None, settings.panels is not None
+    fixed = given_width or given_rule
+    first = first_level(case, usual, given_width, given_rule)
+    level: Level | None = first
+    misses: list[Miss] = []
+    steps: list[Step] = []
+    answer: NdfSolution | None = None
+    before: Answer | None = None
+    while level is not None:
+        progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
+        solved = _solve_level(case, spec, settings, level, begin)
+        last = solved.first if fixed else solved.challenged
+        reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
+        if reason is not None and before is not None:
+            break
+        steps += [a.step for a in (*solved.narrower, solved.first, *(() if fixed else (solved.challenged,)))]
+        challenge = solved.first.missed(solved.challenged)
+        misses.append(challenge if before is None else _larger(challenge, before.missed(last)))
+        answer = _stated(last, solved, tuple(steps), misses)
+        curable = refusal(replace(last.signs, gap=0.0), last.solution.spec, settings.largest_gap) is None
+        if reason is not None and (fixed or not curable):
+            break
+        if fixed or (reason is None and answer.unsettled is None):
+            break
+        winner = KINDS[0].name
+        if reason is None:
+            reached = solved.energies()
+            winner = min(reached, key=reached.__getitem__)
+        if reason is None:
+            before = last
+        else:
+            misses.clear()
+        level = next_level(first, level, winner, settings.most_neurons)
+    assert answer is not None
+    if fixed:
+        answer = _without_challengers(answer, first.resolution.neurons)
+    if reason is not None and before is None:
+        raise SolveFailure(reason, answer)
+    return answer
+
+
+def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
+    """Return a solution whose network has its first features alone: it gives the others no weight."""
+    field, total = solution.field, solution.field.features.network.width
+    features = replace(field.features, network=field.features.network.narrowed(width))
+    output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
+    return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
+
+
+def _larger(one: Miss, other: Miss) -> Miss:
+    changes = {name: max(value, other.changes[name]) for name, value in one.changes.items()}
+    return Miss(changes, max(one.energy, other.energy))
+
+
+def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[Miss]) -> NdfSolution:
+    """Return an answer with its history and with what is known of its uncertainty."""
+    solution = last.solution
+    area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
+    rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
+    scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
+    gap = max(solved.first.signs.gap, solved.challenged.signs.gap)
+    uncertainty = uncertainties(misses, gap, last.values, scales)
+    numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))
+    return replace(
+        solution,
+        history=numbered,
+        uncertainty=uncertainty,
+        unsettled=unsettled(uncertainty, scales),
+        diagnostics={
+            **solution.diagnostics,
+            "level": solved.level.number,
+            "challenge_gain": misses[-1].energy,
+            "challengers": len(KINDS) * solved.level.challengers,
+        },
+    )
+
+
+def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float) -> Solved:
+    spec = spec.model_copy(update={"detail": level.detail})
+    placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
+    ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+    network = level.network(inputs, settings.seed, settings.activation, placement)
+    features = build_features(case, spec, network, placement, inputs)
+    rule = area_rule(case.surface.domain, focal, chosen.rule)
+    check_balance(case, rule, chosen.rule, focal)
+    equations = normal_equations(ansatz, features, rule, concentrated(ansatz, chosen.rule, focal, placement))
+    weight = settings.penalty or PENALTY
+    springs = Springs.from_spec(ansatz, chosen.fine, focal, weight) if ansatz.soft else None
+    if springs:
+        equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
+
+    # Nested bases: parts of the usual features, all of them, and all there are.
+    hidden, former = network.width, features.fixed.former() | (level.number > 1)
+    plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
+    widths = sorted({math.ceil(share * chosen.neurons) for share in (NESTED if level.number == 0 else NESTED[-1:])})
+    parts = [np.concatenate([np.arange(width), plain]) for width in widths]
+    parts.append(np.arange(features.count))
+    layers = [solve_part(ansatz, features, equations, part) for part in parts]
+    outputs = [layer.weights.view(3, -1) for layer in layers]
+    fine = area_rule(case.surface.domain, focal, chosen.fine)
+    certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
+    moved = ansatz.lift.moves or any(support.value for support in point_supports(case, spec.t))
+    if springs:
+        certified = [springs.certify(c, ansatz, features, o) for c, o in zip(certified, outputs, strict=True)]
+        moved = springs.moved
+    rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
+    answers: list[Answer] = []
+    for part, layer, output, energies in zip(parts, layers, outputs, certified, strict=True):
+        potential = potential_energy(equations, layer.weights)
+        gap = energy_gap(potential, energies, moved, rounding)
+        share = 1.0 if moved else energies.best
+        membrane, bending, work = energies.parts(share)
+        field = Field(ansatz, features, share * output, output.new_zeros(6))
+        solution = NdfSolution(
+            case=case,
+            solver=RitzSolver.name,
+            spec=spec,
+            field=field.less_rigid(rigid_part(field, rule)),
+            rule=chosen.fine,
+            membrane=membrane,
+            bending=bending,
+            parameters=len(features.pairs(part)),
+            point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
+        )
+        judged = len(answers) >= len(parts) - 2
+        signs = Signs(
+            gap=gap,
+            taken_up=1.0 if moved else taken_up(equations),
+            unseen_turning=unseen_turning(solution.field, chosen.fine, focal) if judged else 0.0,
+            jitter_share=jitter_share(equations, layer.weights, layer.unbalanced, rounding),
+        )
+        step = Step(
+            iteration=0,
+            seconds=time.perf_counter() - begin,
+            energy=potential,
+            unknowns=solution.parameters,
+            at=spec.t,
+            gap=gap,
+            quantities=displacement_values(solution),
+        )
+        diagnostics = {
+            "energy_gap": gap,
+            "certified_energy": energies.potential(share),
+            "jitter": JITTER,
+            "fixed_weights": network.parameters,
+            "neurons": network.width if part is parts[-1] else chosen.neurons,
+            "quadrature_points": len(rule.points),
+            "fine_quadrature_points": len(fine.points),
+            "support_error": support_error(solution.field),
+            "unseen_turning": signs.unseen_turning,
+            "jitter_share": signs.jitter_share,
+        }
+        if springs:
+            diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
+        answers.append(
+            Answer(
+                solution=replace(solution, diagnostics=diagnostics),
+                potential=energies.potential(share),
+                magnitude=membrane + bending + energies.spring_energy(share) + abs(work) + rounding,
+                signs=signs,
+                values=dict(measure_all(solution)) if judged else {},
+                step=step,
+            )
+        )
+
+    def reached() -> dict[str, float]:
+        joined = [np.concatenate([np.arange(chosen.neurons), plain, powers, group]) for group in level.groups()]
+        weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
+        return {k.name: potential_energy(equations, w) for k, w in zip(KINDS, weights, strict=True)}
+
+    return Solved(level, tuple(answers[:-2]), answers[-2], answers[-1], reached)
+
+
+def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
+    """Return a resolution with what settings fix."""
+    rule = replace(usual.rule, panels=settings.panels or usual.rule.panels, order=settings.order or usual.rule.order)
+    return replace(
+        usual,
+        neurons=settings.neurons or usual.neurons,
+        scale=settings.scale or usual.scale,
+        stretched_scale=settings.stretched_scale or usual.stretched_scale,
+        rule=rule,
+    )
+
+
+def displacement_values(solution: NdfSolution) -> dict[str, float]:
+    """Return the displacement quantities of a solution's case, by name."""
+    quantities = [q for q in solution.case.quantities if isinstance(q, DisplacementQuantity)]
+    return {q.name: measure(solution, q) for q in quantities}

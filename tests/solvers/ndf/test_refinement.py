@@ -1,0 +1,192 @@
+"""How `ndf-ritz` refines linear shells at rest, and whether what it says of its uncertainty holds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from shellbench.bench.catalog import known_values, named_case
+from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
+from shellbench.solvers.ndf.field import random_features
+from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
+from shellbench.solvers.ndf.quadrature import CUT, RuleSpec, area_rule, panel_ends
+from shellbench.solvers.ndf.refinement import SAFETY, SETTLED, Miss, uncertainties, unsettled
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from tests.solvers.ndf.shells import shell, support
+
+ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
+SQUARE = Domain((0.0, 0.0), (1.0, 1.0), (False, False), (False, False))
+
+
+def solve(name, **choices):
+    return RitzSolver().solve(named_case(name), RitzSettings(**choices))
+
+
+@pytest.fixture(scope="module")
+def roof():
+    return [solve("scordelis_lo", seed=seed) for seed in (0, 1)]
+
+
+def test_energies_fall_as_features_join_and_never_below_the_minimum(roof):
+    for solution in roof:
+        energies = [step.energy for step in solution.history]
+        unknowns = [step.unknowns for step in solution.history]
+        assert len(energies) == 4  # three widths, then the challengers
+        assert unknowns == sorted(unknowns)
+        assert energies == sorted(energies, reverse=True)
+        least = -known_values("scordelis_lo").judge("strain_energy", solution.case.theory).value
+        assert solution.diagnostics["certified_energy"] >= least * (1 + 1e-9)
+
+
+def test_seeds_agree_within_their_stated_uncertainties(roof):
+    first, second = roof
+    values = [measure_all(solution) for solution in roof]
+    assert first.unsettled is None
+    assert second.unsettled is None
+    for name in values[0]:
+        allowed = first.uncertainty[name] + second.uncertainty[name]
+        assert 0 < abs(values[0][name] - values[1][name]) <= allowed
+
+
+@pytest.mark.parametrize(("name", "neurons"), [("square_plate", 6), ("scordelis_lo", 20)])
+def test_too_few_neurons_are_not_settled_and_say_how_wrong_they_are(name, neurons):
+    solution = solve(name, neurons=neurons, largest_gap=1.0)
+    assert solution.field.features.network.width == neurons
+    assert solution.unsettled is not None
+    primary = solution.case.primary
+    known = known_values(name).judge(primary.name, solution.case.theory).value
+    error = abs(measure_all(solution)[primary.name] - known)
+    assert error > SETTLED * abs(known)  # it is wrong indeed
+    assert error <= SAFETY * solution.uncertainty[primary.name]
+
+
+def test_a_rigid_turn_by_an_edge_is_its_own_exact_answer():
+    solution = solve("rigid_turn_by_edge")
+    assert solution.unsettled is None
+    known = known_values("rigid_turn_by_edge").judge("turn", solution.case.theory).value
+    value = measure_all(solution)["turn"]
+    assert value == pytest.approx(known, rel=1e-9)
+    assert abs(value - known) <= solution.uncertainty["turn"]
+
+
+@pytest.mark.long
+def test_infinite_moments_at_corners_are_met():
+    solution = solve("rhombic_plate_60")
+    assert solution.unsettled is None
+    values = measure_all(solution)
+    for name in ("centre_deflection", "off_centre_deflection", "strain_energy"):
+        known = known_values("rhombic_plate_60").judge(name, solution.case.theory).value
+        assert values[name] == pytest.approx(known, rel=1e-4)
+
+
+def test_uncertainties_grow_with_what_was_missed():
+    values, scales = {"w": 2.0}, {"w": 2.0}
+    small = uncertainties([Miss({"w": 1e-4}, 1e-6)], 0.0, values, scales)["w"]
+    assert small == pytest.approx(SAFETY * 1e-4)
+    by_chance = uncertainties([Miss({"w": 0.0}, 1e-3)], 0.0, values, scales)["w"]
+    assert by_chance == pytest.approx(SAFETY * 2e-3, rel=1e-4)
+    gaping = uncertainties([Miss({"w": 0.0}, 0.0)], 1e-3, values, scales)["w"]
+    assert gaping == pytest.approx(SAFETY * 2e-3, rel=1e-4)
+    slow = uncertainties([Miss({"w": 1e-4}, 4e-6), Miss({"w": 1e-4}, 3e-6)], 0.0, values, scales)["w"]
+    assert slow == pytest.approx(3 * small)  # 3/4 + 9/16 + ... = 3
+    assert unsettled({"w": 1.9e-3}, scales) is None
+    assert "w may be off" in str(unsettled({"w": 2.1e-3}, scales))
+    assert unsettled({"w": math.nan}, scales) is not None
+
+
+# --- powers about corners ---
+
+
+def clamped_saddle():
+    surface = {"kind": "expression", "x": "xi1", "y": "xi2", "z": "xi1**2-xi2**2", "xi1": [0, 1], "xi2": [0, 1]}
+    return shell(surface, supports=[support("wall", "xi1_min", clamped=True)],
+                 loads=[{"kind": "area", "vector": [0, 0, -1]}])  # fmt: skip
+
+
+def test_powers_stand_at_corners_that_are_held():
+    assert [c.xi for c in held_corners(clamped_saddle())] == [(0.0, 0.0), (0.0, 1.0)]
+    assert all(c.components == (True, True, True) and c.shift == -1 for c in held_corners(clamped_saddle()))
+    rhombus = held_corners(named_case("rhombic_plate_60"))
+    assert len(rhombus) == 4
+    assert all(c.components == (False, False, True) and c.shift == -1 for c in rhombus)
+    assert held_corners(named_case("pinched_cylinder_diaphragm")) == ()
+
+
+def test_jets_of_powers_are_their_derivatives():
+    powers = CornerPowers.from_case(clamped_saddle(), 2)
+    point, steps, h = np.array([[0.13, 0.22]]), np.eye(2), 1e-4
+
+    def values(xi):
+        return torch.stack(powers.columns(xi, Placement()), dim=-1)
+
+    jet = values(point)[:, 0]
+    assert jet.shape == (6, powers.count)
+    for axis, first, second in ((0, D1, D11), (1, D2, D22)):
+        up, down = values(point + h * steps[axis])[:, 0], values(point - h * steps[axis])[:, 0]
+        torch.testing.assert_close((up - down)[VALUE] / (2 * h), jet[first], rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close((up - down)[first] / (2 * h), jet[second], rtol=1e-3, atol=1e-3)
+    up, down = values(point + h * steps[1])[:, 0], values(point - h * steps[1])[:, 0]
+    torch.testing.assert_close((up - down)[D1] / (2 * h), jet[D12], rtol=1e-3, atol=1e-3)
+
+
+def test_former_powers_are_among_the_later_ones():
+    few, many = (CornerPowers.from_case(clamped_saddle(), detail) for detail in (1, 2))
+    point = np.array([[0.3, 0.4]])
+    before, after = (torch.stack(p.columns(point, Placement()), dim=-1)[VALUE, 0] for p in (few, many))
+    torch.testing.assert_close(after[torch.as_tensor(many.former())], before)
+
+
+def test_supports_hold_at_corners_where_features_are_infinite():
+    case = clamped_saddle()
+    spec = FieldSpec(detail=2, edge_stretched=True)
+    inputs, ansatz = build_inputs(case, spec), build_ansatz(case, spec)
+    network = random_features(torch.ones(inputs.count, dtype=torch.float64), 3, 0)
+    values = build_features(case, spec, network, Placement(), inputs).values(np.array([[0.0, 0.0]]))
+    held = ansatz.factors.matrix(np.array([[0.0, 0.0]]), Placement())[VALUE, 0]
+    assert float(values.abs().max()) > 1e3
+    assert float(held.abs().sum() * values.abs().max()) == 0.0
+
+
+@pytest.mark.parametrize("mu", [0.15, 0.3, 0.544, 0.8])
+def test_few_exponents_span_those_between(mu):
+    """The distance of exp(-mu s) from the span of exp(-mu_j s) on the half line, by Gram determinants; Muentz 1914."""
+    among = np.array(EXPONENTS[2])
+    gram = 1 / (among[:, None] + among)
+    cross = 1 / (mu + among)
+    rest = 1 / (2 * mu) - cross @ np.linalg.solve(gram, cross)
+    bound = np.prod(np.abs(mu - among) / (mu + among))
+    assert math.sqrt(max(rest, 0) * 2 * mu) == pytest.approx(bound, rel=1e-3)
+    assert bound < 2e-2
+
+
+# --- rules ---
+
+
+def test_cells_at_corners_are_cut_for_powers():
+    """The integral of 1/r over the unit square is 2 asinh 1."""
+    errors, size = [], []
+    for cuts in (0, 2, 4):
+        rule = area_rule(SQUARE, np.zeros((0, 2)), RuleSpec((2, 2), 6, corner_cuts=cuts))
+        assert rule.weights.sum() == pytest.approx(1, rel=1e-13)
+        errors.append(abs(rule.weights @ (1 / np.hypot(*rule.points.T)) - 2 * math.asinh(1)))
+        size.append(len(rule.points))
+    assert errors[1] == pytest.approx(errors[0] * CUT**2, rel=0.05)
+    assert errors[2] < errors[0] * CUT**3
+    assert size[2] - size[1] == 4 * 2 * 3 * 36  # corners, cuts, cells, points
+
+
+@pytest.mark.parametrize("panels", [1, 2, 5, 8])
+def test_layers_have_half_of_the_panels(panels):
+    ends = panel_ends(0.0, 2.0, [], RuleSpec((panels, panels), 4, layers=(0.01, 0.0)), 0, periodic=False)
+    assert len(ends) == panels + 1
+    assert np.all(np.diff(ends) > 0)
+    assert (ends[0], ends[-1]) == (0.0, 2.0)
+    np.testing.assert_allclose(ends + ends[::-1], 2.0, rtol=1e-9)
+    if panels == 8:
+        assert ends[1] < 2.0 / 8 / 3
