@@ -367,3 +367,22 @@ def test_a_linear_case_has_one_state_to_export(shellbench) -> None:
     code, _, err = shellbench("export", "strip", "--solver", "toy", "--out", "x.npz", "--at", 0.5)
     assert code == 2
     assert "linear" in err
+
+
+def test_all_about_one_is_listed_by_name(shellbench) -> None:
+    for name in ("strip", "toys", "toy-noisy"):
+        code, out, err = shellbench("list", name)
+        assert (code, err) == (0, "")
+        assert out.startswith(f"{name}: ")
+        assert json.loads(shellbench("list", name, "--json")[1])["name"] == name
+    code, out, err = shellbench("list", "strop")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "no case, suite or solver is called 'strop': the nearest is strip" in err
+
+
+def test_a_quick_run_takes_one_seed_of_a_named_solver(shellbench) -> None:
+    code, out, _ = shellbench("run", "--suite", "toys", "--quick", "--solver", "toy-noisy")
+    assert (code, out.splitlines()[-1]) == (0, "1 solved")
+    code, out, err = shellbench("run", "--suite", "toys", "--quick")
+    assert (code, out) == (2, "")
+    assert "--quick takes fem and ndf-ritz, which nothing that was asked for declares" in err

@@ -41,7 +41,7 @@ def about(name: str) -> Data:
     if name in solver_entries():
         return about_solver(solver_entries()[name])
     names = [*catalog.case_names(), *catalog.suite_names(), *solver_entries()]
-    near = difflib.get_close_matches(base, names, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(base, names, n=3, cutoff=0.6)
     meant = f"the nearest is {near[0]}" if len(near) == 1 else f"the nearest are {', '.join(near)}"
     hint = f"{meant}; " if near else ""
     raise InputError(f"no case, suite or solver is called '{name}': {hint}`shellbench list` shows all")

@@ -19,6 +19,7 @@ CLASSES = (1e-4, 1e-3, 1e-2)  # relative errors, the tightest first
 LOOSEST = CLASSES[-1]
 BLUNT = 3.0  # an error within so many uncertainties of its known value says nothing against a solver
 OWN = "shellbench"  # the distribution of our solvers
+MOST_NAMED = 8  # cases that are declined, in a sentence
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,19 @@ class Grade:
     declined: tuple[str, ...]
 
     def __str__(self) -> str:
-        what = f"{self.figures} figures of {self.cases} cases"
+        what = f"{self.figures} figures of {self.cases} {'case' if self.cases == 1 else 'cases'}"
         words = (
             f"{self.solver} holds class {self.held:g} in all {what}" if self.held else f"{self.solver} holds no class"
         )
         if self.worst is not None and self.worst.judged_error is not None:
             unit = f" {self.worst.unit}" if self.worst.tolerance_is_absolute else ""
             words += f"; its worst is {self.worst.case} {self.worst.quantity}, {self.worst.judged_error:+.1e}{unit}"
-        return f"{words}; it declines {', '.join(self.declined)}" if self.declined else words
+        few = len(self.declined) <= MOST_NAMED
+        return (
+            f"{words}; it declines {', '.join(self.declined) if few else f'{len(self.declined)} others'}"
+            if self.declined
+            else words
+        )
 
 
 def strangers(named: Iterable[str]) -> set[str]:
