@@ -16,7 +16,18 @@ from tests.patience import GUARD
 PACKAGE = Path(shellbench.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 KINDS, SOLVERS = "problems", "solvers"
-BASE = {"", "errors", "model", "engine", "account", "sample", "portrait", "problem", "load_curve"}  # what all stand on
+BASE = {
+    "",
+    "errors",
+    "model",
+    "engine",
+    "account",
+    "sample",
+    "portrait",
+    "problem",
+    "load_curve",
+    "known",
+}  # what all stand on
 BELOW = {  # what a layer may import beside itself
     "base": BASE,
     "problems": BASE | {"problems"},

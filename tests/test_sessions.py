@@ -28,12 +28,17 @@ class Session:
 
 
 @pytest.fixture
-def course(monkeypatch: pytest.MonkeyPatch):
-    """Return the commands of the session `obstacle_course` by name."""
+def sessions(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return the sessions by name."""
     nox: Any = types.ModuleType("nox")
     nox.session, nox.Session, nox.options = (lambda made: made), Session, types.SimpleNamespace()
     monkeypatch.setitem(sys.modules, "nox", nox)
-    sessions = runpy.run_path(str(ROOT / "noxfile.py"))
+    return runpy.run_path(str(ROOT / "noxfile.py"))
+
+
+@pytest.fixture
+def course(sessions: dict[str, Any]):
+    """Return the commands of the session `obstacle_course` by name."""
 
     def commands(*posargs: str) -> dict[str, tuple[str, ...]]:
         session = Session(*posargs)
@@ -50,6 +55,23 @@ def test_a_users_run_is_judged_by_accuracy_alone(course, quick: tuple[str, ...])
     assert asked["gate"][-1] == "--regression"
     assert "--force" in asked["run"]
     assert not any("--regression" in asked[name] for name in ("run", "table", "report"))
+
+
+def test_calibration_asks_linear_shells_and_drawn_ones_and_judges(
+    sessions: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    drawn = Path("reports/calibration/cases")
+    drawn.mkdir(parents=True)
+    (drawn / "drawn_0.toml").touch()
+    session = Session("--solver", "mine")
+    sessions["calibration"](session)
+    first, suites, shells, _, gate = session.commands
+    assert first == ("-m", "derivations.drawn_shells", str(drawn))
+    assert {"obstacle_course", "verification", "shapes", "variants", "thinness"} < set(suites)
+    assert str(drawn / "drawn_0.toml") in shells
+    assert all(command[-4:] == ("--solver", "mine", "--store", gate[-1]) for command in (suites, shells))
+    assert gate[:2] == ("gate", "--store")
 
 
 def test_the_checks_before_landing_judge_regression() -> None:

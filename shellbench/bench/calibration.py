@@ -92,7 +92,7 @@ class Calibration:
         worst = self.judged[0]
         words = (
             f"{self.solver}: {100 * (self.share(WITHIN) or 0.0):.3g} % of {len(self.judged)} errors are within"
-            f" {WITHIN:g} times the stated uncertainty ({100 * ASKED_SHARE:g} % asked); the worst is {worst.ratio:.2g}"
+            f" {WITHIN:g} times the stated uncertainty ({100 * ASKED_SHARE:g} % asked); the worst is {worst.ratio:.3g}"
             f" times, {worst.name}"
         )
         return f"{words}; it states none of {none}" if self.silent else words
@@ -138,7 +138,7 @@ def calibration_findings(found: Sequence[Calibration], ours: Collection[str]) ->
         Finding(
             one.row,
             "red" if one.row.open_finding is None else "expected failure",
-            f"its error is {one.ratio:.2g} times the uncertainty that it states, and {MOST:g} is allowed",
+            f"its error is {one.ratio:.3g} times the uncertainty that it states, and {MOST:g} is allowed",
         )
         for calibration in found
         if calibration.solver in ours

@@ -283,8 +283,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     known = values_of_file(run.case) if record.own_case else catalog.known_values(record.case_name)
     row = with_known_values(row, known, run.case, quantity)
     allowed = allowed_by_file(run.case, quantity) if record.own_case else _frozen(row)
-    ours = row.solver in catalog.tolerances()
-    return row if run.overrides or allowed is None else row.judged(allowed, ours)
+    return row if run.overrides or allowed is None else row.judged(allowed, ours=row.solver in catalog.tolerances())
 
 
 def _frozen(row: Row) -> Tolerance | None:

@@ -64,7 +64,7 @@ def calibration_table(found: Sequence[Calibration]) -> Table:
             Column("Verdict", _verdict, right=False),
         ),
         notes=tuple(
-            Note(f"{one.solver}, {judged.name}", f"the error is {judged.ratio:.2g} times what is stated.")
+            Note(f"{one.solver}, {judged.name}", f"the error is {judged.ratio:.3g} times what is stated.")
             for one in found
             for judged in one.overconfident[:NAMED]
         ),

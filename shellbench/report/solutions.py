@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from shellbench.bench import catalog
-from shellbench.bench.record import NOT_SETTLED
+from shellbench.bench.record import ANSWERED, NOT_SETTLED
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.report.columns import frame
@@ -251,6 +251,8 @@ class Verdict:
         Runs that failed or are missing: of all that any gate judges, and of those that none does, such as ablations.
     without_answer
         Gated figures that fell short because their run failed or is missing.
+    unsettled
+        Gated figures that fell short because their answer has not settled.
     """
 
     gated: int
@@ -259,6 +261,7 @@ class Verdict:
     bad_runs: int
     beside: int = 0
     without_answer: int = 0
+    unsettled: int = 0
 
     @property
     def good(self) -> bool:
@@ -268,13 +271,14 @@ class Verdict:
     @property
     def words(self) -> str:
         """The verdict in one sentence."""
-        short = self.gated - self.held - self.without_answer
-        have = "have" if self.without_answer != 1 else "has"
+        short = self.gated - self.held - self.without_answer - self.unsettled
+        have, settled = ("have" if count != 1 else "has" for count in (self.without_answer, self.unsettled))
         held = f"{'All' if self.good else f'{self.held} of'} {self.gated} gated figures hold"
         parts = (
             held if self.gated else "Nothing is gated here",
             f"{short} fell short" if short else "",
             f"{self.without_answer} {have} no answer" if self.without_answer else "",
+            f"{self.unsettled} {settled} not settled" if self.unsettled else "",
             f"{_counted(self.expected, 'expected failure')} (open findings)" if self.expected else "",
             f"{_counted(self.bad_runs, 'run')} failed or missing" if self.bad_runs else "",
             f"{_counted(self.beside, 'run')} beside them, which no gate judges, failed" if self.beside else "",
@@ -329,7 +333,7 @@ def overall(rows: Sequence[Row]) -> Verdict:
     bad: set[tuple[object, ...]] = set()
     beside: set[tuple[object, ...]] = set()
     for row in rows:
-        if row.status not in ("ok", "declined"):
+        if row.status not in (*ANSWERED, "declined"):
             of = bad if row.run_id is None or row.run_id in judged else beside
             of.add((row.case, same_but_for_seed(row), row.seed))
     return Verdict(
@@ -338,7 +342,8 @@ def overall(rows: Sequence[Row]) -> Verdict:
         expected=sum(row.passed is None and row.open_finding is not None for row in rows),
         bad_runs=len(bad),
         beside=len(beside - bad),
-        without_answer=sum(not row.passed and row.status != "ok" for row in gated),
+        without_answer=sum(not row.passed and row.status not in ANSWERED for row in gated),
+        unsettled=sum(not row.passed and row.status == NOT_SETTLED for row in gated),
     )
 
 

@@ -29,7 +29,7 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit, few_colours, lean
 from shellbench.report.page import write_report
 from shellbench.report.runs import rows_at_home, rows_of, suites_of
-from shellbench.report.solutions import overall, shortfalls
+from shellbench.report.solutions import overall, shortfalls, verdict
 from shellbench.report.table import Note, Table
 from shellbench.report.tables import render
 from tests.report.conftest import COURSE, Store
@@ -440,6 +440,20 @@ def test_shortfalls_of_one_reason_are_one_line(store):
     assert lost.words.startswith("seed 2, missing")
     both = [row.model_copy(update={"seed": seed}) for row in store.rows if row.status == "missing" for seed in (2, 3)]
     assert shortfalls(both)[0].words.startswith("seeds 2, 3, missing")
+
+
+def test_what_has_not_settled_is_neither_green_nor_without_an_answer(store):
+    good = [row for row in store.rows if row.passed]
+    moving = {"status": "not settled", "passed": False, "reason": "centre still moves by 2e-3"}
+    first, *others = good
+    rows = [first.model_copy(update=moving), *others]
+    words = f"{len(good) - 1} of {len(good)} gated figures hold; 1 has not settled."
+    assert overall(rows).words == words
+    (line,) = shortfalls(rows)
+    assert line.words == f"not settled ({first.quantity}): centre still moves by 2e-3"
+    assert verdict(rows[:1]) == "not settled"
+    expected = first.model_copy(update=moving | {"passed": None, "open_finding": "too stiff"})
+    assert verdict([expected]) == "expected failure"
 
 
 def test_the_overall_verdict_counts_rows_and_runs(store):

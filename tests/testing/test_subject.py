@@ -5,9 +5,11 @@ import pytest
 from shellbench.bench.catalog import named_case
 from shellbench.bench.registry import SolverEntry
 from shellbench.errors import InputError
+from shellbench.testing.child import solution_faults
 from shellbench.testing.subject import Lost, NoAnswer, Subject, solve_in
 from shellbench.testing.suite import CheckOptions, examine
 from tests.patience import GUARD
+from tests.testing.navier import NavierSolver
 
 PLATE = named_case("square_plate")
 
@@ -37,6 +39,16 @@ def test_a_solve_that_hangs_is_ended():
     with pytest.raises(Lost, match=r"did not end within 0\.5 s"):
         solve_in(subject, "plate", PLATE, {})
     assert not subject.alive
+
+
+@pytest.mark.parametrize(
+    ("said", "good"),
+    [(None, True), ("centre still moves by 2e-3", True), ("", False), ("two\nlines", False), (1, False)],
+)
+def test_what_has_not_settled_is_said_in_one_clause(said, good):
+    solution = NavierSolver().solve(PLATE, NavierSolver.settings_type())
+    solution.unsettled = said
+    assert ("a solution's unsettled is neither None nor one clause" in solution_faults(solution)) != good
 
 
 def test_what_a_solver_prints_does_not_disturb_its_answers():
