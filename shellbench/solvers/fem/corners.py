@@ -41,6 +41,7 @@ Bending = Literal["clamped", "supported", "free", "mirrored"]
 
 MOST = 2.0  # real part up to which exponents are sought: from there on the element converges at its own rate
 SMOOTH_RATE = 4.0  # of the element's energy where the fields are smooth
+GRADED_RATE = 3.0  # that grading restores; more would cost cells inside, and digits at the corner
 STEEPEST = 6.0  # grading: from here on the finest meshes gain nothing, and cells at the corner lose digits
 INFINITE = 1.0  # below it moments or forces are infinite
 WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of a double root
@@ -230,13 +231,13 @@ def edge_gradings(case: Case) -> tuple[tuple[float, float], tuple[float, float]]
     found = dict.fromkeys(product((0, 1), SIDES), 1.0)
     for sides, exponent in corner_exponents(case).items():
         for axis, side in enumerate(sides):
-            found[axis, side] = max(found[axis, side], min(SMOOTH_RATE / (2 * exponent), STEEPEST))
+            found[axis, side] = max(found[axis, side], min(GRADED_RATE / (2 * exponent), STEEPEST))
     return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
 
 
 def slowest_rate(case: Case) -> float:
     """Return the rate, in the mesh size, at which the energy converges on meshes that are graded so."""
-    rates = [2 * s * min(SMOOTH_RATE / (2 * s), STEEPEST) for s in corner_exponents(case).values()]
+    rates = [2 * s * min(GRADED_RATE / (2 * s), STEEPEST) for s in corner_exponents(case).values()]
     return min(rates, default=SMOOTH_RATE)
 
 

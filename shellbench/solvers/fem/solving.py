@@ -100,9 +100,9 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
         raise SolveFailure("the surface's metric is singular at a quadrature point", partial=solution) from None
     assert solution is not None  # there is always a first mesh
     if len(steps) >= FEWEST_TO_JUDGE and level.error > MOST_UNCERTAIN:
-        cells = "{} x {}".format(*solution.mesh.cells)
+        finest = "{} x {}".format(*solution.mesh.cells)
         raise SolveFailure(
-            f"the meshes do not resolve the shell: on the finest one, {cells} cells, some quantity is uncertain by"
+            f"the meshes do not resolve the shell: on the finest one, {finest} cells, some quantity is uncertain by"
             f" {level.error:.0%} of itself",
             partial=solution,
         )
@@ -164,11 +164,11 @@ def _solves(
 
     if case.path.after_buckling == "follow":  # which wave pattern a shell buckles into is found anew on each mesh
         return (lambda cells: nonlinear(case, FIRST_STEP)(cells)), ()
-    ends = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
+    last = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
     if case.path.control == "load":  # a trial needs the end of the path only
-        ends = ends.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
-    unbent = linear(ends.model_copy(update={"theory": "kirchhoff-love-linear"}))
-    return nonlinear(case, FIRST_STEP), (nonlinear(ends, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
+        last = last.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
+    unbent = linear(last.model_copy(update={"theory": "kirchhoff-love-linear"}))
+    return nonlinear(case, FIRST_STEP), (nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
 
 
 def _measured(solution: FemSolution) -> Mapping[str, float]:

@@ -255,3 +255,22 @@ def test_a_formula_can_not_move_a_clamp_at_finite_strain():
     case = clamped("cylinder", ["xi2_min"], {"kind": "value", "y": "t*0.1*sin(xi1)"})
     assert "can't move the clamped support 'clamp' by a formula" in FemSolver().declines(case)
     assert FemSolver().declines(clamped("cylinder", ["xi2_min"], turned())) is None
+
+
+def test_a_clamp_that_turns_a_shell_about_a_point_only_moves_it():
+    # neither force nor energy is left to compare rounding with: the path has to end all the same
+    turned = catalog.named_case("rigid_turn_about_point").model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    (support,) = turned["supports"]
+    case = build_case({**turned, "supports": [{**support, "on": ["xi1_min"], "clamped": True}]}, "test", "test")
+    mesh = TensorMesh(case.surface.domain, (np.linspace(0, 1, 5), np.linspace(-0.5, 0.5, 5)))
+    _, trail = solve(case, mesh, 7, (1 / 8, 1e-3))
+    points = np.random.default_rng(0).uniform([0, -0.5], [1, 0.5], (20, 2))
+    centre = np.array(support["motion"]["centre"])
+    axis = np.array(support["motion"]["axis"]) / np.linalg.norm(support["motion"]["axis"])
+    arms = case.surface.position(points) - centre
+    for t in (0.5, 1.0):
+        angle = np.radians(120 * t)  # Rodrigues' formula
+        along = np.outer(arms @ axis, axis)
+        exact = along + np.cos(angle) * (arms - along) + np.sin(angle) * np.cross(axis, arms) - arms
+        assert np.allclose(trail.displacement(points, at=t), exact, atol=1e-11)
+        assert sum(trail.energies(t)) < 1e-20
