@@ -182,6 +182,11 @@ def _limits(runs: Sequence[Entry]) -> Iterator[str]:
             else f", of which a mutant is asked at least as many as take {run['patience']:g} s"
         )
         yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
+        if again := run.get("again"):
+            yield (
+                "  What they left green was put named cases of today's exam alone (`--case`):"
+                f" {', '.join(f'`{name}`' for name in again)}."
+            )
 
 
 def _grouped(entries: Sequence[Entry], said: Mapping[Key, Excuse], by: Any) -> Iterator[tuple[str, Score]]:
