@@ -196,13 +196,13 @@ class Sleeve:
         return self.membrane_stiffness * self.thickness**2 / 12
 
 
-def sleeve_chart(degrees: float, xi2: float) -> tuple[float, float]:
+def sleeve_chart(xi1: float, degrees: float) -> tuple[float, float]:
     """Angle, rad, and length along the axis, m, of a point of cases/sheared_sleeve.toml."""
     angle = np.radians(degrees)
-    return float(angle + 0.1 * np.sin(angle)), float(np.arcsin(xi2))
+    return float(angle + 0.1 * np.sin(angle)), float(np.arcsin(xi1))
 
 
-SLEEVE_POINTS = (70.0, 0.6), (-25.0, -0.6), (200.0, 0.2)
+SLEEVE_POINTS = (0.6, 70.0), (-0.6, -25.0), (0.2, 200.0)
 DIRECTIONS = np.array([[1.0, 2.0, -2.0], [1.8, 0.0, 2.4], [0.0, -3.0, 0.0]]) / 3.0
 
 

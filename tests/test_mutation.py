@@ -11,7 +11,7 @@ import pytest
 from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
 from tests.mutation.exam import VALUE
 from tests.mutation.operators import RULES
-from tests.mutation.report import PAGE, Excuse, add, excuses, page, read_runs, stale_excuses, summary
+from tests.mutation.report import PAGE, SCORE, Excuse, add, excuses, page, read_runs, scores, stale_excuses, summary
 from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
 from tests.mutation.targets import FEM, TARGETS, file_of, parts
 
@@ -223,3 +223,7 @@ def test_excuses_are_about_mutants_that_are_made() -> None:
 
 def test_the_page_is_that_of_the_result() -> None:
     assert PAGE.read_text(encoding="utf-8") == page(read_runs(), excuses())
+
+
+def test_the_score_of_the_report_is_that_of_the_result() -> None:
+    assert SCORE.read_text(encoding="utf-8") == scores(read_runs(), excuses())

@@ -12,10 +12,12 @@ from typing import Any
 
 import jinja2
 
+from shellbench.bench import catalog
 from shellbench.bench.record import Environment, Record
 from shellbench.bench.row import Row
 
 BIBLIOGRAPHY = "bibliography.bib"
+EXAM_SCORE = "exam_score.json"
 MANIFEST = ".shellbench-report"
 ENTRY = re.compile(r"@(\w+)\s*\{\s*([^,\s{}]+)\s*,", re.ASCII)
 FIELD = re.compile(r"(\w+)\s*=\s*", re.ASCII)
@@ -193,6 +195,26 @@ def makings(records: Mapping[str, Record], rows: Sequence[Row]) -> tuple[list[Ma
             environment=number,
         )
     return list(found.values()), [environment_words(one, exams[i]) for i, one in enumerate(environments, start=1)]
+
+
+def exam_words() -> str:
+    """Say how many mistakes made by rule the exam found; nothing if no score is kept.
+
+    `references/exam_score.json` keeps it, by draw; `python -m tests.mutation` writes it, see docs/mutation.md.
+    """
+    try:
+        draws = json.loads((catalog.data_folder("references") / EXAM_SCORE).read_text(encoding="utf-8"))["draws"]
+    except OSError:
+        return ""
+    found = "; ".join(
+        f"{draw['red']} of {draw['drawn'] - draw['equivalent']} in {draw['target']} (seed {draw['seed']})"
+        for draw in draws
+    )
+    return (
+        f"The exam itself was examined: of mistakes made by rule that change an answer, it finds {found}."
+        if found
+        else ""
+    )
 
 
 def environment_words(environment: Environment, exams: Collection[int]) -> str:

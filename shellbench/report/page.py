@@ -134,6 +134,7 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
         "solvers": _labels(found.rows),
         "makings": made,
         "environments": environments,
+        "exam": document.exam_words(),
         "newest": _newest(records.values()),
         "bibliography": sources,
         "downloads": ["report.md", "table.csv", "table.tex", "table.json"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    from tests.mutation.report import PAGE, add, excuses, page, summary
+    from tests.mutation.report import add, excuses, summary, write
     from tests.mutation.schedule import examined
     from tests.mutation.targets import TARGETS
 
@@ -20,17 +20,18 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="mutants of each target")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of the longest case that is asked")
     parser.add_argument("--patience", type=float, default=math.inf, help="seconds of the longest exam of one mutant")
+    parser.add_argument("--case", action="append", default=[], help="ask these alone, however long they take")
     parser.add_argument("--processes", type=int, default=2, help="beside each other, one thread each")
     parser.add_argument("--store", type=Path, default=Path("reports/mutation"), help="folder of what is kept")
     chosen = parser.parse_args()
     say = partial(print, file=sys.stderr, flush=True)
-    limits = chosen.longest, chosen.patience, chosen.processes
+    limits = chosen.longest, chosen.patience, chosen.case, chosen.processes
     runs = [
         examined(TARGETS[name], chosen.seed, chosen.count, chosen.store, *limits, say)
         for name in chosen.target or TARGETS
     ]
     said = excuses()
-    PAGE.write_text(page(add(runs), said), encoding="utf-8")
+    write(add(runs), said)
     for name, (drawn, red, equivalent, holes) in summary(runs, said):
         say(f"{name}: {red} of {drawn} red, {equivalent} equivalent, {holes} survive without an excuse")
 

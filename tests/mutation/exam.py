@@ -81,7 +81,8 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
             except BaseException as error:  # whatever a mutant does is about the mutant, an exit too
                 red = f"{CRASH}: {type(error).__name__}: {error}"
         reached = {module: sorted(rows) for module, rows in lines.items()}
-        answers.send(Answered(question, " ".join(red.split())[:200], time.process_time() - start, reached))
+        words = " ".join(red.replace(f"{ROOT}/", "").split())[:200]
+        answers.send(Answered(question, words, time.process_time() - start, reached))
         if red:
             break
     answers.close()

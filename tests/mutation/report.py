@@ -1,6 +1,6 @@
 """What came of the mutants: the score by target, module and rule, the survivors with a person's verdict, and a page.
 
-python -m tests.mutation.report        write docs/mutation.md from reports/mutation.json again
+python -m tests.mutation.report        write docs/mutation.md and references/exam_score.json from reports/mutation.json again
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from tests.mutation.exam import CRASH, DECLINED, FAILED, TIME, VALUE
 from tests.mutation.targets import ROOT, TARGETS
 
 RESULT = ROOT / "reports" / "mutation.json"
+SCORE = ROOT / "references" / "exam_score.json"
 EXCUSED = Path(__file__).with_name("excused.toml")
 PAGE = ROOT / "docs" / "mutation.md"
 VERDICTS = ("equivalent", "hole")
@@ -80,7 +81,9 @@ def kept(run: Entry) -> dict[str, Any]:
     """Return a run as it is committed: the statements of survivors only."""
     results = []
     for entry in run["results"]:
-        short = {name: value for name, value in entry.items() if name not in {"statement", "becomes", "seconds"}}
+        short = {
+            name: value for name, value in entry.items() if name not in {"statement", "becomes", "seconds", "cases"}
+        }
         if entry["red"]:
             results.append(short | {"red": entry["red"][:KEPT_OF_RED]})
         else:
@@ -119,6 +122,15 @@ def summary(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[tuple
     """Yield the score of each run: target and seed."""
     for run in runs:
         yield f"{run['target']}, seed {run['seed']}", score(run["results"], said)
+
+
+def scores(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
+    """Return the score of each run as JSON, a line each: what the report's page says of the exam."""
+    lines = [
+        json.dumps({"target": run["target"], "seed": run["seed"], **score(run["results"], said)._asdict()})
+        for run in runs
+    ]
+    return '{"schema_version": 1, "draws": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
 def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
@@ -170,6 +182,11 @@ def _limits(runs: Sequence[Entry]) -> Iterator[str]:
             else f", of which a mutant is asked at least as many as take {run['patience']:g} s"
         )
         yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
+        if again := run.get("again"):
+            yield (
+                "  What they left green was put named cases of today's exam alone (`--case`):"
+                f" {', '.join(f'`{name}`' for name in again)}."
+            )
 
 
 def _grouped(entries: Sequence[Entry], said: Mapping[Key, Excuse], by: Any) -> Iterator[tuple[str, Score]]:
@@ -254,5 +271,11 @@ seconds given by `--longest`.
 """
 
 
+def write(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> None:
+    """Write the page, and the score that the report's page says."""
+    PAGE.write_text(page(runs, said), encoding="utf-8")
+    SCORE.write_text(scores(runs, said), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    PAGE.write_text(page(read_runs(), excuses()), encoding="utf-8")
+    write(read_runs(), excuses())

@@ -16,7 +16,7 @@ import math
 import multiprocessing
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import accumulate
@@ -57,7 +57,15 @@ class Reach:
 
 
 def examined(
-    target: Target, seed: int, count: int, folder: Path, longest: float, patience: float, processes: int, say: Say
+    target: Target,
+    seed: int,
+    count: int,
+    folder: Path,
+    longest: float,
+    patience: float,
+    only: Collection[str],
+    processes: int,
+    say: Say,
 ) -> dict[str, Any]:
     """Draw mutants of a target, put each through the exam, and return what came of them.
 
@@ -70,9 +78,11 @@ def examined(
         Seconds of the longest case that is asked.
     patience
         Seconds that the code as it is takes for the cases that are asked of one mutant.
+    only
+        Cases that are asked; all that are not too long if there are none.
     """
     everything = all_mutants(target.modules())
-    exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, processes, say)]
+    exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, only, processes, say)]
     exam = _in_order(exam)
     reached = [mutant for mutant in everything if any(reach.runs(mutant) for reach in exam)]
     drawn = draw(reached, seed, count)
@@ -80,7 +90,7 @@ def examined(
     path = folder / f"{target.name}-{seed}.jsonl"
     known = {entry["name"]: entry for entry in _lines(path)}
     exams = {mutant.name: _within([reach for reach in exam if reach.runs(mutant)], patience) for mutant in drawn}
-    known = {name: e for name, e in known.items() if e["red"] or e["asked"] >= len(exams.get(name, ()))}
+    known = {name: e for name, e in known.items() if e["red"] or _asked_all(e, exams.get(name, ()))}
     waiting = [mutant for mutant in drawn if mutant.name not in known]
     done = len(drawn) - len(waiting)
     with ThreadPoolExecutor(processes) as pool, path.open("a", encoding="utf-8") as file:
@@ -104,12 +114,12 @@ def examined(
     }
 
 
-def reaches(solver: str, folder: Path, longest: float, processes: int, say: Say) -> list[Reach]:
+def reaches(solver: str, folder: Path, longest: float, only: Collection[str], processes: int, say: Say) -> list[Reach]:
     """Return what the code as it is reaches in each case that it answers in green within about `longest` seconds."""
     modules = sorted({name for target in TARGETS.values() if solver in target.solvers for name in target.modules()})
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"reach-{solver}-{_digest(modules)}.jsonl"
-    now = {case: _digest_of_case(case) for case in _cases(solver, longest)}
+    now = {case: _digest_of_case(case) for case in _cases(solver, longest, only)}
     known = {e["case"]: e for e in _lines(path) if now.get(e["case"]) == e["digest"]}
     waiting = [case for case in now if case not in known]
 
@@ -140,20 +150,28 @@ def reaches(solver: str, folder: Path, longest: float, processes: int, say: Say)
     ]
 
 
-def _cases(solver: str, longest: float) -> list[str]:
-    """Return the cases of the suites that gate a solver, without those that are known to take longer."""
+def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
+    """Return the cases of the suites that hold a solver to a figure, without those that are known to take longer."""
     # The baseline's machine knows what a case takes; of a variant, what its case takes.
     from shellbench.bench import catalog
 
     costs = json.loads((ROOT / "reports" / "baseline.json").read_text(encoding="utf-8"))["costs"]
     seconds = {cost["case"]: cost["seconds"] for cost in costs if cost["solver"] == solver}
+    # What all of a case's figures are open findings of examines nobody.
+    held = {
+        case
+        for case, figures in catalog.tolerances().get(solver, {}).items()
+        if not all(allowed.open_finding for allowed in figures.values())
+    }
     found = [
         case
         for suite in SUITES
         for case in catalog.cases_of(suite)
         if any(run.solver == solver and not run.settings for run in catalog.find_suite(suite).runs_for(case.name))
     ]
-    names = {case.name: seconds.get(case.base, 0.0) for case in found}
+    names = {case.name: seconds.get(case.base, 0.0) for case in found if case.base in held}
+    if only:
+        return sorted(names.keys() & set(only), key=lambda name: (names[name], name))
     return sorted((name for name, cost in names.items() if cost <= longest), key=lambda name: (names[name], name))
 
 
@@ -174,6 +192,10 @@ def _within(exam: Sequence[Reach], patience: float) -> list[Reach]:
     return [reach for reach, end in zip(exam, ends, strict=True) if end <= max(patience, ends[0])]
 
 
+def _asked_all(entry: Mapping[str, Any], exam: Sequence[Reach]) -> bool:
+    return {f"{r.question.solver} {r.question.case}" for r in exam} <= set(entry["cases"])
+
+
 def _result(mutant: Mutant, exam: Sequence[Reach]) -> dict[str, Any]:
     seconds = {reach.question: reach.seconds for reach in exam}
     answers, why = _answers(
@@ -189,6 +211,7 @@ def _result(mutant: Mutant, exam: Sequence[Reach]) -> dict[str, Any]:
         "red": red,
         "by": asked[-1] if red and asked else "",
         "asked": len(asked),
+        "cases": asked,
         "seconds": round(sum(answer.seconds for answer in answers), 1),
     }
 

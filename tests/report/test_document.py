@@ -1,9 +1,19 @@
+import json
+
 import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.store import Store as Records
 from shellbench.report import exhibit, shells
-from shellbench.report.document import MANIFEST, list_own, makings, read_bibliography, remove_older
+from shellbench.report.document import (
+    EXAM_SCORE,
+    MANIFEST,
+    exam_words,
+    list_own,
+    makings,
+    read_bibliography,
+    remove_older,
+)
 from shellbench.report.page import write_report
 from shellbench.report.paper import write_paper
 from shellbench.report.runs import told_apart
@@ -114,3 +124,11 @@ def test_an_environment_says_by_which_exams_its_runs_were_judged(tmp_path):
     assert [making.environment for making in found] == [1, 1]
     assert len(words) == 1
     assert words[0].endswith("exam 1, 2")
+
+
+def test_the_score_of_the_exam_in_words(tmp_path, monkeypatch):
+    monkeypatch.setattr(catalog, "data_folder", lambda name: tmp_path)
+    assert exam_words() == ""
+    draw = {"target": "fem", "seed": 2, "drawn": 10, "red": 7, "equivalent": 2, "holes": 1}
+    (tmp_path / EXAM_SCORE).write_text(json.dumps({"schema_version": 1, "draws": [draw]}))
+    assert "7 of 8 in fem (seed 2)" in exam_words()
