@@ -23,6 +23,7 @@ from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     BlockMatrix,
     Quadrature,
+    spring_matrix,
     stiffness,
 )
 from shellbench.solvers.fem.clamping import clamped_edges
@@ -181,7 +182,7 @@ class Equilibrium:
     solution
         The field, without history.
     potential_energy
-        Strain energy less the work of the loads at the last state, J.
+        Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction
         See `shellbench.solvers.fem.equilibrium.Answer`.
     """
@@ -212,6 +213,8 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
 
     matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    if case.springs:
+        matrix = BlockMatrix(matrix.blocks + spring_matrix(case, mesh).blocks, matrix.columns)
     clamps = list(clamped_edges(case, mesh, states))
     system = BlockMatrix(matrix.blocks.copy(), matrix.columns) if clamps else matrix
     forces = loading.nodal
