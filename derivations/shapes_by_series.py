@@ -10,6 +10,7 @@ from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
 from .estimate import Estimate
 from .goursat_plate import by_goursat
+from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
@@ -35,6 +36,7 @@ JUDGES: dict[str, Values] = {
     "rhombic_plate_60": partial(by_corners, 60.0),
     "rhombic_plate_30": partial(by_corners, 30.0),
     "ring_twist": ring_twist,
+    "graded_strip": graded_strip,
     "oval_tube": oval_tube,
     "rigid_turn_about_point": rigid_turn_about_point,
     "rigid_turn_by_edge": rigid_turn_by_edge,
@@ -53,6 +55,7 @@ SECOND_FORMS: dict[str, Values] = {
     "rhombic_plate_60": partial(by_elements, 60.0),
     "rhombic_plate_30": partial(by_elements, 30.0),
     "ring_twist": ring_twist_by_ritz,
+    "graded_strip": graded_strip_by_equilibrium,
     "oval_tube": oval_tube_by_exponentials,
     "rigid_turn_about_point": rigid_turn_by_exponential,
     "rigid_turn_by_edge": small_turn_by_generator,

@@ -136,7 +136,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Material", "", "`[material]`: linear, isotropic.", None, ("Material",)),
     ("Supports", "", "`[[supports]]`: any number.", None, ("Support",)),
     ("Motions of supports", "Motion", "`motion` of a support is one of three kinds.", None, ("Value", "Translation", "Rotation")),
-    ("Springs", "", "`[[springs]]`: any number, in cases of motion.", None, ("Spring",)),
+    ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
     ("Loads", "Load", "`[[loads]]`: any number, each of one of six kinds. All are dead, they keep their direction, but a pressure that follows.", None,
      ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),

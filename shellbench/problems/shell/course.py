@@ -30,8 +30,8 @@ def check_path(case: Shell) -> None:
         In one clause that says what is wrong.
     """
     path = case.path
-    if case.springs:
-        raise ValueError("springs belong to a case with [dynamics]")
+    if case.springs and not case.linear:
+        raise ValueError("springs belong to the linear theory, or to a case with [dynamics]")
     if case.held_everywhere:
         raise ValueError("a component that is held on the whole surface belongs to a case with [dynamics]")
     if path.quantity is not None:

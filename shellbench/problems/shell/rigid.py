@@ -51,7 +51,7 @@ def rigid_modes(surface: Surface, points: ArrayLike, order: int = 0) -> dict[tup
 
 
 def free_motions(case: Shell) -> Array:
-    """Return an orthonormal basis (6, n) of the rigid motions that no support resists."""
+    """Return an orthonormal basis (6, n) of the rigid motions that no support resists, and at rest no spring."""
     rows = [np.zeros((1, 6))]
     for support, place in case.supported_places():
         components = ["xyz".index(c) for c in support.held]
@@ -74,6 +74,11 @@ def free_motions(case: Shell) -> Array:
             tilt = np.cross(tangent, normal) / np.linalg.norm(tangent, axis=-1, keepdims=True)
             spin = np.stack([np.cross(axis, tilt) for axis in np.eye(3)], axis=-1)
             rows.append(np.concatenate([np.zeros((len(points), 3)), np.einsum("pi,pik->pk", normal, spin)], axis=1))
+    if case.springs and case.dynamics is None:
+        points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
+        stiffness = case.spring_stiffness(points)
+        share = np.sqrt(stiffness / max(float(stiffness.max()), np.finfo(float).tiny))
+        rows.append((share[..., None] * rigid_modes(case.surface, points)[0, 0]).reshape(-1, 6))
     matrix = np.concatenate(rows)
     _, values, basis = np.linalg.svd(matrix, full_matrices=True)
     held = np.count_nonzero(values > RANK_TOLERANCE * max(1.0, values.max()))

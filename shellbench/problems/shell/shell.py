@@ -74,7 +74,7 @@ class Shell(Problem):
     supports
         What holds the shell.
     springs
-        Elastic supports; in motion only.
+        Elastic supports and foundations; in linear theory and in motion.
     focus
         Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
         may be graded toward them.

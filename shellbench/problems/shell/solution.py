@@ -329,6 +329,8 @@ class ShellSolver:
         Whether `answer` goes on from an earlier solution; it is refused otherwise.
     takes_varying_stiffness
         Whether modulus and thickness may vary over the shell; such a case is declined otherwise.
+    takes_foundation
+        Whether a shell at rest may have springs; such a case is declined otherwise.
     """
 
     name: ClassVar[str]
@@ -336,12 +338,13 @@ class ShellSolver:
     settings_type: ClassVar[type[Settings]] = Settings
     uses_start: ClassVar[bool] = False
     takes_varying_stiffness: ClassVar[bool] = False
+    takes_foundation: ClassVar[bool] = False
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
-        return None if self.takes_varying_stiffness else why_not_uniform(case)
+        return why_not_plain(case, self.takes_varying_stiffness, self.takes_foundation)
 
     def declines_with(self, case: Case, settings: Any) -> str | None:
         """Return why the solver can't take a case with settings; what `declines` says unless settings matter."""
@@ -382,11 +385,16 @@ class ShellSolver:
         raise NotImplementedError
 
 
-def why_not_uniform(case: Case) -> str | None:
-    """Return why a solver that knows one modulus and one thickness can't take a case, as one clause, or None."""
-    return (
-        None if case.material.uniform else "its modulus or thickness varies, and this solver takes the same everywhere"
-    )
+def why_not_plain(case: Case, varying: bool = False, foundation: bool = False) -> str | None:
+    """Return why a solver can't take a case, as one clause, or None if it can.
+
+    `varying` says that it takes a modulus and a thickness that vary over the shell, `foundation` springs at rest.
+    """
+    if not varying and not case.material.uniform:
+        return "its modulus or thickness varies, and this solver takes the same everywhere"
+    if not foundation and case.springs and case.dynamics is None:
+        return "it rests on springs, which this solver does not take"
+    return None
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -14,7 +14,7 @@ from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_uniform
+from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_plain
 
 if TYPE_CHECKING:
     from shellbench.solvers.cst.solution import CstSolution
@@ -77,7 +77,7 @@ class CstSolver(ShellSolver):
 
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
-    if refusal := why_not_uniform(case):
+    if refusal := why_not_plain(case):
         return refusal
     if case.prescribed:
         return "it moves the whole surface as prescribed, and leaves nothing to solve for"

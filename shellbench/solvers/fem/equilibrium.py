@@ -25,6 +25,7 @@ from shellbench.solvers.fem.assembly import (
     BlockMatrix,
     InternalForces,
     Quadrature,
+    spring_matrix,
     stiffness,
 )
 from shellbench.solvers.fem.clamping import clamped_edges
@@ -243,7 +244,7 @@ class Equilibrium:
     solution
         The field, without history.
     potential_energy
-        Strain energy less the work of the loads at the last state, J.
+        Energy of strains and springs less the work of the loads at the last state, J.
     residual, correction, noise
         See `shellbench.solvers.fem.equilibrium.Answer`.
     """
@@ -274,7 +275,9 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     if loose.size:
         ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
 
-    matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    elastic = matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    if case.springs:
+        matrix = BlockMatrix(elastic.blocks + spring_matrix(case, mesh).blocks, elastic.columns)
     clamps = list(clamped_edges(case, mesh, states))
     system = BlockMatrix(matrix.blocks.copy(), matrix.columns) if clamps else matrix
     forces = loading.nodal
@@ -283,18 +286,23 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         forces = forces + clamp.right_hand_side(mesh.node_count)
     careful: list[InternalForces] = []
 
+    def internal_forces(nodal: Array) -> Array:
+        if not careful:
+            return matrix @ nodal
+        return careful[0](nodal) + (matrix @ nodal - elastic @ nodal if case.springs else 0.0)
+
     def residual(unknowns: Array) -> Array:
         if not careful:
             careful.append(InternalForces(mesh, case.surface, case.material, quadrature))
         nodal = ties.to_nodal(unknowns) + ties.particular
         held = system @ nodal - matrix @ nodal if clamps else 0.0
-        return ties.to_free(forces - careful[0](nodal) - held)
+        return ties.to_free(forces - internal_forces(nodal) - held)
 
     right = ties.to_free(forces - system @ ties.particular)
     answer = solve_reduced(ties.reduce(system), right, mesh, method, residual)
     q = ties.to_nodal(answer.unknowns) + ties.particular
 
-    internal = careful[0](q) if careful else matrix @ q
+    internal = internal_forces(q)
     energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
     unbalanced = internal - loading.nodal + sum(clamp.gap_forces(q) for clamp in clamps)
     reactions = unbalanced[ties.nodes]

@@ -67,6 +67,7 @@ class FemSolver(ShellSolver):
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
     takes_varying_stiffness: ClassVar[bool] = True
+    takes_foundation: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, or None."""

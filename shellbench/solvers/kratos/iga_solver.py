@@ -17,7 +17,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, PointLoad
 from shellbench.problems.shell.places import Edge, Point, Whole
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
-from shellbench.problems.shell.solution import ShellSolver, why_not_uniform
+from shellbench.problems.shell.solution import ShellSolver, why_not_plain
 from shellbench.problems.shell.symmetry import Part, part_of
 from shellbench.solvers.kratos.iga_conditions import corner_of, tied_by
 from shellbench.solvers.kratos.settings import KratosSettings
@@ -97,7 +97,7 @@ class KratosIgaSolver(ShellSolver):
 
 def reason(case: Case, part: Part | None = None) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can. `part` is found if it is not given."""
-    if refusal := why_not_uniform(case):
+    if refusal := why_not_plain(case):
         return refusal
     if case.dynamics is not None:
         return "it moves by Newton's law, and this solver takes static cases"

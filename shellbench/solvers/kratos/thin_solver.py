@@ -26,7 +26,7 @@ from shellbench.problem import Capabilities, ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_uniform
+from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_plain
 from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.kratos.settings import KratosSettings
 
@@ -110,7 +110,7 @@ def reason(part: Part) -> str | None:
     from shellbench.solvers.kratos.thin_mesh import held_rotations
 
     case = part.whole
-    if refusal := why_not_uniform(case):
+    if refusal := why_not_plain(case):
         return refusal
     if case.dynamics is not None:
         return "it moves in time, and this solver is static"

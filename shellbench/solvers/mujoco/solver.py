@@ -19,7 +19,7 @@ from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
-from shellbench.problems.shell.solution import ShellSolver, why_not_uniform
+from shellbench.problems.shell.solution import ShellSolver, why_not_plain
 
 if TYPE_CHECKING:
     from shellbench.solvers.mujoco.solution import FlexSolution
@@ -125,7 +125,7 @@ INCOMPRESSIBLE = 0.5  # Poisson's ratio that the engine does not reach; its leas
 
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
-    if refusal := why_not_uniform(case):
+    if refusal := why_not_plain(case):
         return refusal
     if case.dynamics is None:
         return "it is at rest, and this engine follows motions"

@@ -37,10 +37,10 @@ class Table:
     Attributes
     ----------
     rows
-        (N, 6, 3, 6), on the jet of F; half the sum of squares is the strain energy, J. Three rows of membrane, three of
-        bending.
+        (N, r, 3, 6), on the jet of F; half the sum of squares is the energy of strains and springs, J. Three rows of
+        membrane, three of bending, and on springs three of u times the root of their stiffness.
     offset
-        (N, 6): the same rows of the lift.
+        (N, r): the same rows of the lift.
     force
         (N, 3): work of the loads on a unit of F's components, N.
     work
@@ -64,7 +64,10 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     matrix = ansatz.factors.matrix(points, placement)
     weights = placement.tensor(rule.weights) * reference.jacobian
     rigidity = rigidities(case.surface, case.material, points, placement)
-    rows = energy_rows(reference, case.material.poissons_ratio, rigidity) * weights.sqrt()[:, None, None, None]
+    rows = energy_rows(reference, case.material.poissons_ratio, rigidity)
+    if case.springs:
+        rows = torch.cat([rows, pulling_rows(placement.tensor(case.spring_stiffness(points)))], dim=1)
+    rows = rows * weights.sqrt()[:, None, None, None]
     force = placement.tensor(force_density(case, points, ansatz.t)) * weights[:, None]
     offset, work = rows.new_zeros(rows.shape[:2]), 0.0
     if ansatz.lift.moves:
@@ -80,6 +83,13 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
         work,
         (transposed @ anchors[..., None])[..., 0],
     )
+
+
+def pulling_rows(stiffness: Tensor) -> Tensor:
+    """Return rows (N, 3, 3, 6) whose half sum of squares is the energy of springs of a stiffness (N, 3), J/m^2."""
+    rows = stiffness.new_zeros((len(stiffness), 3, 3, 6))
+    rows[..., VALUE] = torch.diag_embed(stiffness.sqrt())
+    return rows
 
 
 def tables(ansatz: Ansatz, rule: Rule, placement: Placement) -> Iterator[tuple[Array, Table]]:
@@ -118,9 +128,9 @@ def concentrated(ansatz: Ansatz, spec: RuleSpec, focal: Array, placement: Placem
 
 
 def strain_matrix(table: Table, jets: Tensor) -> Tensor:
-    """Return the rows (6 N, 3 M) of all (component, feature) pairs, from feature jets (6, N, M)."""
-    count, width = jets.shape[1:]
-    return (table.rows.reshape(count, 18, 6) @ jets.permute(1, 0, 2)).view(6 * count, 3 * width)
+    """Return the rows (r N, 3 M) of all (component, feature) pairs, from feature jets (6, N, M)."""
+    (count, width), number = jets.shape[1:], table.rows.shape[1]
+    return (table.rows.reshape(count, 3 * number, 6) @ jets.permute(1, 0, 2)).view(number * count, 3 * width)
 
 
 def value_vector(force: Tensor, values: Tensor) -> Tensor:
@@ -199,7 +209,7 @@ class Certified:
     work
         Work of the loads (first degree).
     springs
-        Energy of soft supports (second degree); it is part of the potential energy, and of no strain energy.
+        Energy of springs and soft supports (second degree): part of the potential energy, and of no strain energy.
     """
 
     membrane: Polynomial
@@ -252,7 +262,7 @@ def certify(
     # 3. Forces at points and edges add to the work only.
     # One sweep over the points gives the energy of any multiple, and so the best one, without another integration.
     stacked = torch.cat(outputs)
-    strain = np.zeros((len(outputs), 2, 3))  # output layer, membrane and bending, power of s
+    strain = np.zeros((len(outputs), 3, 3))  # output layer; membrane, bending and springs; power of s
     work = np.zeros((len(outputs), 2))
     work[:, 0] = forces.work
     for points, table in tables(ansatz, rule, features.placement):
@@ -262,7 +272,7 @@ def certify(
             jet = free[..., 3 * k : 3 * k + 3]
             rows = apply_rows(table.rows, jet)
             work[k, 1] += float((table.force * jet[VALUE]).sum())
-            for part, kind in enumerate((slice(0, 3), slice(3, 6))):
+            for part, kind in enumerate((slice(0, 3), slice(3, 6), slice(6, None))):
                 offset, row = table.offset[:, kind], rows[:, kind]
                 products = ((offset * offset).sum() / 2, (offset * row).sum(), (row * row).sum() / 2)
                 strain[k, part] += [float(value) for value in products]
@@ -271,8 +281,8 @@ def certify(
         for k in range(len(outputs)):
             work[k, 1] += float((forces.force * free[:, 3 * k : 3 * k + 3]).sum())
     return [
-        Certified(tuple(m.tolist()), tuple(b.tolist()), tuple(w.tolist()))
-        for (m, b), w in zip(strain, work, strict=True)
+        Certified(tuple(m.tolist()), tuple(b.tolist()), tuple(w.tolist()), tuple(s.tolist()))
+        for (m, b, s), w in zip(strain, work, strict=True)
     ]
 
 

@@ -33,7 +33,7 @@ from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from shellbench.problems.shell.solution import why_not_uniform
+from shellbench.problems.shell.solution import why_not_plain
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, focal_points, resolution
 from shellbench.solvers.ndf.checkpoint import Checkpoint, is_checkpoint, read_checkpoint
 from shellbench.solvers.ndf.declines import why_declined
@@ -111,7 +111,7 @@ def why_not(case: Case) -> str | None:
     """Return why the published boundary functions can't hold a case, as one clause, or None if they can."""
     if case.dynamics is not None:
         return why_no_motion(case)
-    if refusal := why_not_uniform(case):
+    if refusal := why_not_plain(case):
         return refusal
     if not case.linear:
         return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"

@@ -199,6 +199,8 @@ def edge_reaction(
         force = placement.tensor(density if body is None else density + body(points)) * weights[:, None]
         u = field.jet(points)
         gradients = surface.gradients(u)
+        if case.springs and case.dynamics is None:  # in motion `body` has them
+            force = force - placement.tensor(case.spring_stiffness(points)) * u[VALUE] * weights[:, None]
         if case.following:
             pressure = FollowingPressure(case, placement.tensor(rule.weights[start : start + BATCH]))
             force = force + pressure.push(points, surface.geometry.tangents, gradients, t)

@@ -66,6 +66,7 @@ class RitzSolver(ShellSolver):
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
     takes_varying_stiffness: ClassVar[bool] = True
+    takes_foundation: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""

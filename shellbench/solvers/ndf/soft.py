@@ -58,6 +58,8 @@ def why_not_soft(case: Case) -> str | None:
     """Return why springs can't hold the supports of a case, as one clause, or None if they can."""
     if not case.linear or case.dynamics:
         return 'supports = "soft" is for shells at rest in linear theory'
+    if case.springs:
+        return 'supports = "soft" is for shells that rest on no springs'
     if any(isinstance(place, Whole) for _, place in case.supported_places()):
         return 'supports = "soft" is for edges and points, and this case holds its whole surface'
     if any(isinstance(load, MomentLoad) for load in case.loads):
