@@ -148,7 +148,10 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         challenge = solved.first.missed(solved.challenged)
         misses.append(challenge if before is None else _larger(challenge, before.missed(last)))
         answer = _stated(last, solved, tuple(steps), misses)
-        curable = refusal(replace(last.signs, gap=0.0), last.solution.spec, settings.largest_gap) is None
+        exploited = replace(
+            last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
+        )
+        curable = refusal(exploited, last.solution.spec, settings.largest_gap) is None
         if reason is not None and (fixed or not curable):
             break
         if fixed or (reason is None and answer.unsettled is None):
@@ -201,7 +204,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[
             **solution.diagnostics,
             "level": solved.level.number,
             "challenge_gain": misses[-1].energy,
-            "challengers": len(KINDS) * solved.level.challengers,
+            "challengers": len(solved.level.kinds) * solved.level.challengers,
         },
     )
 
@@ -297,7 +300,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
     def reached() -> dict[str, float]:
         joined = [np.concatenate([np.arange(chosen.neurons), plain, powers, group]) for group in level.groups()]
         weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
-        return {k.name: potential_energy(equations, w) for k, w in zip(KINDS, weights, strict=True)}
+        return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
 
     return Solved(level, tuple(answers[:-2]), answers[-2], answers[-1], reached)
 
