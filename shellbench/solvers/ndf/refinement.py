@@ -53,7 +53,7 @@ class Kind:
 # Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
 AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
-GROWTH = {"anew": (1.0, 1.0), "finer": (1.7, 1.0), "layers": (1.0, 1.5)}  # of scales from level to level, by winner
+GROWTH = {"anew": (1.3, 1.0), "finer": (2.0, 1.0), "layers": (1.3, 1.5)}  # of scales from level to level, by winner
 
 
 @dataclass(frozen=True)
@@ -134,15 +134,15 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
     if neurons <= before.resolution.neurons:
         return None
     plain, stretched = GROWTH[winner]
-    old, growth = before.resolution, WIDTHS[number] ** 0.3
+    old, growth = before.resolution, WIDTHS[number] ** 0.4
     resolution = replace(
         old,
         neurons=neurons,
         scale=old.scale * plain,
         edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
         stretched_scale=old.stretched_scale * stretched,
-        rule=_finer(first.resolution.rule, growth, 6),
-        fine=_finer(first.resolution.fine, growth, 7),
+        rule=_finer(first.resolution.rule, growth, 4),
+        fine=_finer(first.resolution.fine, growth, 5),
     )
     return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
 

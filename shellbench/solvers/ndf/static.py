@@ -142,9 +142,14 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         solved = _solve_level(case, spec, settings, level, begin)
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
+        alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
+        if (
+            reason is not None and alone is None
+        ):  # the challengers alone exploit the rule, and are no part of the answer
+            last, reason = solved.first, None
         if reason is not None and before is not None:
             break
-        steps += [a.step for a in (*solved.narrower, solved.first, *(() if fixed else (solved.challenged,)))]
+        steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
         challenge = solved.first.missed(solved.challenged)
         misses.append(challenge if before is None else _larger(challenge, before.missed(last)))
         answer = _stated(last, solved, tuple(steps), misses)
