@@ -229,7 +229,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
 
     # Nested bases: parts of the usual features, all of them, and all there are.
-    hidden, former = network.width, features.fixed.former() | (level.number > 1)
+    hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     widths = sorted({math.ceil(share * chosen.neurons) for share in (NESTED if level.number == 0 else NESTED[-1:])})
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
