@@ -119,7 +119,7 @@ class CornerPowers:
         if not self.corners:
             return []
         x, size = from_derivatives(self.case.surface.derivatives(points, 2), placement), surface_size(self.case)
-        columns = []
+        columns: list[Tensor] = []
         for corner in self.corners:
             at = self.case.surface.derivatives(np.asarray(corner.xi), 1)
             first = at[1, 0] / np.linalg.norm(at[1, 0])

@@ -50,8 +50,10 @@ class Kind:
     points: float
 
 
+# Rules that are graded toward points are coarse elsewhere, and fit the usual scales: finer ones exploit them.
+AROUND_POINTS = (Kind("anew", 1.0, 0.0, 1.0), Kind("finer", 1.4, 0.0, 0.7), Kind("layers", 0.7, 0.0, 1.2))
 KINDS = (Kind("anew", 1.0, 1.0, 1.0), Kind("finer", 2.0, 1.0, 1.5), Kind("layers", 1.0, 2.0, 2.0))
-GROWTH = {"anew": (1.0, 1.0), "finer": (1.7, 1.0), "layers": (1.0, 1.5)}  # of scales from level to level, by winner
+GROWTH = {"anew": (1.3, 1.0), "finer": (2.0, 1.0), "layers": (1.3, 1.5)}  # of scales from level to level, by winner
 
 
 @dataclass(frozen=True)
@@ -70,17 +72,20 @@ class Level:
         See `shellbench.solvers.ndf.build.FieldSpec`.
     number
         From 0.
+    kinds
+        Of challengers.
     """
 
     resolution: Resolution
     challengers: int
     detail: int
     number: int = 0
+    kinds: tuple[Kind, ...] = ()
 
     def network(self, inputs: Inputs, seed: int, activation: str, placement: Placement) -> Network:
         """Draw the features of the first answer, then those of each kind of challenger."""
         drawn = [random_features(self._scales(inputs, None, placement), self.resolution.neurons, seed, activation)]
-        for k, kind in enumerate(KINDS):
+        for k, kind in enumerate(self.kinds):
             scales = self._scales(inputs, kind, placement)
             drawn.append(random_features(scales, self.challengers, _seed(seed, self.number, k), activation))
         weights, biases = (torch.cat([getattr(n, name)[0] for n in drawn]) for name in ("weights", "biases"))
@@ -101,7 +106,7 @@ class Level:
     def groups(self) -> tuple[np.ndarray, ...]:
         """Return the numbers of the neurons of each kind of challenger."""
         start, each = self.resolution.neurons, self.challengers
-        return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(KINDS)))
+        return tuple(np.arange(start + k * each, start + (k + 1) * each) for k in range(len(self.kinds)))
 
 
 LARGEST_SEED = 2**31
@@ -117,7 +122,7 @@ def first_level(case: Case, usual: Resolution, given_width: bool = False, given_
     neurons = usual.neurons * (2 if not given_width and _is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual, cuts=2)
-    return Level(chosen, _challengers(usual.neurons), detail=1)
+    return Level(chosen, _challengers(usual.neurons), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
 
 
 def next_level(first: Level, before: Level, winner: str, most: int) -> Level | None:
@@ -129,17 +134,17 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
     if neurons <= before.resolution.neurons:
         return None
     plain, stretched = GROWTH[winner]
-    old, growth = before.resolution, WIDTHS[number] ** 0.3
+    old, growth = before.resolution, WIDTHS[number] ** 0.4
     resolution = replace(
         old,
         neurons=neurons,
         scale=old.scale * plain,
         edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
         stretched_scale=old.stretched_scale * stretched,
-        rule=_finer(first.resolution.rule, growth, 6),
-        fine=_finer(first.resolution.fine, growth, 7),
+        rule=_finer(first.resolution.rule, growth, 4),
+        fine=_finer(first.resolution.fine, growth, 5),
     )
-    return Level(resolution, _challengers(neurons), detail=2, number=number)
+    return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
 
 
 def _challengers(neurons: int) -> int:

@@ -2,9 +2,8 @@
 
 The strain energy of a linear shell is quadratic in the output weights, so they follow from one symmetric positive
 definite system, as in Ritz's method; the hidden layer keeps the weights that the seed drew (random features, Rahimi &
-Recht 2007). Widths, scales and quadrature follow from the case: whether it is flat, and whether it
-carries forces at points. Where only loads act, the answer is the multiple of the found field that is best on the finer
-quadrature, so that what the training quadrature misjudges does not scale it.
+Recht 2007). Widths, scales and quadrature follow from the case. Linear shells at rest are solved in `static`, and
+refined as `refinement` says; paths and motions begin here.
 """
 
 from __future__ import annotations

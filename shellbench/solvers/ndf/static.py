@@ -142,13 +142,21 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         solved = _solve_level(case, spec, settings, level, begin)
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
+        alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
+        if (
+            reason is not None and alone is None
+        ):  # the challengers alone exploit the rule, and are no part of the answer
+            last, reason = solved.first, None
         if reason is not None and before is not None:
             break
-        steps += [a.step for a in (*solved.narrower, solved.first, *(() if fixed else (solved.challenged,)))]
+        steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
         challenge = solved.first.missed(solved.challenged)
         misses.append(challenge if before is None else _larger(challenge, before.missed(last)))
         answer = _stated(last, solved, tuple(steps), misses)
-        curable = refusal(replace(last.signs, gap=0.0), last.solution.spec, settings.largest_gap) is None
+        exploited = replace(
+            last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
+        )
+        curable = refusal(exploited, last.solution.spec, settings.largest_gap) is None
         if reason is not None and (fixed or not curable):
             break
         if fixed or (reason is None and answer.unsettled is None):
@@ -201,7 +209,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[
             **solution.diagnostics,
             "level": solved.level.number,
             "challenge_gain": misses[-1].energy,
-            "challengers": len(KINDS) * solved.level.challengers,
+            "challengers": len(solved.level.kinds) * solved.level.challengers,
         },
     )
 
@@ -221,7 +229,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         equations = Springs.from_spec(ansatz, chosen.rule, focal, weight).join(equations, ansatz, features)
 
     # Nested bases: parts of the usual features, all of them, and all there are.
-    hidden, former = network.width, features.fixed.former() | (level.number > 1)
+    hidden, former = network.width, np.logical_or(features.fixed.former(), level.number > 1)
     plain, powers = hidden + np.nonzero(former)[0], hidden + np.nonzero(~former)[0]
     widths = sorted({math.ceil(share * chosen.neurons) for share in (NESTED if level.number == 0 else NESTED[-1:])})
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
@@ -297,7 +305,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
     def reached() -> dict[str, float]:
         joined = [np.concatenate([np.arange(chosen.neurons), plain, powers, group]) for group in level.groups()]
         weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
-        return {k.name: potential_energy(equations, w) for k, w in zip(KINDS, weights, strict=True)}
+        return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
 
     return Solved(level, tuple(answers[:-2]), answers[-2], answers[-1], reached)
 
