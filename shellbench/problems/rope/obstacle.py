@@ -68,7 +68,7 @@ class Directed(Body):
     @property
     def unit(self) -> Array:
         """The normal (3,), of length one."""
-        return np.array(self.normal) / np.linalg.norm(self.normal)
+        return np.asarray(np.array(self.normal) / np.linalg.norm(self.normal))
 
 
 class HalfSpace(Directed):
