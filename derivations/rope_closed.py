@@ -253,14 +253,14 @@ def rope_ball_from_the_ball() -> dict[str, Estimate]:
 
 def rope_plate() -> dict[str, Estimate]:
     """Return that all masses rest on the face that they met."""
-    return {"share_beyond": zero("1"), "first_x": Estimate.exact(-0.008, "m")}
+    return {"share_beyond": zero(""), "first_x": Estimate.exact(-0.008, "m")}
 
 
 def rope_plate_by_time() -> dict[str, Estimate]:
     """Return the same by the time at which the first mass reaches the face."""
     arrives = (0.1 - 0.008 - 0.000005) / 3.0
     assert arrives < 0.1
-    return {"share_beyond": Estimate(0.0, 1e-9, "1"), "first_x": Estimate(-0.1 + 0.000005 + 3.0 * arrives, 1e-14, "m")}
+    return {"share_beyond": Estimate(0.0, 1e-9, ""), "first_x": Estimate(-0.1 + 0.000005 + 3.0 * arrives, 1e-14, "m")}
 
 
 # A mass on an incline of 30 degrees.

@@ -148,7 +148,7 @@ def rope_nine_links() -> dict[str, Estimate]:
         }
 
     energy = -G * LENGTH * math.cos(math.radians(30)) * LINKS * (LINKS + 1) / 2
-    return {**between(figures), "energy": Estimate.exact(energy, "J"), "stretch": Estimate(0.0, 0.0, "1")}
+    return {**between(figures), "energy": Estimate.exact(energy, "J"), "stretch": Estimate(0.0, 0.0, "")}
 
 
 def hamilton(
@@ -199,7 +199,7 @@ def rope_nine_links_by_hamilton() -> dict[str, Estimate]:
     found["tension_1"] = Estimate(tension.value, tension.uncertainty + 1e-7, "N")  # sixth differences, and rounding
     energy = found["energy"]
     found["energy"] = Estimate(energy.value, energy.uncertainty + 1e-11, "J")
-    return {**found, "stretch": Estimate(0.0, 1e-15, "1")}
+    return {**found, "stretch": Estimate(0.0, 1e-15, "")}
 
 
 # Four links of unequal lengths and masses, from 20 degrees, whose root is shaken.

@@ -13,19 +13,19 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
+from shellbench.solvers.pendulum.solver import PendulumSolver
 from shellbench.solvers.rope import contact, pulls, stepping
-from shellbench.solvers.rope.solver import ExactSolver
+from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver
 from shellbench.solvers.rope.stepping import Stepper
 
-RATE = 240.0  # steps a second: that of the tolerances
 
-
-def exceeded(name: str) -> set[str]:
+def exceeded(name: str, solver=None) -> set[str]:
     """Solve a case, and return the quantities whose error is larger than their frozen tolerance."""
+    solver = solver or ExactSolver()
     case, known = catalog.named_case(name), catalog.known_values(name)
-    allowed = catalog.tolerances()["rope-exact"][name]
+    allowed = catalog.tolerances()[solver.name][name]
     try:
-        solution = ExactSolver().solve(case, {"steps_per_second": RATE})
+        solution = solver.solve(case, None)
     except SolveFailure:
         return set(allowed)
     red = set()
@@ -134,12 +134,27 @@ FAULTS = (
     Fault("ways are looked at by their ends only", "rope_plate", lambda patch: patch.setattr(
         contact, "entered", lambda obstacle, start, way: np.where(obstacle.distance(start + way) < 0, 0.99, 1.0))),
 )  # fmt: skip
-BROKEN_CASES = sorted({fault.case for fault in FAULTS})
+CASES = sorted(catalog.tolerances()["rope-exact"])
 
 
-@pytest.mark.parametrize("case", BROKEN_CASES)
+def test_every_case_has_a_fault():
+    assert {fault.case for fault in FAULTS} == set(CASES)
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_without_a_fault_it_is_green(case):
     assert exceeded(case) == set()
+
+
+@pytest.mark.parametrize("case", sorted(catalog.tolerances()["pendulum-ode"]))
+def test_angles_are_green(case):
+    assert exceeded(case, PendulumSolver()) == set()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_print_exceeds_what_its_open_findings_say(case):
+    said = {name for name, allowed in catalog.tolerances()["rope-printed"][case].items() if allowed.open_finding}
+    assert exceeded(case, PrintedSolver()) == said
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.case}: {fault.name}")

@@ -72,7 +72,7 @@ class Stretch(Quantity):
     """The largest excess of a link's length over its longest, relative to it, at the end of any step so far."""
 
     kind: Literal["stretch"]
-    unit: str = "1"
+    unit: str = ""
 
     def measure(self, solution: Any) -> float:
         """Return the stretch, without unit."""
@@ -124,7 +124,7 @@ class Share(Quantity):
     kind: Literal["share"]
     axis: Axis = Field(description="which coordinate")
     beyond: Finite = Field(description="what it must exceed, m")
-    unit: str = "1"
+    unit: str = ""
 
     def measure(self, solution: Any) -> float:
         """Return the share, from 0 to 1."""
