@@ -108,6 +108,13 @@ def cloth(session: nox.Session) -> None:
     run_and_judge(session, "cloth", beside, quick=("--solver", "fem"))
 
 
+@nox.session
+def rope(session: nox.Session) -> None:
+    """Let chains and loose masses move, and judge; what steps, sweeps and pushes change stands beside. `-- --quick`."""
+    beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision")
+    run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"))
+
+
 def run_and_judge(
     session: nox.Session, suite: str, beside: tuple[str, ...] = (), quick: tuple[str, ...] = QUICK_SOLVERS
 ) -> None:

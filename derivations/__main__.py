@@ -40,6 +40,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .discrete_catenary import hanging_chain
+from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
@@ -63,6 +64,7 @@ CASES = {
     "cylinder_pull_out": cylinder_pull_out,
     "free_fall": free_fall,
     "hanging_chain": hanging_chain,
+    **ROPES,
     "napkin_plane": napkin_plane,
     "napkin_soft_pin": napkin_soft_pin,
     "napkin_corner": napkin_corner,

@@ -20,6 +20,8 @@ from shellbench.bench.listing import attributes
 from shellbench.model import Model
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from shellbench.problems.rope import case as rope
+from shellbench.problems.rope import obstacle
+from shellbench.problems.rope import quantities as asked
 from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case
 
@@ -312,21 +314,37 @@ def page() -> str:
 
 
 def chains() -> str:
-    """Return the reference of the second kind of problem, chains."""
-    file = (Path(__file__).parents[1] / "cases/hanging_chain.toml").read_text(encoding="utf-8")
-    own = {"theory", "chain", "quantities"}
+    """Return the reference of the second kind of problem, ropes."""
+    own = {"theory", "chain", "rope", "particles", "wind", "obstacles", "quantities"}
     parts = [
-        '## Chains\n\nA file with `kind = "rope"` is about a chain of point masses on rigid links. It has the title, the'
-        " description, the units and the suites of every case, and:",
+        '## Ropes\n\nA file with `kind = "rope"` is about point masses: on rigid links, at rest between two ends or in'
+        " motion from a root, or loose. It has the title, the description, the units and the suites of every case, exactly"
+        " one of `chain`, `rope` and `particles`, and:",
         table(rope.RopeCase, [name for name in rope.RopeCase.model_fields if name in own]),
-        f"`[chain]`: {summary(rope.Chain)}",
-        table(rope.Chain, list(rope.Chain.model_fields)),
-        "`[[quantities]]` have the fields that those of shells have in common, and are of one of two kinds.",
     ]
-    for cls, kind in ((rope.NodePosition, "position"), (rope.LinkTension, "tension")):
-        common = quantities.ShellQuantity.model_fields
-        parts += [f"`{kind}`: {summary(cls)}", table(cls, [n for n in cls.model_fields if n not in {"kind", *common}])]
-    return "\n\n".join([*parts, f"`cases/hanging_chain.toml`:\n\n```toml\n{file.strip()}\n```"])
+    for name, cls in (("chain", rope.Chain), ("rope", rope.Rope), ("particles", rope.Particles), ("wind", rope.Wind)):
+        parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
+    parts.append("`[[obstacles]]`: any number, each of one of four kinds. They can move, and do not turn.")
+    for cls in (obstacle.Sphere, obstacle.HalfSpace, obstacle.Plate, obstacle.Capsule):
+        kind = cls.model_json_schema()["properties"]["kind"]["const"]
+        parts += [f"`{kind}`: {summary(cls)}", table(cls, [name for name in cls.model_fields if name != "kind"])]
+    parts.append(
+        "`[[quantities]]` have the fields that those of shells have in common; a chain at rest has the first two."
+    )
+    common = {"kind", *quantities.ShellQuantity.model_fields}
+    for cls in (
+        asked.NodePosition, asked.LinkTension, asked.NodeSpeed, asked.AngularSpeed, asked.Stretch, asked.Penetration,
+        asked.Momentum, asked.Energy, asked.Share,
+    ):  # fmt: skip
+        field = cls.model_json_schema()["properties"]["kind"]
+        kinds = [field["const"]] if "const" in field else field["enum"]
+        parts.append(f"{', '.join(f'`{kind}`' for kind in kinds)}: {summary(cls)}")
+        if own_fields := [name for name in cls.model_fields if name not in common]:
+            parts.append(table(cls, own_fields))
+    for name in ("hanging_chain", "rope_drop"):
+        file = (Path(__file__).parents[1] / f"cases/{name}.toml").read_text(encoding="utf-8")
+        parts.append(f"`cases/{name}.toml`:\n\n```toml\n{file.strip()}\n```")
+    return "\n\n".join(parts)
 
 
 if __name__ == "__main__":

@@ -1,25 +1,36 @@
-"""Hanging chains: point masses on rigid links between two fixed ends, at rest under gravity.
+"""Ropes: point masses on rigid links, at rest between two ends or in motion from a root, and loose masses.
 
-Node 0 is at (0, 0) and node n at (span, -drop) of the plane (x, z), z upward; the links are rigid and hinged. Known
-values are those of the discrete catenary; see `derivations.discrete_catenary`.
+A file has one of three tables. `[chain]` hangs between two ends: node 0 is at (0, 0) and node n at (span, -drop) of the
+plane (x, z), z upward. `[rope]` moves from its root, node 0, whose place is a formula of the time; a link carries a
+pull where it is as long as it can be, and nothing where it is slack. `[particles]` are loose masses, which obstacles
+can meet. Impacts, of a link that becomes taut and of a mass on an obstacle, lose the normal velocity.
 """
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from shellbench.model import Finite, Model, Positive
-from shellbench.problem import Kind, Problem, Quantity
+from shellbench.model import Finite, Model, Positive, Vector
+from shellbench.problem import Kind, Problem
+from shellbench.problems.rope.motion import Path, moved
+from shellbench.problems.rope.obstacle import Obstacle, deepest
+from shellbench.problems.rope.quantities import STILL, RopeQuantity
+
+Array = NDArray[np.float64]
+LONGEST = 1000  # links
+SAMPLES = 1000  # times at which a root's motion is looked at
+SLOPPY = 1e-9  # relative: by how much rounding may stretch a link at the start
 
 
 class Chain(Model):
     """The chain and where it hangs, in SI units."""
 
-    links: int = Field(ge=2, le=1000, strict=True, description="number of links; one mass between each two")
+    links: int = Field(ge=2, le=LONGEST, strict=True, description="number of links; one mass between each two")
     link_length: Positive = Field(description="length of a link, m")
     mass: Positive = Field(description="mass of each node between the ends, kg")
     gravity: Positive = Field(9.81, description="acceleration, m/s^2")
@@ -34,62 +45,196 @@ class Chain(Model):
         return self
 
 
-class NodePosition(Quantity):
-    """The coordinate of a node, m."""
+class Wind(Model):
+    """A drag that pulls each mass toward the wind's velocity."""
 
-    kind: Literal["position"]
-    node: int = Field(ge=0, strict=True, description="from 0, the first end")
-    axis: Literal["x", "z"] = Field(description="which coordinate; z points upward")
-
-    def measure(self, solution: Any) -> float:
-        """Return the coordinate, m."""
-        return float(solution.nodes[self.node, "xz".index(self.axis)])
+    drag: Positive = Field(description="force over relative velocity, kg/s")
+    velocity: Vector = Field((0.0, 0.0, 0.0), description="of the air, m/s")
 
 
-class LinkTension(Quantity):
-    """The force that a link carries, N."""
+class Rope(Model):
+    """A chain of masses that moves from its root, in SI units."""
 
-    kind: Literal["tension"]
-    link: int = Field(ge=1, strict=True, description="from 1, the first one")
-    unit: str = "N"
+    link_lengths: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)] = Field(
+        description="longest length of each link from the root on, m; as many links as entries"
+    )
+    masses: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)] = Field(
+        description="mass at the far end of each link, kg"
+    )
+    gravity: Annotated[Finite, Field(ge=0)] = Field(9.81, description="acceleration, m/s^2, along -z")
+    root: Path = Field((0.0, 0.0, 0.0), description="where node 0 is, m: numbers, or formulas of the time t")
+    angle: Finite | None = Field(
+        None, description="start: of all links from straight down toward x, degrees; instead of `start`"
+    )
+    start: tuple[Vector, ...] = Field((), description="start: places of the nodes from 1 on, m")
+    velocities: tuple[Vector, ...] = Field(
+        (), description="start: velocities of the nodes from 1 on, m/s; left out: at rest"
+    )
 
-    def measure(self, solution: Any) -> float:
-        """Return the force, N."""
-        return float(solution.tensions[self.link - 1])
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        links = len(self.link_lengths)
+        if len(self.masses) != links:
+            raise ValueError(f"there are {len(self.masses)} masses, but {links} link_lengths")
+        if (self.angle is None) == (not self.start):
+            raise ValueError("exactly one of 'angle' and 'start' says where the nodes are")
+        for name in ("start", "velocities"):
+            if getattr(self, name) and len(getattr(self, name)) != links:
+                raise ValueError(
+                    f"'{name}' has {len(getattr(self, name))} entries, but there are {links} nodes to place"
+                )
+        nodes = np.concatenate([moved(self.root, 0.0)[0][None], self.places])
+        lengths = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
+        for number, (found, allowed) in enumerate(zip(lengths, self.link_lengths, strict=True), start=1):
+            if not 0 < found <= allowed * (1 + SLOPPY):
+                raise ValueError(
+                    f"link {number} is {found:g} m long at the start, but it must be above 0 and at most {allowed:g}"
+                )
+        return self
+
+    @property
+    def places(self) -> Array:
+        """Where the nodes from 1 on are at the start, (n, 3), m."""
+        if self.angle is None:
+            return np.array(self.start, dtype=float)
+        along = np.array([np.sin(np.radians(self.angle)), 0.0, -np.cos(np.radians(self.angle))])
+        return np.asarray(moved(self.root, 0.0)[0] + np.cumsum(self.link_lengths)[:, None] * along)
+
+
+class Particles(Model):
+    """Loose masses, in SI units; `count` of them can be set between two places."""
+
+    mass: Positive = Field(1.0, description="of each, kg")
+    gravity: Annotated[Finite, Field(ge=0)] = Field(0.0, description="acceleration, m/s^2, along -z")
+    start: Annotated[tuple[Vector, ...], Field(min_length=1)] = Field(
+        description="places, m; two ends if there is a count"
+    )
+    count: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
+        None, description="how many stand evenly from the first place of `start` to before the second"
+    )
+    velocity: Vector = Field((0.0, 0.0, 0.0), description="of all at the start, m/s")
+
+    @model_validator(mode="after")
+    def _counts_between_two(self) -> Self:
+        if self.count is not None and len(self.start) != 2:
+            raise ValueError(f"a count needs two places in 'start', but there are {len(self.start)}")
+        return self
+
+    @property
+    def places(self) -> Array:
+        """Where they are at the start, (n, 3), m: in the middles of equal parts if they are counted."""
+        if self.count is None:
+            return np.array(self.start, dtype=float)
+        first, last = np.array(self.start, dtype=float)
+        return np.asarray(first + ((np.arange(self.count) + 0.5) / self.count)[:, None] * (last - first))
 
 
 class RopeCase(Problem):
-    """A chain that hangs between two ends, and what is asked of it.
+    """Masses on links, or loose ones, and what is asked of them.
 
     Attributes
     ----------
     chain
-        The chain, and where it hangs.
+        A chain that hangs between two ends.
+    rope
+        A chain that moves from its root.
+    particles
+        Loose masses.
+    wind
+        What drags them.
+    obstacles
+        What they can't enter.
     quantities
         What is asked of every answer; exactly one is primary.
     """
 
     kind: Literal["rope"]
     theory: Literal["rigid-links"]
-    chain: Chain
-    quantities: Annotated[
-        tuple[Annotated[NodePosition | LinkTension, Field(discriminator="kind")], ...], Field(min_length=1)
-    ]
+    chain: Chain | None = None
+    rope: Rope | None = None
+    particles: Particles | None = None
+    wind: Wind | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    quantities: Annotated[tuple[RopeQuantity, ...], Field(min_length=1)]
+
+    @property
+    def moving(self) -> Rope | Particles | None:
+        """What moves; None of a chain at rest."""
+        return self.rope or self.particles
+
+    @property
+    def first(self) -> int:
+        """Number of the first node that moves freely."""
+        return 0 if self.particles else 1
+
+    @cached_property
+    def masses(self) -> Array:
+        """Masses of what moves freely, (n,), kg."""
+        if self.rope:
+            return np.array(self.rope.masses)
+        if self.particles:
+            return np.full(len(self.particles.places), self.particles.mass)
+        assert self.chain is not None
+        return np.full(self.chain.links - 1, self.chain.mass)
+
+    @property
+    def gravity(self) -> float:
+        """Acceleration along -z, m/s^2."""
+        weighs = self.chain or self.moving
+        assert weighs is not None
+        return weighs.gravity
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return self.chain.links if self.chain else len(self.rope.masses) if self.rope else 0
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on; tables that the file does not have are left out."""
+        tables = ("chain", "rope", "particles", "wind", "obstacles")
+        return {key: value for key, value in super().physics().items() if value or key not in tables}
 
     @model_validator(mode="after")
     def _parts_are_there(self) -> Self:
+        if sum(table is not None for table in (self.chain, self.rope, self.particles)) != 1:
+            raise ValueError("exactly one of the tables 'chain', 'rope' and 'particles' must be there")
+        if self.chain and (self.wind or self.obstacles):
+            raise ValueError("a chain between two ends has no wind and no obstacles; 'rope' has")
+        last = self.links if self.links else len(self.masses) - 1
         for quantity in self.quantities:
-            number = quantity.node if isinstance(quantity, NodePosition) else quantity.link
-            if number > self.chain.links:
-                raise ValueError(
-                    f"quantity '{quantity.name}' is of number {number}, but {self.chain.links} is the last"
-                )
+            if self.chain and not isinstance(quantity, STILL):
+                raise ValueError(f"quantity '{quantity.name}' is of a motion, but this chain is at rest")
+            if self.moving and quantity.at < 0:
+                raise ValueError(f"quantity '{quantity.name}' is asked at {quantity.at:g} s, before the start")
+            if hasattr(quantity, "link") and not self.links:
+                raise ValueError(f"quantity '{quantity.name}' is of a link, but loose masses have none")
+            number = getattr(quantity, "node", getattr(quantity, "link", 0))
+            if number > last:
+                raise ValueError(f"quantity '{quantity.name}' is of number {number}, but {last} is the last")
+        self._check_obstacles()
         return self
+
+    def _check_obstacles(self) -> None:
+        """Refuse a root that jumps, and what starts or is led inside an obstacle."""
+        if self.moving is None:
+            return
+        if deep := deepest(self.obstacles, self.moving.places, 0.0):
+            raise ValueError(f"a mass is {deep:g} m deep in an obstacle at the start")
+        if self.rope is None or (not any(isinstance(f, str) for f in self.rope.root) and not self.obstacles):
+            return
+        times = np.linspace(0.0, self.states[-1], SAMPLES + 1)
+        places = np.array([moved(self.rope.root, time)[0] for time in times])
+        steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+        if steps.max() > sum(self.rope.link_lengths):
+            raise ValueError(f"the root jumps by {steps.max():g} m near t = {times[steps.argmax()]:g}")
+        for time, place in zip(times, places, strict=True):
+            if deepest(self.obstacles, place[None], float(time)):
+                raise ValueError(f"an obstacle is around the root at t = {time:g}")
 
 
 def keep(solution: Any, case: RopeCase) -> dict[str, NDArray[np.float64]] | None:
-    """Return the nodes (n + 1, 2), m, and the tensions (n,), N; None if they are not finite."""
-    arrays = {"nodes": np.asarray(solution.nodes), "tensions": np.asarray(solution.tensions)}
+    """Return the arrays of the solution by name; None if they are not finite."""
+    arrays = solution.stacked()
     return arrays if all(np.all(np.isfinite(array)) for array in arrays.values()) else None
 
 

@@ -23,7 +23,8 @@ from pydantic import Field
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
-from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.rope.case import Chain, RopeCase
+from shellbench.problems.rope.solution import RopeState
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,15 @@ class ChainSolution:
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     extrapolated: Mapping[str, float] = field(default_factory=dict)
 
+    def state(self, at: float) -> RopeState:
+        """Return the state at rest, in space."""
+        nodes = np.insert(self.nodes, 1, 0.0, axis=1)
+        return RopeState(nodes, np.zeros_like(nodes), self.tensions)
+
+    def stacked(self) -> dict[str, Array]:
+        """Return what is kept, by name."""
+        return {"nodes": self.nodes, "tensions": self.tensions}
+
     @property
     def parameters(self) -> int:
         """Number of unknowns."""
@@ -63,7 +73,7 @@ class ChainSolution:
     def diagnostics(self) -> Mapping[str, Any]:
         """The largest stretch of a link, relative to its length."""
         lengths = np.linalg.norm(np.diff(self.nodes, axis=0), axis=1)
-        return {"stretch": float(np.abs(lengths / self.case.chain.link_length - 1).max())}
+        return {"stretch": float(np.abs(lengths / hanging(self.case).link_length - 1).max())}
 
     def save(self, path: Path) -> Path:
         """Write the solution as npz."""
@@ -72,9 +82,15 @@ class ChainSolution:
         return file
 
 
+def hanging(case: RopeCase) -> Chain:
+    """Return the chain of a case that has one."""
+    assert case.chain is not None
+    return case.chain
+
+
 def residual(case: RopeCase, nodes: Array, densities: Array) -> tuple[Array, Array]:
     """Return forces (n - 1, 2) over the weight, and excess of squared lengths (n,) over l^2."""
-    chain = case.chain
+    chain = hanging(case)
     links = np.diff(nodes, axis=0)
     forces = np.diff(densities[:, None] * links, axis=0) - [0.0, chain.mass * chain.gravity]
     weight = chain.mass * chain.gravity * (chain.links - 1)
@@ -83,7 +99,8 @@ def residual(case: RopeCase, nodes: Array, densities: Array) -> tuple[Array, Arr
 
 def jacobian(case: RopeCase, nodes: Array, densities: Array) -> Array:
     """Return the derivative of `residual` by inner nodes and force densities, dense."""
-    chain, n = case.chain, case.chain.links
+    chain = hanging(case)
+    n = chain.links
     links = np.diff(nodes, axis=0)
     weight = chain.mass * chain.gravity * (n - 1)
     difference = np.diff(np.eye(n + 1), axis=0)[:, 1:-1]  # links by inner nodes
@@ -95,7 +112,7 @@ def jacobian(case: RopeCase, nodes: Array, densities: Array) -> Array:
 
 def arc(case: RopeCase) -> tuple[Array, Array]:
     """Return nodes on a circular arc as long as the chain, and the force densities that balance them best."""
-    chain = case.chain
+    chain = hanging(case)
     chord = np.array([chain.span, -chain.drop])
     distance = float(np.hypot(*chord))
     ratio = distance / (chain.links * chain.link_length)
@@ -122,8 +139,8 @@ class ChainSolver:
     settings_type: ClassVar[type[Settings]] = ChainSettings
 
     def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem: it is no chain."""
-        return None if isinstance(case, RopeCase) else "it solves chains only"
+        """Return why it can't take a problem: it is no chain, or one that moves."""
+        return None if isinstance(case, RopeCase) and case.chain else "it solves chains between two ends only"
 
     def solve(
         self,
@@ -143,8 +160,10 @@ class ChainSolver:
         """
         if start is not None:
             raise InputError(f"{self.name} starts from no earlier solution")
+        if reason := self.declines(case):
+            raise InputError(f"{case.name}: {reason}")
         chosen = settings if isinstance(settings, ChainSettings) else ChainSettings.model_validate(settings or {})
-        chain, began = case.chain, time.perf_counter()
+        chain, began = hanging(case), time.perf_counter()
         nodes, densities = arc(case)
         history: list[Step] = []
         for number in range(STEPS):

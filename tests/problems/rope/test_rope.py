@@ -118,11 +118,11 @@ def test_a_chain_goes_from_its_file_to_the_gate_and_the_page(tmp_path, capsys, m
         return 0, capsys.readouterr()
 
     assert command("run", "hanging_chain")[0] == 0
-    code, said = command("gate", "--suite", "ropes")
+    code, said = command("gate", "--suite", "rope", "--solver", "chain")
     assert (code, "accuracy: 4 ok" in said.out) == (0, True)
     code, said = command("table", "hanging_chain")
     assert (code, "chain" in said.out, "-0.297132" in said.out) == (0, True, True)
     assert command("report", "hanging_chain", "--out", str(tmp_path / "page"))[0] == 0
-    assert "Hanging chain" in (tmp_path / "page" / "ropes.html").read_text()
+    assert "Hanging chain" in (tmp_path / "page" / "rope.html").read_text()
     code, said = command("export", "hanging_chain", "--solver", "chain", "--out", str(tmp_path / "chain.obj"))
     assert (code, "no surfaces to export" in said.err) == (2, True)

@@ -1,0 +1,37 @@
+"""Which function judges which case of ropes, and its second form."""
+
+from . import rope_closed as closed
+from . import rope_motion as motion
+
+JUDGES = {
+    "rope_static": closed.rope_static,
+    "rope_falling_root": closed.rope_falling_root,
+    "rope_circle": closed.rope_circle,
+    "rope_pendulum": motion.rope_pendulum,
+    "rope_nine_links": motion.rope_nine_links,
+    "rope_unequal_links": motion.rope_unequal_links,
+    "rope_jerk": closed.rope_jerk,
+    "rope_drop": closed.rope_drop,
+    "rope_catch": motion.rope_catch,
+    "rope_wind": closed.rope_wind,
+    "rope_ball": closed.rope_ball,
+    "rope_plate": closed.rope_plate,
+    "rope_incline_slides": closed.rope_incline_slides,
+    "rope_incline_sticks": closed.rope_incline_sticks,
+}
+SECOND_FORMS = {
+    "rope_static": closed.rope_static_by_multipliers,
+    "rope_falling_root": closed.rope_falling_root_by_multipliers,
+    "rope_circle": closed.rope_circle_by_newton,
+    "rope_pendulum": motion.rope_pendulum_by_elliptic_functions,
+    "rope_nine_links": motion.rope_nine_links_by_hamilton,
+    "rope_unequal_links": motion.rope_unequal_links_by_hamilton,
+    "rope_jerk": closed.rope_jerk_by_least_squares,
+    "rope_drop": closed.rope_drop_by_time,
+    "rope_catch": motion.rope_catch_by_elliptic_functions,
+    "rope_wind": closed.rope_wind_by_moments,
+    "rope_ball": closed.rope_ball_from_the_ball,
+    "rope_plate": closed.rope_plate_by_time,
+    "rope_incline_slides": closed.rope_incline_slides_by_energy,
+    "rope_incline_sticks": closed.rope_incline_sticks_by_cone,
+}

@@ -1,0 +1,140 @@
+"""Collisions, section 6 of the paper: masses that a step has put inside an obstacle are pushed out of it.
+
+Three pushes. "gradient" goes the depth along the gradient of phi. "reverse" goes it back along the way of the step, as
+the paper proposes. Both may be repeated, and neither sees a mass that has passed an obstacle within one step. "history"
+is ours: it finds where the way enters the obstacle, by steps of the length phi, which can't miss it. The rest of the
+step goes on with the velocity after the impact, and what that leaves inside goes out along the gradient.
+
+All is seen from the obstacle, which moves without turning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.solvers.rope.placing import unit
+from shellbench.solvers.rope.pulls import dot
+
+Array = NDArray[np.float64]
+Push = Literal["gradient", "reverse", "history"]
+Normal = Literal["gradient", "reverse"]
+
+CLOSE = 1e-12  # relative to the way: a mass so near has arrived
+MARCHES = 200  # steps along a way toward an obstacle
+LEAVING = 1e-6  # of the way, after which a mass that left the surface may meet it again
+LAST_PUSHES = 3  # along the gradient, after which nothing of a smooth obstacle is left to leave
+
+
+@dataclass(frozen=True)
+class Met:
+    """Masses (C, 3) after a collision, their velocities, and which of them touch the obstacle."""
+
+    places: Array
+    velocities: Array
+    touching: NDArray[np.bool_]
+
+
+def rebound(velocities: Array, body: Array, normals: Array, friction: float) -> Array:
+    """Return velocities after an impact, eqs. (14) to (16), with the N-hat that (15) lacks in print.
+
+    Parameters
+    ----------
+    velocities, normals
+        (C, 3), m/s, and of length one.
+    body
+        Velocity of the obstacle, (3,), m/s.
+    """
+    along = dot(velocities, normals)
+    allowed = np.maximum(along, normals @ body)
+    dragged = body - dot(np.broadcast_to(body, normals.shape), normals)[:, None] * normals
+    sliding = velocities - along[:, None] * normals - dragged
+    speed = np.linalg.norm(sliding, axis=-1)
+    with np.errstate(all="ignore"):
+        kept = np.where(speed > 0, np.maximum(0.0, 1.0 - friction * (allowed - along) / speed), 0.0)
+    return np.asarray(allowed[:, None] * normals + dragged + kept[:, None] * sliding)
+
+
+def pushed(obstacle: Any, offsets: Array, back: Array, push: Push, pushes: int) -> Array:
+    """Return places relative to the obstacle after pushes by the depth; `back` (C, 3) leads to the way's start."""
+    room = np.linalg.norm(back, axis=-1)
+    direction = unit(back)
+    for _ in range(pushes):
+        depth = np.maximum(0.0, -obstacle.distance(offsets))
+        if push == "reverse":
+            depth = np.minimum(depth, room)  # else a long push would leave the way's start behind
+            room = room - depth
+            offsets = offsets + depth[:, None] * direction
+        else:
+            offsets = offsets + depth[:, None] * obstacle.gradient(offsets)
+    return offsets
+
+
+def entered(obstacle: Any, start: Array, way: Array) -> Array:
+    """Return the part of each way (C, 3) after which it meets the obstacle, (C,); one if it does not."""
+    length = np.linalg.norm(way, axis=-1)
+    moves, near = length > 0, CLOSE * length
+    touching = obstacle.distance(start) <= near
+    met = touching & moves & (dot(way, obstacle.gradient(start)) < 0)
+    running = moves & ~met
+    part = np.where(touching & ~met, LEAVING, 0.0)
+    for _ in range(MARCHES):
+        distance = obstacle.distance(start + part[:, None] * way)
+        met |= running & (distance <= near)
+        running &= ~met
+        if not running.any():
+            break
+        part[running] += distance[running] / length[running]
+        running &= part < 1.0
+    return np.where(met | running, part, 1.0)  # what still runs has come close at a grazing angle
+
+
+def collided(
+    obstacle: Any,
+    earlier: Array,
+    places: Array,
+    velocities: Array,
+    times: tuple[float, float],
+    push: Push,
+    pushes: int,
+    normal: Normal,
+) -> Met:
+    """Return masses after their collisions with one obstacle.
+
+    Parameters
+    ----------
+    earlier, places, velocities
+        (C, 3): before the step, after it, and the velocity of the step.
+    times
+        Start and end of the step, s.
+    """
+    (centre, _), (now, body) = obstacle.at(times[0]), obstacle.at(times[1])
+    start, end = earlier - centre, places - now
+    if push == "history":
+        return _followed(obstacle, start, end, now, body, velocities, times[1] - times[0])
+    inside = obstacle.distance(end) < 0
+    if not inside.any():
+        return Met(places, velocities, inside)
+    offsets = pushed(obstacle, end, start - end, push, pushes)
+    normals = obstacle.gradient(offsets) if normal == "gradient" else unit(start - end)
+    after = rebound(velocities, body, normals, obstacle.friction)
+    chosen = inside[:, None]
+    return Met(np.where(chosen, now + offsets, places), np.where(chosen, after, velocities), inside)
+
+
+def _followed(obstacle: Any, start: Array, end: Array, now: Array, body: Array, velocities: Array, step: float) -> Met:
+    """Follow the way to the obstacle, and on with the velocity after the impact."""
+    way = end - start
+    part = entered(obstacle, start, way)
+    inside = (part < 1.0) | (obstacle.distance(end) < 0)
+    part = np.where(part < 1.0, part, 0.0)
+    met = start + part[:, None] * way
+    normals = obstacle.gradient(met)
+    after = rebound(velocities, body, normals, obstacle.friction)
+    offsets = met + ((1.0 - part) * step)[:, None] * (after - body)
+    offsets = pushed(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
+    chosen = inside[:, None]
+    return Met(np.where(chosen, now + offsets, now + end), np.where(chosen, after, velocities), inside)

@@ -1,0 +1,236 @@
+"""One step in time of the paper's scheme (section 3), for many chains at once.
+
+    1  half a velocity update by all forces, then impulses
+    2  position update
+    3  collisions and lengths
+    4  the other half of the velocity update at the new places, then impulses
+
+`Scheme` says what is printed and what is corrected. Of many chains each array has nodes first: (m, C, 3) without the
+roots, which are (C, 3). Loose masses are chains of one link without end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.solvers.rope import pulls
+from shellbench.solvers.rope.contact import Normal, Push, collided, rebound
+from shellbench.solvers.rope.placing import Placing, placed, unit
+from shellbench.solvers.rope.pulls import dot
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
+Solve = Literal["direct", "sweeps"]
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """How a step is made.
+
+    Attributes
+    ----------
+    printed
+        Whether tensions are those of the printed equations (4), which hold for equal masses only.
+    sweeps, tolerance
+        Of `solve = "sweeps"`: so many sweeps, or until pulls change by less, relative to the largest.
+    taut
+        A link is taut if it is shorter than its longest by no more than this times g dt^2.
+    again
+        Whether impulses are also applied after the position update.
+    resting
+        Whether masses that touch an obstacle rebound at the end of the step too.
+    """
+
+    printed: bool
+    solve: Solve
+    sweeps: int | None
+    tolerance: float
+    taut: float
+    placing: Placing
+    push: Push
+    pushes: int
+    normal: Normal
+    again: bool
+    resting: bool
+
+
+@dataclass(frozen=True)
+class Chains:
+    """What does not change: lengths and masses (m, C), gravity, m/s^2, drag, kg/s, wind (3,), m/s, and obstacles.
+
+    `root` gives position, velocity and acceleration of the roots, (C, 3) or (3,), at a time.
+    """
+
+    lengths: Array
+    masses: Array
+    gravity: float
+    root: Callable[[float], tuple[Array, Array, Array]]
+    drag: float = 0.0
+    wind: Array | None = None
+    obstacles: tuple[Any, ...] = ()
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Where all nodes are, (m, C, 3), m, how fast, m/s, and the time, s."""
+
+    time: float
+    places: Array
+    velocities: Array
+
+
+@dataclass(frozen=True)
+class Stepper:
+    """Steps of one length, s, of some chains by a scheme."""
+
+    chains: Chains
+    scheme: Scheme
+    step: float
+
+    def links(self, places: Array, root: Array) -> tuple[Array, Array, Mask]:
+        """Return directions (m, C, 3) and lengths (m, C), m, of all links, and which are taut."""
+        along = places.copy()
+        along[1:] -= places[:-1]
+        along[0] -= root
+        lengths = np.sqrt(dot(along, along))
+        room = self.scheme.taut * self.chains.gravity * self.step**2 + ROUNDING * self.chains.lengths
+        taut = lengths >= self.chains.lengths - np.where(np.isfinite(room), room, 0.0)
+        return along / np.maximum(lengths, 1e-300)[..., None], lengths, taut
+
+    def pull(self, rows: pulls.Rows, *, from_tip: bool) -> Array:
+        """Return the pulls of links, (m, C)."""
+        if not rows.taut.any():
+            return np.zeros_like(rows.right)
+        if self.scheme.solve == "direct":
+            return pulls.direct(rows)
+        return pulls.swept(rows, self.scheme.sweeps, self.scheme.tolerance, from_tip=from_tip)
+
+    def external(self, velocities: Array) -> Array:
+        """Return the accelerations by gravity and wind, (m, C, 3), m/s^2."""
+        given = np.zeros_like(velocities)
+        given[..., 2] = -self.chains.gravity
+        if self.chains.drag:
+            assert self.chains.wind is not None
+            given += self.chains.drag / self.chains.masses[..., None] * (self.chains.wind - velocities)
+        return given
+
+    def tensions(
+        self, places: Array, velocities: Array, external: Array, root: tuple[Array, Array, Array]
+    ) -> tuple[Array, Array]:
+        """Return tensions (m, C), N, and the directions of links (m, C, 3).
+
+        Relative accelerations along taut links balance the centripetal ones: eqs. (1) and (3).
+        """
+        directions, lengths, taut = self.links(places, root[0])
+        apart, given = relative(velocities, root[1]), relative(external, root[2])
+        across = dot(apart, apart) - dot(apart, directions) ** 2
+        with np.errstate(all="ignore"):
+            centripetal = np.where(lengths > 0, across / lengths, 0.0)
+        if not self.scheme.printed:
+            right = dot(given, directions) + centripetal
+            return self.pull(pulls.mass_rows(directions, self.chains.masses, right, taut), from_tip=True), directions
+        near, far = pulls.inverse_masses(self.chains.masses)
+        force = centripetal / (near + far)
+        weighed = self.chains.masses[..., None] * external
+        weighed[1:] -= weighed[:-1].copy()
+        right = dot(weighed, directions) + 2.0 * force
+        right[0] += -force[0] - self.chains.masses[0] * dot(root[2] + 0.0 * external[0], directions[0])
+        return self.pull(pulls.printed_rows(directions, right, taut), from_tip=True), directions
+
+    def accelerated(self, places: Array, velocities: Array, root: tuple[Array, Array, Array]) -> Array:
+        """Return velocities after half a step of all forces (eq. (2))."""
+        external = self.external(velocities)
+        strengths, directions = self.tensions(places, velocities, external, root)
+        return velocities + 0.5 * self.step * (external + self.spread(strengths, directions))
+
+    def spread(self, strengths: Array, directions: Array) -> Array:
+        """Return what pulls do to nodes over their masses, (m, C, 3): eqs. (2) and (6)."""
+        pulled = strengths[..., None] * directions
+        net = -pulled
+        net[:-1] += pulled[1:]
+        return np.asarray(net / self.chains.masses[..., None])
+
+    def impelled(self, places: Array, velocities: Array, root: Array, root_velocity: Array) -> Array:
+        """Return velocities by which no taut link grows (eqs. (6) to (9))."""
+        directions, _, taut = self.links(places, root)
+        right = dot(relative(velocities, root_velocity), directions)
+        rows = pulls.mass_rows(directions, self.chains.masses, right, taut)
+        return velocities + self.spread(self.pull(rows, from_tip=False), directions)
+
+    def start(self, moving: Moving) -> Moving:
+        """Return the start with velocities that its links allow."""
+        root = self.chains.root(moving.time)
+        return replace(moving, velocities=self.impelled(moving.places, moving.velocities, root[0], root[1]))
+
+    def state_tensions(self, moving: Moving) -> Array:
+        """Return the tensions (m, C), N, of an instant."""
+        root = self.chains.root(moving.time)
+        return self.tensions(moving.places, moving.velocities, self.external(moving.velocities), root)[0]
+
+    def after(self, moving: Moving) -> Moving:
+        """Return what comes one step later."""
+        root, later = self.chains.root(moving.time), self.chains.root(moving.time + self.step)
+        halfway = np.asarray(root[1] + 0.5 * self.step * root[2])
+        velocities = self.accelerated(moving.places, moving.velocities, root)
+        velocities = self.impelled(moving.places, velocities, root[0], halfway)
+        places = np.empty_like(moving.places)
+        before = later[0] + np.zeros_like(places[0])
+        for i in range(len(places)):
+            before = places[i] = placed(
+                moving.places[i], velocities[i], before, self.chains.lengths[i], self.step, self.scheme.placing
+            )
+        if self.scheme.again:
+            velocities = self.impelled(places, velocities, later[0], halfway)
+        touched: list[tuple[Any, Mask]] = []
+        if self.chains.obstacles:
+            places, velocities, touched = self.met(moving, places, velocities, later[0])
+        velocities = self.accelerated(places, velocities, (later[0], halfway, later[2]))
+        velocities = self.impelled(places, velocities, later[0], later[1])
+        if self.scheme.resting:
+            for obstacle, touching in touched:
+                centre, body = obstacle.at(moving.time + self.step)
+                normals = obstacle.gradient(places - centre)
+                bounced = rebound(velocities.reshape(-1, 3), body, normals.reshape(-1, 3), obstacle.friction).reshape(
+                    velocities.shape
+                )
+                velocities = np.where(touching[..., None], bounced, velocities)
+        return Moving(moving.time + self.step, places, velocities)
+
+    def met(
+        self, moving: Moving, places: Array, velocities: Array, root: Array
+    ) -> tuple[Array, Array, list[tuple[Any, Mask]]]:
+        """Return places and velocities after collisions, root to tip, each after its link's length (section 6)."""
+        places, velocities = places.copy(), velocities.copy()
+        touched = [(obstacle, np.zeros(places.shape[:2], dtype=bool)) for obstacle in self.chains.obstacles]
+        before = root + np.zeros_like(places[0])
+        times = moving.time, moving.time + self.step
+        scheme = self.scheme
+        for i in range(len(places)):
+            along = places[i] - before
+            long = np.sqrt(dot(along, along)) > self.chains.lengths[i]
+            if long.any():
+                with np.errstate(all="ignore"):
+                    short = before + self.chains.lengths[i][:, None] * unit(along)
+                places[i] = np.where(long[:, None], short, places[i])
+            for obstacle, touching in touched:
+                earlier = moving.places[i]
+                met = collided(
+                    obstacle, earlier, places[i], velocities[i], times, scheme.push, scheme.pushes, scheme.normal
+                )
+                places[i], velocities[i], touching[i] = met.places, met.velocities, met.touching
+            before = places[i]
+        return places, velocities, touched
+
+
+def relative(vectors: Array, root: Array) -> Array:
+    """Return each node's vector (m, C, 3) less that of the node before it."""
+    apart = vectors.copy()
+    apart[1:] -= vectors[:-1]
+    apart[0] -= root
+    return apart

@@ -1,0 +1,164 @@
+"""The gate of ropes is tested: mistakes that solvers really make are injected, and each must turn a figure red.
+
+A fault is put into the mechanics of `rope-exact`, a case is solved, and its values are judged as the gate does: by the
+known value and the frozen tolerance. The same path without a fault is green.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.errors import SolveFailure
+from shellbench.solvers.pendulum.solver import PendulumSolver
+from shellbench.solvers.rope import contact, pulls, stepping
+from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver
+from shellbench.solvers.rope.stepping import Stepper
+
+
+def exceeded(name: str, solver=None) -> set[str]:
+    """Solve a case, and return the quantities whose error is larger than their frozen tolerance."""
+    solver = solver or ExactSolver()
+    case, known = catalog.named_case(name), catalog.known_values(name)
+    allowed = catalog.tolerances()[solver.name][name]
+    try:
+        solution = solver.solve(case, None)
+    except SolveFailure:
+        return set(allowed)
+    red = set()
+    for quantity, tolerance in allowed.items():
+        judge = known.judge(quantity, case.theory).value
+        error = abs(case.quantity(quantity).measure(solution) - judge)
+        limit = tolerance.absolute if tolerance.is_absolute else tolerance.relative * abs(judge)
+        if not error <= limit:
+            red.add(quantity)
+    return red
+
+
+class Fault(NamedTuple):
+    """What is broken, and where it must show."""
+
+    name: str
+    case: str
+    inject: Callable[[pytest.MonkeyPatch], None]
+
+
+def wrapped(owner, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that changes its result."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(owner, name)
+        patch.setattr(owner, name, lambda *args, **more: change(original(*args, **more)))
+
+    return inject
+
+
+def given(owner, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that gets other arguments."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(owner, name)
+        patch.setattr(owner, name, lambda *args, **more: original(*change(*args), **more))
+
+    return inject
+
+
+def no_root_acceleration(stepper, places, velocities, external, root):
+    return stepper, places, velocities, external, (root[0], root[1], np.zeros(3))
+
+
+def no_centripetal(stepper, places, velocities, external, root):
+    return stepper, places, np.zeros_like(velocities), external, (root[0], np.zeros(3), root[2])
+
+
+def no_push_of_the_root(stepper, places, velocities, external, root):
+    return stepper, places, velocities, external, (root[0], np.zeros(3), root[2])
+
+
+def printed_tensions(patch):
+    original = Stepper.tensions
+
+    def tensions(stepper, *rest):
+        return original(replace(stepper, scheme=replace(stepper.scheme, printed=True)), *rest)
+
+    patch.setattr(Stepper, "tensions", tensions)
+
+
+def strict(patch):
+    original = Stepper.links
+
+    def links(stepper, *rest):
+        return original(replace(stepper, scheme=replace(stepper.scheme, taut=0.0)), *rest)
+
+    patch.setattr(Stepper, "links", links)
+
+
+def pulls_may_push(patch):
+    patch.setattr(pulls, "direct", lambda rows: pulls.eliminated(rows, rows.taut))
+
+
+def friction_times(factor):
+    return given(contact, "rebound", lambda v, body, normals, friction: (v, body, normals, factor * friction))
+
+
+FAULTS = (
+    Fault("tensions push", "rope_static", wrapped(stepping.pulls, "direct", lambda found: -found)),
+    Fault("tensions are twice as large", "rope_wind", wrapped(stepping.pulls, "direct", lambda found: 2 * found)),
+    Fault("pulls may push", "rope_jerk", pulls_may_push),
+    Fault("tensions as printed", "rope_falling_root", printed_tensions),
+    Fault("tensions as printed, in motion", "rope_unequal_links", printed_tensions),
+    Fault("masses upside down", "rope_jerk", given(pulls, "mass_rows", lambda d, m, *rest: (d, m[::-1], *rest))),
+    Fault("all masses are 1 kg", "rope_unequal_links", given(pulls, "mass_rows", lambda d, m, *rest: (d, m * 0 + 1, *rest))),
+    Fault("no centripetal term", "rope_circle", given(Stepper, "tensions", no_centripetal)),
+    Fault("no centripetal term, nine links", "rope_nine_links", given(Stepper, "tensions", no_centripetal)),
+    Fault("the root's acceleration is left out", "rope_falling_root", given(Stepper, "tensions", no_root_acceleration)),
+    Fault("the root's velocity is left out", "rope_unequal_links", given(Stepper, "tensions", no_push_of_the_root)),
+    Fault("taut without a tolerance", "rope_pendulum", strict),
+    Fault("no impulses", "rope_jerk", lambda patch: patch.setattr(Stepper, "impelled", lambda self, x, v, *_: v)),
+    Fault("no impulses at the catch", "rope_catch", lambda patch: patch.setattr(Stepper, "impelled", lambda self, x, v, *_: v)),
+    Fault("directions of neighbours do not couple", "rope_nine_links", wrapped(pulls, "cosines", lambda c: (0 * c[0], 0 * c[1]))),
+    Fault("gravity is half", "rope_drop", wrapped(Stepper, "external", lambda given: 0.5 * given)),
+    Fault("places are a micrometre off", "rope_drop", wrapped(stepping, "placed", lambda x: x + 1e-6)),
+    Fault("nodes are not turned", "rope_nine_links", lambda patch: patch.setattr(
+        stepping, "placed", lambda x, v, before, lengths, step, how: x + step * v)),
+    Fault("the wind drags the other way", "rope_wind", wrapped(Stepper, "external", lambda a: a * [-1.0, 1.0, 1.0])),
+    Fault("friction is cut by half", "rope_incline_slides", friction_times(0.5)),
+    Fault("friction is left out", "rope_incline_sticks", friction_times(0.0)),
+    Fault("the push is along the wrong normal", "rope_ball", given(
+        contact, "rebound", lambda v, body, normals, friction: (v, body, normals[:, [1, 0, 2]], friction))),
+    Fault("the ball's velocity is left out", "rope_ball", given(
+        contact, "rebound", lambda v, body, normals, friction: (v, 0 * body, normals, friction))),
+    Fault("ways are looked at by their ends only", "rope_plate", lambda patch: patch.setattr(
+        contact, "entered", lambda obstacle, start, way: np.where(obstacle.distance(start + way) < 0, 0.99, 1.0))),
+)  # fmt: skip
+CASES = sorted(catalog.tolerances()["rope-exact"])
+
+
+def test_every_case_has_a_fault():
+    assert {fault.case for fault in FAULTS} == set(CASES)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_without_a_fault_it_is_green(case):
+    assert exceeded(case) == set()
+
+
+@pytest.mark.parametrize("case", sorted(catalog.tolerances()["pendulum-ode"]))
+def test_angles_are_green(case):
+    assert exceeded(case, PendulumSolver()) == set()
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_print_exceeds_what_its_open_findings_say(case):
+    said = {name for name, allowed in catalog.tolerances()["rope-printed"][case].items() if allowed.open_finding}
+    assert exceeded(case, PrintedSolver()) == said
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.case}: {fault.name}")
+def test_a_fault_is_red(fault, monkeypatch):
+    fault.inject(monkeypatch)
+    with np.errstate(all="ignore"):
+        assert exceeded(fault.case)
