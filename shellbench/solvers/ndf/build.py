@@ -17,7 +17,7 @@ from pydantic import Field as PydanticField
 
 from shellbench.model import Model, Positive
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, StrainName, Supports
+from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, Slopes, StrainName, Supports
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
@@ -49,6 +49,8 @@ class FieldSpec(Model):
         What the output layer gives: Cartesian components, or covariant ones.
     supports
         Whether boundary factors or springs hold the supports.
+    slopes
+        How the slope of components is held that are free at its edge.
     stretched
         Whether stretched coordinates are added about points that carry a force.
     layer
@@ -70,6 +72,7 @@ class FieldSpec(Model):
     periodic_input: SavedPeriodicInput = "both"
     components: Components = "cartesian"
     supports: Supports = "hard"
+    slopes: Slopes = "even"
     stretched: bool = True
     layer: Positive = LAYER
     edge_stretched: bool = False
@@ -84,7 +87,7 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     around = foci(case, spec.layer)
     asked = spec.edge_stretched and (spec.detail > 0 or not around)
     edges = edge_layers(case, flat=spec.detail > 0) if asked else None
-    return Inputs.from_case(case, spec.periodic_input, around if spec.stretched else (), edges)
+    return Inputs.from_case(case, spec.periodic_input, around if spec.stretched else (), edges, spec.slopes)
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
@@ -93,7 +96,7 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
     # Other components, and supports that are springs, would need other powers.
     exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
-    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored, corners)
+    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored, corners, spec.slopes)
     return Features(inputs, network, fixed, placement)
 
 
@@ -101,11 +104,11 @@ def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the way the case's supports are built in."""
     if spec.supports == "soft":
         return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
-    factors = BoundaryFactors(case, spec.components == "covariant")
+    factors = BoundaryFactors(case, spec.components == "covariant", spec.slopes)
     if turns(case):
         turning = Turning(case, spec.t)
         return Ansatz(case, TurnedFactors(factors, turning), turning, spec.t)
-    return Ansatz(case, factors, Lift(case, spec.t), spec.t)
+    return Ansatz(case, factors, Lift(case, spec.t), spec.t, slopes=spec.slopes)
 
 
 def focal_points(case: Case) -> Array:

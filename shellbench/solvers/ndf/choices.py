@@ -9,6 +9,9 @@ PeriodicInput = Literal["both", "cosine", "none"]
 Components = Literal["cartesian", "covariant"]
 Supports = Literal["hard", "soft"]
 """Whether boundary factors hold the supports exactly, or springs about."""
+Slopes = Literal["even", "rows"]
+"""How a slope is held where components are free that tilt the normal: by inputs that are even at the edge, so that
+nothing has a slope there, or by rows of the output layer: u,n . a3 = 0, and nothing else."""
 StrainName = Literal["exact", "published", "linear"]
 
 LAYER = 1.2  # l in sqrt(h R) around a force; .12 R for R / h = 100, the best by certified energy on pinched cylinders

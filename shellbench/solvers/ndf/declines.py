@@ -45,8 +45,11 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         value, slope = violations(probe, support)
         if not value < VIOLATED:
             return f"its boundary factors can't move '{support.edge.name}' as prescribed where it meets other supports"
-        if not slope < VIOLATED:
+        by_rows = support.free and spec is not None and spec.slopes == "rows"
+        if not by_rows and not slope < VIOLATED:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
+        if support.sliding and not by_rows:
+            return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
     return None
 
 

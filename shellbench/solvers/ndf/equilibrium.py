@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import EdgeMoment, edge_moments
 from shellbench.solvers.ndf.sampled import Combined, FeatureSet, Sampled, elastic_form, independent
+from shellbench.solvers.ndf.solve import SAME_ROW, slope_constraints
 from shellbench.solvers.ndf.strain_measures import Strained, stresses
 from shellbench.solvers.ndf.supports import concentrated_forces, force_density, point_supports
 
@@ -83,16 +84,19 @@ class Basis:
     held: Tensor
 
     @classmethod
-    def from_stiffness(cls, stiffness: Tensor, constraints: Tensor) -> Basis:
-        """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held."""
-        # Null-space method: with K = 1 in `combine`, a QR factorisation of the constraints splits it orthogonally. The
-        # first k columns of Q hold the supports' displacements, the others move none of them.
+    def from_stiffness(cls, stiffness: Tensor, constraints: Tensor, least: float = 0.0) -> Basis:
+        """Choose a basis whose stiffness is the identity, and in which `constraints` (k, 3 M) w = target are held.
+
+        Combinations of constraints that a unit of energy moves by no more than `least`, metres, are left out.
+        """
+        # Null-space method: with K = 1 in `combine`, a singular value decomposition of the constraints splits it
+        # orthogonally. The first columns of V hold the supports' displacements, the others move none of them.
         combine = independent(stiffness)
         if not len(constraints):
             return cls(combine, combine.new_zeros((len(stiffness), 0)))
-        q, r = torch.linalg.qr((constraints @ combine).T, mode="complete")
-        k = len(constraints)
-        return cls(combine @ q[:, k:], combine @ q[:, :k] @ torch.linalg.inv(r[:k].T))
+        u, moved, v = torch.linalg.svd(constraints @ combine)
+        k = int((moved > least).sum())
+        return cls(combine @ v[k:].T, combine @ (v[:k].T / moved[:k]) @ u[:, :k].T)
 
     @property
     def size(self) -> int:
@@ -133,7 +137,7 @@ class PathProblem:
     def ansatz_at(self) -> Callable[[float], Ansatz]:
         """The supports at a load factor."""
         if not self.ansatz.lift.moves:
-            return lambda t: Ansatz(self.ansatz.case, self.ansatz.factors, self.ansatz.lift, t)
+            return lambda t: replace(self.ansatz, t=t)
         return lru_cache(maxsize=4)(lambda t: build_ansatz(self.ansatz.case, self.spec.model_copy(update={"t": t})))
 
     @cached_property
@@ -226,13 +230,14 @@ class PathProblem:
 
     @cached_property
     def constraints(self) -> Tensor:
-        """(k, 3 M): rows of the point supports."""
+        """(k, 3 M): rows of the point supports, then those of slopes."""
         supports = point_supports(self.ansatz.case)
-        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]]) for s in supports]
-        return torch.stack(rows) if rows else self.weights.new_zeros((0, 3 * self.features.count))
+        rows = [self.row(np.array([s.point.xi]), np.eye(3)[[s.component]])[None] for s in supports]
+        slopes = [found for found, _ in slope_constraints(self.ansatz, self.features)]
+        return torch.cat([self.weights.new_zeros((0, 3 * self.features.count)), *rows, *slopes])
 
     def targets(self, t: float) -> Tensor:
-        """Return what the point supports prescribe (k,), metres, less the lift."""
+        """Return what the constraints prescribe (k,), metres, less the lift."""
         supports = point_supports(self.ansatz.case, t)
         ansatz, placement = self.ansatz_at(t), self.features.placement
         values = placement.tensor(np.array([s.value for s in supports]))
@@ -240,7 +245,7 @@ class PathProblem:
             points = np.array([s.point.xi for s in supports])
             lift = ansatz.lift.jet(points, placement)[VALUE]
             values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
-        return values
+        return torch.cat([values, *(target for _, target in slope_constraints(ansatz, self.features))])
 
     def row(self, points: Array, directions: Array, t: float = 0.0) -> Tensor:
         """Return the row (3 M,) of the mean displacement of the free field at points (n, 2) along directions (n, 3).
@@ -271,7 +276,9 @@ class PathProblem:
     @cached_property
     def basis(self) -> Basis:
         """The unknowns."""
-        return Basis.from_stiffness(self._stiffness, self.constraints)
+        # k C^T C is zero on what is held. It keeps motions that constraints alone stop: these have no other stiffness.
+        k, rows = self.ansatz.case.material.membrane_stiffness, self.constraints
+        return Basis.from_stiffness(self._stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
     def likeness(self, first: Tensor, second: Tensor) -> float:
         """Return the cosine of two changes of weights (3 M,) by the stiffness at rest, 1 if one of them is zero."""

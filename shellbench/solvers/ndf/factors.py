@@ -7,7 +7,7 @@ Held components carry factors that vanish linearly at their edges; slopes are he
 with D the diagonal of the factors, B the factor that vanishes at the slope-held edges, P the components that are held
 there, and D' the factors of the other edges. At such an edge u = 0 and u,n . a3 = B,n a3 . (I - p p^T/..) F = 0;
 where one factor is common to all components that a3 has, this is B [I - (1 - B) a3 (x) a3] F. Components left free at
-a slope-held edge, as on planes of symmetry, get even inputs instead (`inputs`).
+a slope-held edge, as on planes of symmetry, get even inputs instead (`inputs`), or rows of the output layer (`solve`).
 
 Also here the lift: a smooth displacement that moves every support as the case prescribes; the field adds to it.
 
@@ -44,6 +44,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Support, Translation, Value
 from shellbench.problems.shell.places import SIDES, Edge, Point, Whole
 from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.ndf.choices import Slopes
 from shellbench.solvers.ndf.field import Factors
 from shellbench.solvers.ndf.geometry import contravariant_basis_jet, normal_jet
 from shellbench.solvers.ndf.inputs import Sides
@@ -103,10 +104,13 @@ class BoundaryFactors:
         Whose supports it holds.
     covariant
         Whether the network gives covariant components instead of Cartesian ones.
+    slopes
+        How the slope of free components is held.
     """
 
     case: Case
     covariant: bool = False
+    slopes: Slopes = "even"
 
     @cached_property
     def _all_held(self) -> bool:
@@ -120,7 +124,7 @@ class BoundaryFactors:
         """Return the jet (6, N, 3, 3) of M at points (N, 2)."""
         if self._all_held:
             return constant(placement.tensor(np.zeros((len(points), 3, 3))))
-        even = even_sides(self._supports)
+        even = even_sides(self._supports, self.slopes)
         domain = self.case.surface.domain
         held = [{s.edge for s in self._supports if c in s.held} for c in range(3)]
         matrix = torch.diag_embed(

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import rigid_modes
-from shellbench.solvers.ndf.choices import MULTIPLIERS
+from shellbench.solvers.ndf.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns
 from shellbench.solvers.ndf.jets import (
@@ -235,6 +235,7 @@ class FixedFeatures:
         multipliers: int = MULTIPLIERS,
         mirrored: tuple[int, ...] = (),
         corners: CornerPowers | None = None,
+        slopes: Slopes = "even",
     ) -> FixedFeatures:
         """Derive the features of a case, leaving out those that are not even where free components need it.
 
@@ -244,7 +245,7 @@ class FixedFeatures:
         everything = cls(case, around, multipliers, tuple(range(total)), corners)
         even = torch.ones(everything.count, dtype=torch.bool)
         for support in edge_supports(case):
-            if support.even:
+            if support.free and slopes == "even":
                 jets = everything.jets(edge_samples(case, support.edge)[1:-1], Placement())
                 slope = jets[D1 + support.edge.axis].abs().amax(0) * case.surface.domain.size[support.edge.axis]
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
@@ -313,13 +314,17 @@ class Lifting(Protocol):
 
 @dataclass(frozen=True)
 class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead."""
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
+
+    `slopes` says what holds the slope of components that are free at its edge.
+    """
 
     case: Case
     factors: Factors
     lift: Lifting
     t: float = 1.0
     soft: bool = False
+    slopes: Slopes = "even"
 
 
 @dataclass(frozen=True)

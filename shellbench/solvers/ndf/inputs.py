@@ -26,7 +26,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.ndf.choices import LAYER, PeriodicInput
+from shellbench.solvers.ndf.choices import LAYER, PeriodicInput, Slopes
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
 from shellbench.solvers.ndf.supports import edge_supports, even_sides, point_supports
 
@@ -211,12 +211,13 @@ class Inputs:
         periodic: PeriodicInput = "both",
         around: tuple[Focus, ...] = (),
         edges: tuple[float, float] | None = None,
+        slopes: Slopes = "even",
     ) -> Inputs:
         """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
 
         Where only cosines enter, what is not even about the seam is left out.
         """
-        even = even_sides(edge_supports(case))
+        even = even_sides(edge_supports(case), slopes)
         candidates = cls(case, periodic, around, edges, even, ())
         domain = case.surface.domain
 

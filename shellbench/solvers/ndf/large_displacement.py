@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
@@ -38,7 +37,7 @@ from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
-from shellbench.solvers.ndf.supports import check_balance
+from shellbench.solvers.ndf.supports import check_balance, point_supports
 
 SETTLED = 2e-4  # relative change of the certified energy from rung to rung; the finer one lacks far less
 RIGID = 1e-6  # component of a rotation among the rigid motions left free that is rounding
@@ -288,8 +287,7 @@ class _Run:
         spec = self.spec.model_copy(update={"t": state.t})
         field = Field(build_ansatz(self.case, spec), features, output, output.new_zeros(6))
         rule = area_rule(self.case.surface.domain, self.rung.focal, self.rung.rule)
-        constraints = self.problem.constraints
-        held = torch.linalg.lstsq(constraints.T, -state.deformed.residual[:, None]).solution[:, 0]
+        held = -self.problem.basis.held.T @ state.deformed.residual
         return NdfSolution(
             case=self.case,
             solver=self.solver,
@@ -299,5 +297,5 @@ class _Run:
             membrane=certified.membrane,
             bending=certified.bending,
             parameters=0 if self.prescribed else output.numel() + self.rung.trained,
-            point_forces=tuple(held.tolist()),
+            point_forces=tuple(held[: len(point_supports(self.case, state.t))].tolist()),
         )

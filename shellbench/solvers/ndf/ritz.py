@@ -59,6 +59,8 @@ def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
         periodic_input=settings.periodic_input,
         components=settings.components,
         supports=settings.supports,
+        # The rows are those of small turns.
+        slopes="rows" if case.linear and case.dynamics is None else "even",
         stretched=settings.stretched,
         layer=settings.layer,
         edge_stretched=settings.stretched,

@@ -69,10 +69,8 @@ class RitzSolver(ShellSolver):
     takes_foundation: ClassVar[bool] = True
 
     def declines(self, case: Case) -> str | None:
-        """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
-        from shellbench.solvers.ndf.declines import why_declined
-
-        return why_declined(case)
+        """Return why the usual field can't hold this case, as one clause, or None if it can."""
+        return self.declines_with(case, RitzSettings())
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""

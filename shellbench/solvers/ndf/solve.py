@@ -1,4 +1,6 @@
-"""Solving for the output layer: a symmetric positive definite system, with point supports as exact constraints.
+"""Solving for the output layer: a symmetric positive definite system, with supports as exact constraints.
+
+These are point supports, and slopes held at edges that no factor holds (`choices.Slopes`).
 
 The inverse of a nearly singular Gram matrix, regularised at a fixed level.
 
@@ -17,6 +19,7 @@ The sum needs no residual, whose rounding M^-1 would magnify.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,8 +29,10 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.energy import NormalEquations
 from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.jets import VALUE, Array
-from shellbench.solvers.ndf.supports import point_supports
+from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, from_derivatives
+from shellbench.solvers.ndf.quadrature import RuleSpec, edge_rule
+from shellbench.solvers.ndf.sampled import FeatureSet
+from shellbench.solvers.ndf.supports import edge_supports, point_supports
 
 REFINEMENTS = 3  # they leave 1e-4 of a combination ten times as stiff as the level, where none would leave 9 %
 INDEFINITE = 1e-9  # negative eigenvalue, by the largest, that no rounding explains: it leaves 1e-13
@@ -109,6 +114,7 @@ class RegularisedInverse:
         return solved
 
 
+SAME_ROW = 1e-6  # share of the softest combination of constraints below which one is stiffer than rounding can tell
 JITTER = 1e-12  # on the unit diagonal: ten times what rounding leaves of the matrix, so that it decides nothing
 
 
@@ -121,7 +127,7 @@ class OutputLayer:
     weights
         (3 M,).
     reactions
-        (k,): the forces that hold the constraints, N.
+        (k,): the forces that hold the constraints, N, those of the point supports first.
     unbalanced
         Work of the loads that what was added to the diagonal has left without resistance, J.
     """
@@ -145,7 +151,8 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     # The energy is quadratic in the output layer: its minimum is one linear system, not an optimisation.
     # 1. A = K + what anchors rigid motions + k C^T C, the last as in an augmented Lagrangian.
     # 2. Unconstrained weights A^-1 f by the regularised inverse.
-    # 3. Multipliers from the Schur complement C A^-1 C^T, twice, and weights that hold C w = targets.
+    # 3. Multipliers from the Schur complement C A^-1 C^T, twice, and weights that hold C w = targets. Rows that the
+    #    features can't tell apart make it singular: of its pseudo-inverse, they share the multiplier.
     # 4. The work of the residual: what regularisation has cost.
     # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, as only C stops rigid motions.
     # With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
@@ -162,8 +169,9 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     if len(constraints):
         response = inverse @ constraints.T
         compliance = constraints @ response
+        inverted = torch.linalg.pinv((compliance + compliance.T) / 2, rtol=SAME_ROW, hermitian=True)
         for _ in range(2):  # once more for the rounding of large weights
-            change = torch.linalg.solve(compliance, constraints @ weights - targets)
+            change = inverted @ (constraints @ weights - targets)
             weights, multipliers = weights - response @ change, multipliers + change
     left = load - constraints.T @ multipliers - matrix @ weights
     return OutputLayer(weights, -multipliers, 0.5 * abs(float(weights @ left)))
@@ -178,14 +186,19 @@ def solve_part(ansatz: Ansatz, features: Features, equations: NormalEquations, p
     """Solve for the weights of some features, by their numbers (n,); all others are zero."""
     # One matrix serves all bases whose features are among its own.
     kept = torch.as_tensor(features.pairs(part), device=equations.load.device)
-    constraints, targets = point_constraints(ansatz, features)
+    constraints, targets = (torch.cat(both) for both in zip(*_constraints(ansatz, features), strict=True))
     within = NormalEquations(
         equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
     )
     solved = solve_output(within, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
     weights = torch.zeros_like(equations.load)
     weights[kept] = solved.weights
-    return replace(solved, weights=weights)
+    reactions = solved.reactions[: len(point_supports(ansatz.case, ansatz.t))]
+    return replace(solved, weights=weights, reactions=reactions)
+
+
+def _constraints(ansatz: Ansatz, features: Features) -> list[tuple[Tensor, Tensor]]:
+    return [point_constraints(ansatz, features), *slope_constraints(ansatz, features)]
 
 
 def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tensor]:
@@ -200,3 +213,39 @@ def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tenso
     rows = (held[:, :, None] * features.values(points)[:, None, :]).reshape(len(supports), -1)
     lift = ansatz.lift.jet(points, placement)[VALUE][index, components]
     return rows, placement.tensor(np.array([s.value for s in supports])) - lift
+
+
+SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
+
+
+def slope_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield, edge by edge, rows (k, 3 M) and targets (k,), metres, that hold slopes where an ansatz asks for rows.
+
+    A row is u,n . a3 at a Gauss point, times sqrt(h ds): as stiff as the membrane, it is as stiff as bending over h.
+    """
+    case, placement = ansatz.case, features.placement
+    for support in edge_supports(case):
+        edge, held = support.edge, support.slope
+        if held is None or not support.free or ansatz.slopes == "even":
+            continue
+        panels = [n * (1 + turns) for n, turns in zip(SLOPES.panels, case.surface.domain.periodic, strict=True)]
+        spec = replace(SLOPES, panels=(panels[0], panels[1]))
+        rule = edge_rule(case.surface.domain, edge, np.zeros((0, 2)), spec)
+        x = from_derivatives(case.surface.derivatives(rule.points, 2), placement)
+        across, along = (D1, D2) if edge.axis == 0 else (D2, D1)
+        length = x[along].norm(dim=-1)
+        share = (x[across] * x[along]).sum(-1) / length**2
+        conormal = torch.zeros_like(x[..., 0])  # the planes of a jet that make its derivative along n
+        conormal[across], conormal[along] = 1.0, -share
+        conormal /= (x[across] - share[:, None] * x[along]).norm(dim=-1)
+        normal = torch.linalg.cross(x[D1], x[D2], dim=-1)
+        normal /= normal.norm(dim=-1, keepdim=True)
+        normal *= (case.material.thickness * placement.tensor(rule.weights) * length).sqrt()[:, None]
+        matrix, jets = ansatz.factors.matrix(rule.points, placement), features.jets(rule.points)
+        turned = torch.einsum("nc,pn,pncd->nd", normal, conormal, matrix)
+        moved = torch.einsum("nc,ncd->nd", normal, matrix[VALUE])
+        slopes = torch.einsum("pn,pnj->nj", conormal, jets)
+        rows = turned[:, :, None] * jets[VALUE][:, None] + moved[:, :, None] * slopes[:, None]
+        wanted = from_derivatives(case.motion(held, edge, rule.points, ansatz.t, 2), placement)
+        wanted = wanted - ansatz.lift.jet(rule.points, placement)
+        yield rows.reshape(len(rows), -1), torch.einsum("nc,pn,pnc->n", normal, conormal, wanted)

@@ -24,6 +24,7 @@ from shellbench.problems.shell.conditions import (
 )
 from shellbench.problems.shell.places import SIDES, Edge, Point
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
+from shellbench.solvers.ndf.choices import Slopes
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, edge_rule
 
@@ -43,16 +44,18 @@ class EdgeSupport:
         The support that holds u,n . a3, if one does.
     tilted
         Whether the held components have a part along a3, so that they tilt the normal as they leave the edge.
-    even
-        Whether free components have such a part: their slope is held by letting them depend on the distance from the
-        edge through its even powers only.
+    free
+        Whether free components have such a part: no factor can hold their slope (see `choices.Slopes`).
+    sliding
+        Whether they have a part across the edge, too: then it is no plane of symmetry.
     """
 
     edge: Edge
     held: dict[int, Support]
     slope: Support | None
     tilted: bool
-    even: bool
+    free: bool
+    sliding: bool
 
 
 @dataclass(frozen=True)
@@ -77,15 +80,17 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
                 slope[place] = support
     supports = []
     for edge, components in held.items():
-        along = edge_normals(case, edge)
+        along, across = edge_normals(case, edge), edge_conormals(case, edge)
         free = [c for c in range(3) if c not in components]
+        unheld = edge in slope and bool(np.abs(along[:, free]).max(initial=0.0) > TANGENTIAL)
         supports.append(
             EdgeSupport(
                 edge,
                 components,
                 slope.get(edge),
                 tilted=edge in slope and bool(np.abs(along[:, list(components)]).max(initial=0.0) > TANGENTIAL),
-                even=edge in slope and bool(np.abs(along[:, free]).max(initial=0.0) > TANGENTIAL),
+                free=unheld,
+                sliding=unheld and bool(np.abs(across[:, free]).max(initial=0.0) > TANGENTIAL),
             )
         )
     return tuple(supports)
@@ -102,9 +107,11 @@ def point_supports(case: Case, t: float = 1.0) -> tuple[PointSupport, ...]:
     )
 
 
-def even_sides(supports: tuple[EdgeSupport, ...]) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
+def even_sides(
+    supports: tuple[EdgeSupport, ...], slopes: Slopes = "even"
+) -> tuple[tuple[bool, bool], tuple[bool, bool]]:
     """Tell, for each coordinate, at which of its bounds (lower, upper) inputs must be even."""
-    even = {(s.edge.axis, s.edge.side) for s in supports if s.even}
+    even = {(s.edge.axis, s.edge.side) for s in supports if s.free and slopes == "even"}
     first, second = (tuple((axis, side) in even for side in SIDES) for axis in (0, 1))
     return (first[0], first[1]), (second[0], second[1])
 
@@ -120,6 +127,15 @@ def edge_normals(case: Case, edge: Edge) -> Array:
     x = case.surface.derivatives(edge_samples(case, edge), 1)
     normal = np.cross(x[1, 0], x[0, 1])
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+def edge_conormals(case: Case, edge: Edge) -> Array:
+    """Return n (n, 3), the direction across an edge within the surface, at samples of it."""
+    x = case.surface.derivatives(edge_samples(case, edge), 1)
+    across, along = (x[1, 0], x[0, 1]) if edge.axis == 0 else (x[0, 1], x[1, 0])
+    share = (across * along).sum(-1, keepdims=True) / (along * along).sum(-1, keepdims=True)
+    conormal = across - share * along
+    return np.asarray(conormal / np.linalg.norm(conormal, axis=-1, keepdims=True))
 
 
 BALANCE = (

@@ -96,7 +96,7 @@ def test_without_periodic_inputs_the_shell_is_slit():
 def test_inputs_and_features_are_even_at_planes_of_symmetry(name):
     case = CASES[name]
     for edge in edge_supports(case):
-        if edge.even:
+        if edge.free:
             points = edge_samples(case, edge.edge)[1:-1]
             for made in (
                 Inputs.from_case(case, "both", foci(case), edge_layers(case)),
