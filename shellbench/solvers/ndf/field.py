@@ -314,10 +314,7 @@ class Lifting(Protocol):
 
 @dataclass(frozen=True)
 class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
-
-    `slopes` says what holds the slope of components that are free at its edge.
-    """
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead."""
 
     case: Case
     factors: Factors
