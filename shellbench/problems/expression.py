@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError
 
-MAX_LENGTH = 20_000  # characters: the longest formula that is read
-MAX_DEPTH = 100  # deepest nesting of a formula that is read
+MAX_LENGTH = 100_000  # characters: the longest formula that is read
+MAX_DEPTH = 200  # deepest nesting of a formula that is read
 MAX_EXPONENT = 16  # largest whole power that is expanded by multiplication
 
 Array = NDArray[np.float64]

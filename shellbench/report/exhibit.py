@@ -32,11 +32,11 @@ if TYPE_CHECKING:  # a table of text draws nothing
 
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
-FURTHER = ("#882255", "#332288")
-"""Two more for when these are taken, from the muted scheme of Tol (2021): in CIELAB, of normal and of colour-blind eyes
-(Machado et al. 2009), farther from all others than the nearest two of Okabe & Ito are from each other."""
+FURTHER = ("#882255", "#332288", "#9600FF", "#4B2D00", "#9678FF", "#E1004B")
+"""More for when these are taken; the first two are of the muted scheme of Tol (2021). In CIELAB, of normal and of
+colour-blind eyes (Machado et al. 2009), each is farther from all others than the nearest two of Okabe & Ito are."""
 COLOURS = (*OKABE_ITO, *FURTHER)
-MARKERS = ("P", "v", "X", "D", "^", "s", "o", "*", "<")
+MARKERS = ("P", "v", "X", "D", "^", "s", "o", "*", "<", ">", "p", "h", "d")
 LAST: Study = "engines"  # its solvers came after the others, whose colours stay what they were
 Dashes = str | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dashes, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))

@@ -292,4 +292,4 @@ def test_quick_is_two_solvers_with_one_seed_of_whatever_is_asked() -> None:
 def test_quick_joins_no_solver_that_a_suite_does_not_run() -> None:
     assert {solver for _, solver, _ in quick(suites=("cloth",))} == {"fem"}
     with pytest.raises(InputError, match="nothing to run: --quick takes fem and ndf-ritz"):
-        quick(suites=("ropes",))
+        quick(suites=("rope",))

@@ -52,8 +52,8 @@ def test_a_solver_has_the_same_colour_in_every_company():
 
 
 def test_more_solvers_than_colours_still_have_one_each():
-    many = inks([f"solver-{i}" for i in range(12)])
-    assert len(many) == 12
+    many = inks([f"solver-{i}" for i in range(len(COLOURS))])
+    assert len(many) == len(COLOURS)
     assert {ink.colour for ink in many.values()} == set(COLOURS)
 
 

@@ -122,28 +122,34 @@ def warped(domain: Domain) -> Chart:
 def oblique(domain: Domain) -> Chart:
     """Shear one coordinate along the other, none at the edges where it is fixed, so that the metric has a_12.
 
-    x1 = xi1 + 4 a (xi1 - l1)(u1 - xi1)(xi2 - m2)/(L1 L2), m2 the middle. Where xi1 is periodic, xi2 is sheared
-    instead, by the sine of xi1.
+    x1 = xi1 + 4 a (xi1 - l1)(u1 - xi1)(xi2 - m2)/(L1 L2), m2 the middle. Where one coordinate is periodic, the other is
+    sheared instead, by the sine of it.
     """
-    (l1, l2), (u1, u2), (size1, size2) = domain.lower, domain.upper, domain.size
     if all(domain.periodic):
         raise InputError("both coordinates close on themselves")
-    if not domain.periodic[0]:
-        factor, middle = 4 * OBLIQUE / (size1 * size2), (l2 + u2) / 2
-        formulas = (f"xi1 + {factor!r}*(xi1 - ({l1!r}))*({u1!r} - xi1)*(xi2 - ({middle!r}))", "xi2")
-
-        def to_new(xi: Pair) -> Pair:
-            shear = factor * (xi[1] - middle)
-            return _solved(lambda x: x + shear * (x - l1) * (u1 - x), xi[0], domain, 0), xi[1]
+    sheared = 1 if domain.periodic[0] else 0
+    along = 1 - sheared
+    low, up, size = domain.lower[sheared], domain.upper[sheared], domain.size[sheared]
+    start, length, name = domain.lower[along], domain.size[along], COORDINATES[along]
+    if domain.periodic[along]:
+        factor, turn = 2 * OBLIQUE / size, 2 * math.pi / length
+        profile = f"sin({turn!r}*({name} - ({start!r})))"
     else:
-        factor, turn = 2 * OBLIQUE / size2, 2 * math.pi / size1
-        formulas = ("xi1", f"xi2 + {factor!r}*(xi2 - ({l2!r}))*({u2!r} - xi2)*sin({turn!r}*(xi1 - ({l1!r})))")
+        factor, middle = 4 * OBLIQUE / (size * length), (start + domain.upper[along]) / 2
+        profile = f"({name} - ({middle!r}))"
 
-        def to_new(xi: Pair) -> Pair:
-            shear = factor * math.sin(turn * (xi[0] - l1))
-            return xi[0], _solved(lambda x: x + shear * (x - l2) * (u2 - x), xi[1], domain, 1)
+    def shear(at: float) -> float:
+        return factor * (math.sin(turn * (at - start)) if domain.periodic[along] else at - middle)
 
-    return Chart(formulas, domain.lower, domain.upper, domain.periodic, to_new)
+    def to_new(xi: Pair) -> Pair:
+        slope = shear(xi[along])
+        new = _solved(lambda x: x + slope * (x - low) * (up - x), xi[sheared], domain, sheared)
+        return (new, xi[1]) if sheared == 0 else (xi[0], new)
+
+    formulas: list[str] = list(COORDINATES)
+    old = COORDINATES[sheared]
+    formulas[sheared] = f"{old} + {factor!r}*({old} - ({low!r}))*({up!r} - {old})*{profile}"
+    return Chart((formulas[0], formulas[1]), domain.lower, domain.upper, domain.periodic, to_new)
 
 
 def helical(domain: Domain) -> Chart:
