@@ -237,10 +237,7 @@ class FixedFeatures:
         corners: CornerPowers | None = None,
         slopes: Slopes = "even",
     ) -> FixedFeatures:
-        """Derive the features of a case, leaving out those that are not even where free components need it.
-
-        They must be even about the seams of the coordinates `mirrored`, too.
-        """
+        """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`."""
         total = 1 + multipliers * len(around) + (corners.count if corners else 0)
         everything = cls(case, around, multipliers, tuple(range(total)), corners)
         even = torch.ones(everything.count, dtype=torch.bool)
