@@ -241,7 +241,9 @@ PROBES = 25  # points a side at which the largest displacement is looked for
 
 
 def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float]) -> str | None:
-    """Return the clause that says why an answer has not settled, or None if it has."""
+    """Return the clause that says why an answer has not settled, or None if it has, or if nothing is asked for."""
+    if not uncertainty:
+        return None
     worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
     share = uncertainty[worst] / scales[worst]
     if share <= SETTLED:  # not so where it is not a number

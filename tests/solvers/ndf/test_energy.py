@@ -18,7 +18,7 @@ from shellbench.solvers.ndf.energy import (
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
-from shellbench.solvers.ndf.solve import point_constraints, potential_energy, solve_nested, solve_output
+from shellbench.solvers.ndf.solve import point_constraints, potential_energy, solve_output, solve_part
 from shellbench.solvers.ndf.supports import check_balance, concentrated_forces, force_density
 from tests.solvers.ndf.shells import FREE, shell, support
 from tests.solvers.ndf.test_factors import CASES, random_field
@@ -131,7 +131,7 @@ def test_point_supports_hold_in_the_solved_field():
     case = shell("plane", supports=feet, loads=[{"kind": "area", "vector": [0, 0, -1]}])
     field, rule, forces = setting(case, RuleSpec((4, 4), 6))
     equations = normal_equations(field.ansatz, field.features, rule, forces)
-    solved = solve_nested(field.ansatz, field.features, equations, field.features.network.width)
+    solved = solve_part(field.ansatz, field.features, equations, np.arange(field.features.count))
     rows, targets = point_constraints(field.ansatz, field.features)
     assert len(targets) == 6
     torch.testing.assert_close(rows @ solved.weights, targets, rtol=0, atol=1e-12)
@@ -153,7 +153,7 @@ def test_certificate_detects_a_field_that_exploits_its_quadrature():
         rule, fine = (area_rule(case.surface.domain, NO_FOCI, s) for s in (rule_spec, fine_spec))
         forces = concentrated(field.ansatz, fine_spec, NO_FOCI, PLACEMENT)
         equations = normal_equations(field.ansatz, field.features, rule, forces)
-        solved = solve_nested(field.ansatz, field.features, equations, 60)
+        solved = solve_part(field.ansatz, field.features, equations, np.arange(field.features.count))
         output = solved.weights.view(3, -1)
         certified = certify(field.ansatz, field.features, [output], fine, forces)[0]
         return energy_gap(potential_energy(equations, solved.weights), certified, moved=False)

@@ -205,7 +205,7 @@ def test_seeds_are_reproducible_and_differ():
 @pytest.mark.parametrize("components", ["cartesian", "covariant"])
 def test_ablations_solve_as_well(activation, components):
     case = named_case("scordelis_lo")
-    found = measure(solve(case, activation=activation, components=components), case.primary)
+    found = measure(solve(case, neurons=240, activation=activation, components=components), case.primary)
     assert found == pytest.approx(0.3005924566, rel=5e-3)
 
 
@@ -217,7 +217,9 @@ def test_a_slit_tube_is_softer():
     assert slit > 1.5 * closed
 
 
-def test_the_energies_are_the_integrals_of_the_densities(roof):
+def test_the_energies_are_the_integrals_of_the_densities():
+    """Without powers about corners, whose curvatures are infinite there, one rule of high order integrates a field."""
+    roof = solve(named_case("scordelis_lo"), neurons=120)
     domain = roof.case.surface.domain
     x, w = np.polynomial.legendre.leggauss(40)
     share, weight = (x + 1) / 2, w / 2
