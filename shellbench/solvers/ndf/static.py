@@ -143,9 +143,9 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
-        # Bases are nested: if more features have more energy on the finer rule, they have exploited the training rule.
-        # Then the challengers are no part of the answer, as where they alone make it none.
-        if alone is None and (reason is not None or last.potential > solved.first.potential):
+        if (
+            reason is not None and alone is None
+        ):  # the challengers alone exploit the rule, and are no part of the answer
             last, reason = solved.first, None
         if reason is not None and before is not None:
             break

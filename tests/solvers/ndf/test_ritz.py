@@ -130,7 +130,7 @@ def test_a_plate_pulled_by_its_edge_stretches_evenly():
         "plane", {"poissons_ratio": 0.0},
         supports=[support("wall", "xi1_min"), support("jaw", "xi1_max", motion=pulled)],
     )  # fmt: skip
-    solution = solve(case)
+    solution = solve(case, neurons=120)  # challengers exploit the rule by 1e-6 of the energy
     points = inner_points(case)
     np.testing.assert_allclose(solution.displacement(points)[:, 0], 0.005 * points[:, 0], atol=1e-9)
     force, _ = solution.reaction("jaw")
