@@ -25,7 +25,7 @@ class FemSettings(Settings):
         Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
         force acts at a point; in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
     max_unknowns
-        No mesh is tried on which more degrees of freedom are solved for. None: 120,000, or 40,000 in the non-linear
+        No mesh is tried on which more degrees of freedom are solved for. None: 165,000, or 40,000 in the non-linear
         theory. A motion is bounded by its cells and steps instead.
     cells
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is

@@ -287,7 +287,9 @@ class _Run:
         spec = self.spec.model_copy(update={"t": state.t})
         field = Field(build_ansatz(self.case, spec), features, output, output.new_zeros(6))
         rule = area_rule(self.case.surface.domain, self.rung.focal, self.rung.rule)
-        held = -self.problem.basis.held.T @ state.deformed.residual
+        supports = point_supports(self.case, state.t)
+        # Where all is prescribed there is no basis, and no point is held.
+        held = -self.problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
         return NdfSolution(
             case=self.case,
             solver=self.solver,
@@ -297,5 +299,5 @@ class _Run:
             membrane=certified.membrane,
             bending=certified.bending,
             parameters=0 if self.prescribed else output.numel() + self.rung.trained,
-            point_forces=tuple(held[: len(point_supports(self.case, state.t))].tolist()),
+            point_forces=tuple(held[: len(supports)].tolist()),
         )
