@@ -20,6 +20,7 @@ from shellbench.bench.row import Finding, Row
 from shellbench.bench.store import said_plainly
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name, one_sentence
+from shellbench.problem import VARIANT
 
 REPEATS = 1e-6  # relative: what other processors and libraries change in the last digits stays far below
 ROOM = 5.0  # of the measured spread: a handful of conditions does not show the worst one
@@ -122,7 +123,7 @@ def make_baseline(
     Parameters
     ----------
     rows
-        Gated rows, all with a value.
+        Gated rows, all with a value. Variants are not remembered: which ones are asked follows from a draw.
     records
         The records behind them.
     like
@@ -130,14 +131,14 @@ def make_baseline(
     """
     values: dict[Key, dict[str, float]] = {}
     for row in rows:
-        if row.value is not None:
+        if row.value is not None and row.variant is None:
             values.setdefault(_key(row), {})[_seed(row)] = row.value
     spreads = _spreads(values, like) if like else {_key(v): v.spread for v in (old.values if old else ())}
     new = [
         BaselineValue(case=c, solver=s, quantity=q, at=at, values=v, spread=spreads.get((c, s, q, at), 0.0))
         for (c, s, q, at), v in values.items()
     ]
-    costs = {(r.case_name, r.identity.solver): _cost(r, records) for r in records}
+    costs = {(r.case_name, r.identity.solver): _cost(r, records) for r in records if VARIANT not in r.case_name}
     moved = {(v.case, v.solver) for v in new}
     kept_values = [v for v in (old.values if old else ()) if (v.case, v.solver) not in moved]
     kept_costs = [c for c in (old.costs if old else ()) if (c.case, c.solver) not in moved]
