@@ -107,7 +107,9 @@ def scaled(name, factors, youngs_modulus=1.0, thickness=1.0):
     return [type(catalog.named_case(name)).model_validate(d) for d in (one, other)]
 
 
-@pytest.mark.parametrize("name", ["hypar_clamped_1e_2", "manufactured_oblique_cylinder"])
+@pytest.mark.parametrize(
+    "name", ["hypar_clamped_1e_2", pytest.param("manufactured_oblique_cylinder", marks=pytest.mark.long)]
+)
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_constant_factors_are_another_shell(solver, name):
     """Clamps on curved edges have terms with the stiffness in them, which must be the same one.

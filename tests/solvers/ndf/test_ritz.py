@@ -202,7 +202,7 @@ def test_seeds_are_reproducible_and_differ():
 
 
 @pytest.mark.parametrize("activation", ["sine", "gelu", "tanh"])
-@pytest.mark.parametrize("components", ["cartesian", "covariant"])
+@pytest.mark.parametrize("components", ["cartesian", pytest.param("covariant", marks=pytest.mark.long)])
 def test_ablations_solve_as_well(activation, components):
     case = named_case("scordelis_lo")
     found = measure(solve(case, neurons=240, activation=activation, components=components), case.primary)
