@@ -24,7 +24,7 @@ from shellbench.bench.store import Store
 from shellbench.problem import Problem
 from shellbench.report.document import Source, read_bibliography
 from shellbench.report.exhibit import style
-from shellbench.report.fields import point_forces, shell
+from shellbench.report.fields import held_lines, point_forces, shell
 from shellbench.report.notation import escape_markdown as words
 from shellbench.report.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
 
@@ -61,9 +61,7 @@ def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Sou
         "",
     ]
     if figure:
-        caption = (
-            "The reference surface, supports as thick lines, point forces as arrows; and as solved, if runs are given."
-        )
+        caption = "The reference surface, supports as thick lines and dots, point forces as arrows; and as solved, if runs are given."
         lines += [f"![{words(case.title)}]({figure})", "", f"*{caption}*", ""]
     lines += [words(case.description), "", "## Problem", ""]
     lines += table(("part", "value"), ((code(name), words(value)) for name, value in question(data)))
@@ -142,8 +140,15 @@ def results(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
         worst = max(found, key=lambda row: (row.status != "ok", abs(row.judged_error or 0.0)))
         seeds = ", ".join(str(row.seed) for row in found if row.seed is not None)
         value = "–" if worst.value is None else f"{worst.value:.8g} {worst.unit}".rstrip()
-        stated = "–" if worst.uncertainty is None else f"± {worst.uncertainty:.1e}"
-        yield code(quantity), code(solver), seeds or "–", value, error_of(worst), stated, words(verdict_on(worst))
+        yield (
+            code(quantity),
+            code(solver),
+            seeds or "–",
+            value,
+            error_of(worst),
+            stated_by(worst),
+            words(verdict_on(worst)),
+        )
 
 
 def error_of(row: Row) -> str:
@@ -151,6 +156,15 @@ def error_of(row: Row) -> str:
     if row.relative_error is not None and not row.tolerance_is_absolute:
         return f"{row.relative_error:+.1e}"
     return "–" if row.absolute_error is None else f"{row.absolute_error:+.1e} {row.unit}".rstrip()
+
+
+def stated_by(row: Row) -> str:
+    """Return the uncertainty that a row states, relative where its error is."""
+    if row.uncertainty is None:
+        return "–"
+    if row.relative_error is not None and not row.tolerance_is_absolute:
+        return f"± {row.uncertainty / abs(row.reference or 1.0):.1e}"
+    return f"± {row.uncertainty:.1e} {row.unit}".rstrip()
 
 
 def verdict_on(row: Row) -> str:
@@ -192,8 +206,7 @@ def picture(case: Problem, store: Store | None) -> Figure | None:
     panels = figure.subplots(1, 2 if solved else 1, squeeze=False)[0]
     xi = surface.domain.grid(POINTS, POINTS)
     position = np.asarray(surface.position(xi))
-    held = tuple(np.take(position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held)
-    forces = point_forces(scene, xi, position)
+    held, forces = held_lines(scene, xi, position), point_forces(scene, xi, position)
     at_rest = Shell(case.name, case.title, "", position, np.zeros_like(position), 1.0, Camera(*scene.view, scene.up))
     draw_reference(panels[0], Shell(**{**vars(at_rest), "held": held, "forces": forces}))
     if solved:

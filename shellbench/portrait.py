@@ -166,6 +166,8 @@ class Scene:
         Elevation and azimuth of the camera, degrees.
     held
         Axis of the parameters and end, "min" or "max", of each held edge.
+    pins
+        Parameters (2,) of each held point.
     forces
         Parameters (2,) and force (3,) of each point load.
     """
@@ -177,6 +179,7 @@ class Scene:
     view: tuple[float, float]
     up: Literal["x", "y", "z"]
     held: tuple[tuple[int, str], ...]
+    pins: tuple[Array, ...]
     forces: tuple[tuple[Array, Array], ...]
 
 

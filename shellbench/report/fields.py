@@ -161,9 +161,9 @@ def pictures(evidence: Evidence) -> Iterator[Exhibit]:
             yield Exhibit(
                 name=f"{COMPOSITE}{suite}",
                 title=suite_title(suite),
-                caption="Above, the reference surfaces with held edges (thick) and point loads (arrows); below, the"
-                " deformed shells coloured by the displacement, which is magnified by the factor given, with the"
-                f" reference surface as a wire. {_solved_by(shown)}{left_out}",
+                caption="Above, the reference surfaces with held edges (thick) and points (dots), and loads at points"
+                " (arrows); below, the deformed shells coloured by the displacement, magnified by the factor given, the"
+                f" reference surface a wire. {_solved_by(shown)}{left_out}",
                 description="; ".join(f"{one.title}: {one.words}" for one in shown),
                 figure=course_figure(shown),
                 run_ids=tuple(one.run_id for one in shown),
@@ -257,7 +257,7 @@ def drawn(
         scale=picture_scale(scene, fields.position, [displacement, *states]),
         camera=Camera(*scene.view, scene.up),
         direction=scene.direction,
-        held=tuple(np.take(fields.position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held),
+        held=held_lines(scene, fields.xi, fields.position),
         forces=point_forces(scene, fields.xi, fields.position),
         run_id=record.run_id,
         unit=case.unit_of_length,
@@ -289,10 +289,18 @@ def picture_scale(scene: Scene, position: Array, displacements: Iterable[Array])
     return float(min(power * STEPS, key=lambda step: abs(np.log(step / wanted))))
 
 
+def held_lines(scene: Scene, xi: Array, position: Array) -> tuple[Array, ...]:
+    """Return the points (n, 3) of each held edge, and (1, 3) of each held point, of the grid (n1, n2, 3)."""
+    edges = (np.take(position, 0 if side == "min" else -1, axis=axis) for axis, side in scene.held)
+    return (*edges, *(nearest(scene, place, xi, position)[None] for place in scene.pins))
+
+
 def point_forces(scene: Scene, xi: Array, position: Array) -> tuple[tuple[Array, Array], ...]:
     """Return point and force (3,) of each point load, at the grid point nearest to it."""
-    forces = []
-    for place, force in scene.forces:
-        distance = np.linalg.norm((xi - place) / np.asarray(scene.size), axis=-1)
-        forces.append((position[np.unravel_index(np.argmin(distance), distance.shape)], force))
-    return tuple(forces)
+    return tuple((nearest(scene, place, xi, position), force) for place, force in scene.forces)
+
+
+def nearest(scene: Scene, place: Array, xi: Array, position: Array) -> Array:
+    """Return the point (3,) of the grid (n1, n2, 3) whose parameters are nearest to a place's (2,)."""
+    distance = np.linalg.norm((xi - place) / np.asarray(scene.size), axis=-1)
+    return np.asarray(position[np.unravel_index(np.argmin(distance), distance.shape)])

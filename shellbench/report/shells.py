@@ -221,11 +221,14 @@ def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = (), cells: 
 
 
 def draw_reference(axes: Axes, shell: Shell) -> None:
-    """Draw the reference surface with held edges as thick lines and point loads as arrows."""
+    """Draw the reference surface with held edges as thick lines, held points as dots and point loads as arrows."""
     surface = refined(shell.position, CELLS)
     colours = np.tile(np.asarray(STONE), (len(facets(surface)), 1))
     held = [Strokes(np.stack([line[:-1], line[1:]], axis=1), (0.1, 0.1, 0.1, 1.0), 1.8, 2.0) for line in shell.held]
     _paint(axes, shell.camera, surface, colours, held)
+    pins = [shell.camera.look(line[0])[:2] for line in shell.held if len(line) == 1]
+    x, y = np.array(pins).reshape(-1, 2).T
+    axes.scatter(x, y, s=14, color=(0.1, 0.1, 0.1), zorder=3)
     ends = [(point, point - ARROW * shell.size * force / np.linalg.norm(force)) for point, force in shell.forces]
     arrow = {"arrowstyle": "-|>", "color": "#D55E00", "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
     for (x, y, _), (tail_x, tail_y, _) in (shell.camera.look(np.array(pair)) for pair in ends):

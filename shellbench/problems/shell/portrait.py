@@ -78,7 +78,7 @@ class ShellPortrait(Portrait):
     def scene(self) -> Scene:
         """How the shell is drawn; planes of symmetry hold no edge."""
         case, picture = self.case, self.case.picture
-        held = (place for support, place in case.supported_places() if isinstance(place, Edge) and not support.symmetry)
+        held = [place for support, place in case.supported_places() if not support.symmetry]
         forces: list[tuple[Array, Array]] = []
         for load in case.loads:
             if not isinstance(load, PointLoad):
@@ -93,7 +93,8 @@ class ShellPortrait(Portrait):
             direction=picture.direction,
             view=picture.view,
             up=picture.up,
-            held=tuple((edge.axis, edge.side) for edge in held),
+            held=tuple((place.axis, place.side) for place in held if isinstance(place, Edge)),
+            pins=tuple(np.asarray(place.xi) for place in held if isinstance(place, Point)),
             forces=tuple(forces),
         )
 
