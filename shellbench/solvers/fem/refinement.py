@@ -44,7 +44,7 @@ SLOWEST, FASTEST = 0.1, 6.0  # rates in the mesh size that are believed; under-r
 ASYMPTOTIC = 4.0  # order of the element's energies and displacements: coarse meshes may seem faster, and slow down
 UNSEEN = 2.0  # rate that is believed where none is observed: half the element's
 SAFETY = 1.5  # of the error that extrapolation estimates
-RECENT = 2  # changes that bound the error
+RECENT = 2  # changes that bound the error; one more where they differ in sign
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def estimate(values: Sequence[float], resolutions: Sequence[float], fastest: flo
     # 4. Where changes grow no limit is in sight, and the whole spread is uncertain besides.
     # Richardson's textbook takes the element's order for p, and the last change alone. Under point loads, at corners,
     # and on meshes that do not resolve the solution yet, p is another one. An error that changes its sign leaves one
-    # change small by accident: C is bounded by the one before.
+    # change small by accident: C is bounded by the one before, and by one more where the changes show such a sign.
     last = values[-1]
     if len(values) < 2:
         return Estimate(last, math.inf, None)
@@ -103,7 +103,9 @@ def estimate(values: Sequence[float], resolutions: Sequence[float], fastest: flo
     rate = observed_rate(values[-3:], resolutions[-3:])
     believed = min(limit, rate) if rate is not None else min(limit, fastest or UNSEEN)
     uncertainty = 0.0
-    for k in range(-1, -1 - min(RECENT, len(values) - 1), -1):
+    changes = np.diff(values[-RECENT - 2 :])
+    turned = bool((changes > 0).any() and (changes < 0).any())
+    for k in range(-1, -1 - min(RECENT + turned, len(values) - 1), -1):
         start, end = ((n / resolutions[-1]) ** -believed for n in (resolutions[k - 1], resolutions[k]))
         uncertainty = max(uncertainty, SAFETY * abs(values[k] - values[k - 1]) / (start - end))
     if rate is None:

@@ -70,6 +70,15 @@ def test_an_error_that_passes_through_zero_is_still_covered(sign, rate, other, z
     assert abs(errors[-1]) <= 2 * found.uncertainty
 
 
+@given(sign=st.sampled_from([-1.0, 1.0]), share=st.floats(0.05, 0.2))
+def test_two_small_changes_that_differ_in_sign_do_not_count_alone(sign, share):
+    # errors stay below C n^-4, and are alike on the last three meshes by accident
+    meshes = GROWING[:4]
+    errors = [sign * e * meshes[-1] ** -4.0 for e in (-20.0, share, 1.01 * share, 1.005 * share)]
+    found = estimate([2.0 + e for e in errors], meshes, fastest=4.0)
+    assert abs(errors[-1]) <= 2 * found.uncertainty
+
+
 def test_what_does_not_settle_is_not_extrapolated():
     found = estimate([1.0, 1.1, 1.3], RESOLUTIONS)
     assert (found.extrapolated, found.rate) == (1.3, None)
