@@ -16,6 +16,7 @@ STUDIES = ("resolution", "thinness", "sampling", "training")
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
+ONE_THREAD = ("--threads", "1")  # as many runs at a time as there are cores: none waits where others can't share work
 DRAWN, CALIBRATION_STORE = "reports/calibration/cases", "reports/calibration/runs"
 ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
 WITHOUT_AVX512 = {
@@ -128,9 +129,9 @@ def run_and_judge(
     judged = [option for option in arguments if option in GATES]  # for the gate only
     arguments = [argument for argument in arguments if argument not in GATES]
     # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
-    session.run("shellbench", "run", "--suite", suite, *narrowed, *arguments, success_codes=[0, 1])
+    session.run("shellbench", "run", "--suite", suite, *narrowed, *ONE_THREAD, *arguments, success_codes=[0, 1])
     for other in beside:
-        session.run("shellbench", "run", "--suite", other, *arguments, success_codes=[0, 1])
+        session.run("shellbench", "run", "--suite", other, *ONE_THREAD, *arguments, success_codes=[0, 1])
     shown = [option for name in (suite, *beside) for option in ("--suite", name)]
     session.run("shellbench", "table", *shown)
     session.run("shellbench", "report", *shown, "--no-print", "--out", REPORT)

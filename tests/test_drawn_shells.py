@@ -1,6 +1,7 @@
 """Drawn shells: the load of each is that of its answer, supports included, and what is said of its values is enough."""
 
 import tomllib
+from functools import cache
 
 import numpy as np
 import pytest
@@ -15,7 +16,11 @@ ALLOWED = {
     "hinged": "(1 - {x}**2)",
     "free": "1",
 }  # what a virtual displacement has at ends
-MADE = {seed: with_load(drawn(seed), f"drawn_{seed}") for seed in SEEDS}
+
+
+@cache
+def made(seed):
+    return with_load(drawn(seed), f"drawn_{seed}")
 
 
 def virtual(seed):
@@ -30,21 +35,21 @@ def virtual(seed):
 
 
 def test_surfaces_and_rims_are_all_drawn():
-    made = [drawn(seed) for seed in range(COUNT)]
+    shells = [drawn(seed) for seed in range(COUNT)]
     assert COUNT >= 40
     assert {(seed % len(FAMILIES), seed // len(FAMILIES) % len(RIMS)) for seed in range(COUNT)} == {
         (family, rim) for family in range(len(FAMILIES)) for rim in range(len(RIMS))
     }
-    assert len({one["surface"]["z"] for one in made}) > COUNT / 2
-    assert drawn(7) == made[7]
-    thin = [one["material"]["thickness"] for one in made]
+    assert len({one["surface"]["z"] for one in shells}) > COUNT / 2
+    assert drawn(7) == shells[7]
+    thin = [one["material"]["thickness"] for one in shells]
     assert min(thin) < 0.015 < 0.07 < max(thin)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_answer_is_in_balance_with_the_load_at_edges_too(seed):
     """By the weak form: no clamp, hinge or free edge asks for a force or a moment that is not there."""
-    case, data = MADE[seed]
+    case, data = made(seed)
     assert np.abs(residuals(case, virtual(seed))).max() < 1e-10
     vector = data["loads"][0]["vector"]
     more = data | {"loads": [{"kind": "area", "vector": [*vector[:2], f"1.001*({vector[2]})"]}]}
@@ -55,7 +60,7 @@ def test_the_answer_is_in_balance_with_the_load_at_edges_too(seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_the_load_misses_is_covered(seed):
     """A load that is a millionth too large has an answer that is: the bound is no less."""
-    case, data = MADE[seed]
+    case, data = made(seed)
     assert response(case) < 1e-8
     more = [f"{1 + 1e-6!r}*({component})" for component in data["loads"][0]["vector"]]
     larger = data | {"loads": [{"kind": "area", "vector": more}]}
@@ -68,7 +73,7 @@ def test_what_the_load_misses_is_covered(seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_file_is_the_case(tmp_path, seed):
-    case, data = MADE[seed]
+    case, data = made(seed)
     path = tmp_path / f"drawn_{seed}.toml"
     path.write_text(as_toml(data), encoding="utf-8")
     assert tomllib.loads(path.read_text(encoding="utf-8")) == data
@@ -79,6 +84,6 @@ def test_the_file_is_the_case(tmp_path, seed):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_both_parts_of_the_energy_count(seed):
-    known = {one["quantity"]: one["value"] for one in MADE[seed][1]["known"]}
+    known = {one["quantity"]: one["value"] for one in made(seed)[1]["known"]}
     assert 0.01 < known["bending_energy"] / known["strain_energy"] < 0.9
     assert known["membrane_energy"] + known["bending_energy"] == pytest.approx(known["strain_energy"], rel=1e-12)

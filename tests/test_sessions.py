@@ -75,5 +75,5 @@ def test_calibration_asks_linear_shells_and_drawn_ones_and_judges(
 
 
 def test_the_checks_before_landing_judge_regression() -> None:
-    (line,) = [text for text in (ROOT / ".ci" / "run").read_text().splitlines() if "obstacle_course" in text]
+    (line,) = [text for text in (ROOT / ".ci" / "run").read_text().splitlines() if "obstacle_course --" in text]
     assert "--regression" in line.partition("--")[2]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from shellbench.bench.record import SEAL, Record, document, leaves, read_documen
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from tests.bench import strip
+from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import run_here
 from tests.test_cli import shellbench  # noqa: F401 - a fixture
 
@@ -102,11 +104,22 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Record, Record]:
+    """A store with a good record, and one to be damaged: solving once serves all tests."""
+    folder = tmp_path_factory.mktemp("damaged")
+    store = Store(folder / "runs")
+    with with_plugin(folder / "plugin"), with_toys(folder / "catalog"):
+        good, *_ = run_here(store, "strip", solver="toy")
+        other, *_ = run_here(store, "strip", solver="toy-noisy", seeds=(0,))
+    return store.folder, good, other
+
+
 @pytest.fixture
-def stored(toys: Path, store: Store) -> tuple[Record, Record]:
-    """A good record, and one to be damaged."""
-    good, *_ = run_here(store, "strip", solver="toy")
-    other, *_ = run_here(store, "strip", solver="toy-noisy", seeds=(0,))
+def stored(made: tuple[Path, Record, Record], toys: Path, store: Store) -> tuple[Record, Record]:
+    """A copy of that store for this test; the good record, and the one to be damaged."""
+    folder, good, other = made
+    shutil.copytree(folder, store.folder)
     return good, other
 
 
