@@ -33,11 +33,12 @@ SPREAD = 1e-11
 
 @dataclass(frozen=True)
 class Bent:
-    """Load factor, displacement of the tip toward the wall and across (m), energies per width (N), coefficients."""
+    """Load factor, the tip's displacement toward the wall and across (m) and angle (rad), energies per width (N), coefficients."""
 
     factor: float
     shortening: float
     deflection: float
+    angle: float
     membrane: float
     bending: float
     coefficients: Array
@@ -79,6 +80,13 @@ class PlaneStrip:
     def position(self, coefficients: Array, s: float) -> Array:
         """Position at a reference length, (2,)."""
         return np.array([s, 0.0]) + np.einsum("cpi,ci->pc", self.derivative(np.array([s]), 0), coefficients)[0]
+
+    def _angle(self, coefficients: Array) -> float:
+        """The angle of p at the tip, full turns counted: the integral of (p1 q2 - p2 q1) / abs(p)^2."""
+        weight, first, second = self._gauss
+        p1, p2 = np.einsum("cpi,ci->cp", first, coefficients) + np.array([[1.0], [0.0]])
+        q1, q2 = np.einsum("cpi,ci->cp", second, coefficients)
+        return float(weight @ ((p1 * q2 - p2 * q1) / (p1**2 + p2**2)))
 
     def _energy(self, coefficients: Array) -> tuple[float, float, Array, Array]:
         """Membrane and bending energy per width, gradient and Hessian of both together by the coefficients."""
@@ -158,7 +166,8 @@ class PlaneStrip:
                 raise RuntimeError(f"no equilibrium of the strip at {factor:.3g} of its load")
             membrane, bending = self._energy(coefficients)[:2]
             x, z = self.position(coefficients, self.length)
-            yield Bent(float(factor), self.length - float(x), float(z), membrane, bending, coefficients)
+            tip = self.length - float(x), float(z), self._angle(coefficients)
+            yield Bent(float(factor), *tip, membrane, bending, coefficients)
 
 
 def cantilever_shear() -> dict[str, Estimate]:
@@ -184,7 +193,12 @@ def cantilever_moment() -> dict[str, Estimate]:
         values[f"shortening_{name}"] = found[factor].shortening
         if factor < 1.0:
             values[f"deflection_{name}"] = found[factor].deflection
-    return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()}
+    bent = found[1.0]
+    stored = case.width * (bent.membrane + bent.bending)
+    potential = stored - case.width * case.moment * bent.angle
+    return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()} | {
+        "potential_energy": Estimate(potential, 1e3 * SPREAD * stored, "J")
+    }
 
 
 def cantilever_pressure() -> dict[str, Estimate]:

@@ -86,6 +86,12 @@ def energies(strip: Strip, arc: Arc) -> tuple[float, float]:
     return membrane, 0.5 * strip.bending_stiffness * (arc.stretch * arc.turning) ** 2 * area
 
 
+def potential(strip: Strip, arc: Arc, turned: float = 0.0) -> float:
+    """Potential energy under the whole moment, J, which works on the angle of the tip; `turned`, rad: its wall's part."""
+    work = strip.moment * strip.width * (arc.turning * arc.length + turned)
+    return sum(energies(strip, arc)) - work
+
+
 def inextensible_circle() -> dict[str, Estimate]:
     """Values of the inextensible circle; the uncertainty bounds what the stretch changes.
 
@@ -111,9 +117,11 @@ def cantilever_moment() -> dict[str, Estimate]:
         values[f"shortening_{name}"] = Estimate.exact(arc.shortening, "m")
         if factor < 1.0:
             values[f"deflection_{name}"] = Estimate.exact(arc.deflection, "m")
-    membrane, bending = energies(strip, rolled_strip(strip, 1.0))
+    arc = rolled_strip(strip, 1.0)
+    membrane, bending = energies(strip, arc)
     return values | {
         "strain_energy": Estimate.exact(membrane + bending, "J"),
         "membrane_energy": Estimate.exact(membrane, "J"),
         "bending_energy": Estimate.exact(bending, "J"),
+        "potential_energy": Estimate.exact(potential(strip, arc), "J"),
     }

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from .estimate import Estimate
 from .plane_strip import SPREAD, PlaneStrip
-from .roll_up import Strip, energies, rolled_strip
+from .roll_up import Strip, energies, potential, rolled_strip
 from .surface_strains import Array
 
 STRIP = Strip(length=4.0, width=1.3, thickness=0.1, young=1.2e6, moment=40.0)
@@ -41,11 +41,13 @@ def turned_cantilever() -> dict[str, Estimate]:
         return turned + np.array([CENTRE[0] - s, 0.0, CENTRE[2]])
 
     values = _quantities({at: displacement(at, STRIP.length) for at in LOADS}, displacement(1.0, MIDDLE))
-    membrane, bending = energies(STRIP, rolled_strip(STRIP, 1.0))
+    arc = rolled_strip(STRIP, 1.0)
+    membrane, bending = energies(STRIP, arc)
     return {name: Estimate(value, 1e-14 * STRIP.length, "m") for name, value in values.items()} | {
         "strain_energy": Estimate.exact(membrane + bending, "J"),
         "membrane_energy": Estimate.exact(membrane, "J"),
         "bending_energy": Estimate.exact(bending, "J"),
+        "potential_energy": Estimate.exact(potential(STRIP, arc, -np.radians(DEGREES)), "J"),
     }
 
 
@@ -64,7 +66,14 @@ def turned_cantilever_by_polynomials() -> dict[str, Estimate]:
 
     values = _quantities({at: displacement(at, STRIP.length) for at in LOADS}, displacement(1.0, MIDDLE))
     membrane, bending = STRIP.width * bent[1.0].membrane, STRIP.width * bent[1.0].bending
+    # The moment's axis is -y: a turn by -30 degrees about y goes its way.
+    work = STRIP.width * STRIP.moment * (bent[1.0].angle - np.radians(DEGREES))
     return {name: Estimate(value, 10 * SPREAD * STRIP.length, "m") for name, value in values.items()} | {
-        name: Estimate(value, 1e3 * SPREAD * value, "J")
-        for name, value in (("strain_energy", membrane + bending), ("membrane_energy", membrane), ("bending_energy", bending))
+        name: Estimate(value, 1e3 * SPREAD * abs(value), "J")
+        for name, value in (
+            ("strain_energy", membrane + bending),
+            ("membrane_energy", membrane),
+            ("bending_energy", bending),
+            ("potential_energy", membrane + bending - work),
+        )
     }  # fmt: skip

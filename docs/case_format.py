@@ -119,6 +119,7 @@ EXAMPLES = {
     ),
     "EnergyQuantity": Example('[[quantities]]\nname = "stored"\nkind = "strain_energy"  # or membrane_energy, bending_energy'),
     "MotionEnergy": Example('[[quantities]]\nname = "kinetic"\nkind = "kinetic_energy"  # or total_energy\nat = 0.5', "motion"),
+    "PotentialEnergy": Example('[[quantities]]\nname = "potential"\nkind = "potential_energy"', "path"),
     "ReactionQuantity": Example('[[quantities]]\nname = "wall_force"\nkind = "reaction"\nsupport = "wall"\ndirection = [0, 0, 1]'),
     "TorqueQuantity": Example(
         '[[quantities]]\nname = "wall_moment"\nkind = "torque"\nsupport = "wall"\naxis = [0, 1, 0]\ncentre = [0, 0.5, 0]'
@@ -144,7 +145,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),
     ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
-     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy",
+     ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
       "ReactionQuantity", "TorqueQuantity", "LoadQuantity", "LimitPoint", "CriticalPoint")),
     ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),

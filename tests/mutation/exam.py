@@ -25,6 +25,7 @@ from tests.mutation.targets import ROOT
 
 MOST_MEMORY = 12 * 2**30  # bytes that an exam may ask for: a mutant can want any number
 VALUE, FAILED, DECLINED, CRASH, TIME = "value", "failed run", "declined", "crash", "time limit"  # why a row is red
+UNCHANGED = "0" * 64  # stands for the digest of the source
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -100,7 +101,7 @@ def first_red(question: Question) -> str:
     from shellbench.bench.store import Store
     from shellbench.bench.worker import run
 
-    _digest_once()
+    _look_at_nothing_else(question)
     gates.check_lock = lambda: LockCheck(0, 0)
     with tempfile.TemporaryDirectory() as folder:
         store = Store(Path(folder))
@@ -121,18 +122,19 @@ def _told(finding: Any) -> str:
     return f"{VALUE if finding.row.status == 'ok' else FAILED}: {finding.row.quantity}: {finding.sentence}"
 
 
-@cache
-def _digest_once() -> None:
-    """Digest the source, and look for solvers, once a process: no file changes while it lives."""
-    from shellbench.bench import classes, current, gate, identity, registry, worker
+def _look_at_nothing_else(question: Question) -> None:
+    """Read no case but the one that is asked, and digest no source: no file changes while an exam lasts."""
+    from shellbench.bench import catalog, classes, current, gate, identity, registry, worker
 
-    for name, modules in (
-        ("current_source", (identity, current, worker)),
-        ("solver_entries", (registry, classes, current, gate)),
-    ):
-        kept = cache(getattr(modules[0], name))
-        for module in modules:
-            setattr(module, name, kept)
+    for module in (identity, current, worker):
+        module.current_source = lambda *_: UNCHANGED
+    if not hasattr(registry.solver_entries, "cache_clear"):
+        kept = cache(registry.solver_entries)
+        for module in (registry, classes, current, gate):
+            module.solver_entries = kept
+    asked = catalog.named_case(question.case.partition("@")[0])
+    catalog.members = lambda suite: [asked] if suite in asked.suites else []
+    catalog.variants_asked.cache_clear()
 
 
 def _prepare() -> None:

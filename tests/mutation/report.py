@@ -181,7 +181,12 @@ def _limits(runs: Sequence[Entry]) -> Iterator[str]:
             if run["patience"] is None
             else f", of which a mutant is asked at least as many as take {run['patience']:g} s"
         )
-        yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}."
+        names = sorted({case.partition(" ")[2] for case in run["cases"]})
+        asked = ", ".join(f"`{name}`" for name in names if "@" not in name)
+        variants = sum("@" in name for name in names)
+        yield f"- {run['target']}, seed {run['seed']}: {len(run['cases'])} cases{ends}: {asked}, and {variants} variants."
+        if earlier := sum(entry.get("earlier", False) for entry in run["results"]):
+            yield f"  {earlier} of the red ones were red in an earlier exam, and were not asked again."
         if again := run.get("again"):
             yield (
                 "  What they left green was put named cases of today's exam alone (`--case`):"
@@ -213,8 +218,8 @@ def _survivors(entries: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator
     for entry in sorted(entries, key=lambda e: (e["module"], e["line"])):
         place = f"`{entry['module'].removeprefix('shellbench.').replace('.', '/')}.py:{entry['line']}`"
         reason = said[key_of(entry)].reason if key_of(entry) in said else "no verdict yet"
-        asked = f"{entry['asked']} case{'s' if entry['asked'] > 1 else ''}"
-        yield f"- {place}, {entry['rule']}, green in {asked}: {reason}\n"
+        asked = f"green in {entry['asked']} case{'s' if entry['asked'] > 1 else ''}" if entry["asked"] else "not asked again"
+        yield f"- {place}, {entry['rule']}, {asked}: {reason}\n"
         yield "    ```diff"
         yield f"    - {_short(entry['old'])}"
         yield f"    + {_short(entry['new'])}"
@@ -265,7 +270,7 @@ in full. Nothing gates `cst-hinge`: no exam examines it.
 **Exam.** A mutant is put the cases that run its statement, cheap ones first, until a row of the accuracy gate is red. A crash, a
 refusal, and about ten times the usual time are red too. The lock is not asked: it notices a change of the question, whatever is answered.
 Cases are those of the suites `obstacle_course`, `verification`, `variants`, `shapes`, `nonlinear` and `cloth` that take less than the
-seconds given by `--longest`.
+seconds given by `--longest`, or of these the ones that `--case` names.
 
 **The draw** is by a seed, spread over modules and rules. Seed 1 is the one on which holes are closed. Any other seed is unseen.
 """

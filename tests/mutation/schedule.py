@@ -4,7 +4,7 @@
    does not answer within a time are no part of this exam. This is kept too, as long as the code stays.
 2. Of the mutants whose statement some case runs, a seed draws.
 3. A mutant is put the cases that run its statement, until one is red: cheap ones first, and each further way to ask
-   the same case later. `patience` may end this early.
+   the same case later. `patience` may end this early. One that a person has found to be equivalent is asked nothing.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import psutil
 
 from tests.mutation.draw import Mutant, all_mutants, draw
 from tests.mutation.exam import CRASH, TIME, Answered, Question, examine
+from tests.mutation.report import excuses
 from tests.mutation.targets import ROOT, TARGETS, Target, file_of
 
 SUITES = ("obstacle_course", "verification", "variants", "shapes", "nonlinear", "cloth")
@@ -89,7 +90,11 @@ def examined(
     say(f"{target.name}: {len(everything)} mutants, {len(reached)} reached by {len(exam)} cases, {len(drawn)} drawn")
     path = folder / f"{target.name}-{seed}.jsonl"
     known = {entry["name"]: entry for entry in _lines(path)}
-    exams = {mutant.name: _within([reach for reach in exam if reach.runs(mutant)], patience) for mutant in drawn}
+    equivalent = {key for key, excuse in excuses().items() if excuse.verdict == "equivalent"}
+    exams = {
+        mutant.name: _within([r for r in exam if r.runs(mutant)], patience) if mutant.key not in equivalent else []
+        for mutant in drawn
+    }
     known = {name: e for name, e in known.items() if e["red"] or _asked_all(e, exams.get(name, ()))}
     waiting = [mutant for mutant in drawn if mutant.name not in known]
     done = len(drawn) - len(waiting)
@@ -198,9 +203,8 @@ def _asked_all(entry: Mapping[str, Any], exam: Sequence[Reach]) -> bool:
 
 def _result(mutant: Mutant, exam: Sequence[Reach]) -> dict[str, Any]:
     seconds = {reach.question: reach.seconds for reach in exam}
-    answers, why = _answers(
-        mutant, [reach.question for reach in exam], (), lambda q: max(LEAST_LIMIT, LONGER * seconds[q])
-    )
+    questions = [reach.question for reach in exam]
+    answers, why = _answers(mutant, questions, (), lambda q: max(LEAST_LIMIT, LONGER * seconds[q]))
     red = answers[-1].red if answers and answers[-1].red else why
     asked = [f"{answer.question.solver} {answer.question.case}" for answer in answers]
     if why and len(answers) < len(exam):
@@ -220,6 +224,8 @@ def _answers(
     mutant: Mutant | None, questions: Sequence[Question], modules: Sequence[str], limit: Callable[[Question], float]
 ) -> tuple[list[Answered], str]:
     """Examine in a process of its own; return what it answered, and why it stopped if it did not end by itself."""
+    if not questions:
+        return [], ""
     context = _context()
     here, there = context.Pipe(duplex=False)
     process = context.Process(target=examine, args=(mutant, questions, modules, there), daemon=True)

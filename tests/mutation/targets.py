@@ -59,7 +59,8 @@ FEM = Target(
     ("shellbench/solvers/fem",),
     (
         ("__init__|solver|choices", SETTINGS),
-        ("solving|refinement|continuation|large_displacement|motion", CONTROL),
+        ("solving|refinement|continuation|large_displacement|motion|corners", CONTROL),
+        ("kinks", CHECKS),
         ("linear_solve|dissection", EQUATIONS),
     ),
 )
@@ -71,7 +72,7 @@ NDF = Target(
         ("__init__|.*_solver|choices|weights|checkpoint|build", SETTINGS),
         ("declines|refusal|certificate", CHECKS),
         ("published.*|trainer|training|gauss_newton|network|soft", "ndf-ritz trains nothing and has no soft supports"),
-        ("resolution|lengths|continuation|newton|large_displacement|motion", CONTROL),
+        ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),
     ),
 )
 QUESTION = Target(

@@ -5,6 +5,7 @@ A new quantity is one class here: its `kind` is what case files call it.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Union
 
 import numpy as np
@@ -271,6 +272,38 @@ class MotionEnergy(ShellQuantity):
         if self.kind == "kinetic_energy":
             return kinetic_energy(solution, self.at)
         return total_energy(solution, self.at)
+
+
+class PotentialEnergy(ShellQuantity):
+    """The potential energy of a state of a path, J: strain energy less the work of its loads, as the history states it.
+
+    Dead loads work on the displacement, a moment on the angle by which the normal has turned about its axis; each with
+    its value at that state. Supports that are moved are no loads.
+    """
+
+    series: ClassVar[Literal["motion", "path", ""]] = ""
+    powers: ClassVar[tuple[int, int]] = (1, 1)
+    kind: Literal["potential_energy"]
+    unit: str = "J"
+
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError if the path is not controlled by loads that have a potential."""
+        if shell.linear or shell.path.control != "load" or shell.following:
+            raise ValueError(
+                f"quantity '{self.name}' needs the non-linear theory, a path with control = 'load', and loads that do"
+                " not follow the shell"
+            )
+
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError: what moves has a total energy."""
+        raise ValueError(f"quantity '{self.name}' belongs to a [path], not to [dynamics]")
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        there = [step.energy for step in solution.history if step.phase == "path" and math.isclose(step.at, self.at)]
+        if not there:
+            raise ValueError(f"the history has no state of the path at {self.at:g}")
+        return float(there[-1])
 
 
 class SupportQuantity(ShellQuantity):

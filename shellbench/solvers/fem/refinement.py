@@ -33,6 +33,7 @@ from shellbench.problems.shell.quantities import (
     LargestDisplacement,
     LimitPoint,
     LoadQuantity,
+    PotentialEnergy,
     QuantityModel,
 )
 from shellbench.solvers.fem.assembly import NODE_DOFS
@@ -278,7 +279,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
-        case LoadQuantity() | LimitPoint() | CriticalPoint():
+        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
@@ -314,7 +315,7 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * max(change, EPSILON)
         case LargestDisplacement() | DisplacementQuantity():
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
-        case LoadQuantity() | LimitPoint() | CriticalPoint():
+        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
         case _:
             energy = sum(solution.energies(quantity.at))
