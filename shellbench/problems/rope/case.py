@@ -238,4 +238,4 @@ def keep(solution: Any, case: RopeCase) -> dict[str, NDArray[np.float64]] | None
     return arrays if all(np.all(np.isfinite(array)) for array in arrays.values()) else None
 
 
-ROPE = Kind(problem=RopeCase, keep=keep)
+ROPE = Kind(problem=RopeCase, keep=keep, exam=("rope",), quick=("rope",))
