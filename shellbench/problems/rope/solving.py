@@ -80,6 +80,8 @@ class RopeSolver:
 class Watch:
     """Sees the steps of one level: counts them, tells of them, and keeps frames for pictures.
 
+    Frames are at the same times whatever the steps: between two steps they are on straight lines.
+
     Parameters
     ----------
     words
@@ -88,20 +90,28 @@ class Watch:
 
     def __init__(self, case: RopeCase, words: str, progress: ProgressCallback) -> None:
         self.words, self.progress, self.count = words, progress, 0
-        self.every = max(FRAME, case.states[-1] / FRAMES) if case.states else FRAME
+        self.every = max(FRAME, case.states[-1] / FRAMES)
         self.thin = -(-(len(case.masses) + case.first) // DRAWN)
-        self.times: list[float] = []
         self.frames: list[Array] = []
+        self.before: tuple[float, Array] | None = None
 
-    def due(self, time: float) -> bool:
-        """Whether a frame is to be kept at this time, s."""
-        return not self.times or time >= self.times[-1] + self.every * (1 - WHOLE)
+    @property
+    def times(self) -> Array:
+        """Times of the frames that are kept, s."""
+        return np.asarray(self.every * np.arange(len(self.frames)))
+
+    def due(self, time: float, step: float) -> bool:
+        """Whether a frame lies at this time, s, or before the next step's."""
+        return time + step >= self.every * (len(self.frames) - WHOLE)
 
     def keep(self, time: float, nodes: Array) -> None:
-        """Keep a frame, nodes (n, 3), m, if it is due."""
-        if self.due(time):
-            self.times.append(time)
-            self.frames.append(np.array(nodes[:: self.thin]))
+        """See nodes (n, 3), m, at a time, s, and keep the frames up to it."""
+        nodes = np.array(nodes[:: self.thin])
+        start, first = self.before or (time, nodes)
+        while time >= (wanted := self.every * len(self.frames)) * (1 - WHOLE):
+            share = min((wanted - start) / (time - start), 1.0) if time > start else 1.0
+            self.frames.append(first + max(share, 0.0) * (nodes - first))
+        self.before = time, nodes
 
     def stepped(self) -> None:
         """Count a step."""
@@ -154,15 +164,13 @@ def refined(
             Step(number, seconds, energy, motion.parameters, quantities=found[-1], iterations=watch.count or None)
         )
     uncertainty = {name: settled([values[name] for values in found]) for name in found[-1]} if found[1:] else {}
-    if watch.times[-1:] != [case.states[-1]]:
-        watch.times.append(case.states[-1])
-        watch.frames.append(motion.kept[-1].nodes[:: watch.thin])
+    watch.keep(case.states[-1], motion.kept[-1].nodes)
     return replace(
         motion,
         history=tuple(history),
         uncertainty=uncertainty,
         diagnostics=told,
-        frame_times=np.array(watch.times),
+        frame_times=watch.times,
         frames=np.array(watch.frames),
     )
 

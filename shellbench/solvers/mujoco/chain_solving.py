@@ -65,7 +65,7 @@ def followed(case: RopeCase, integrator: str, rate: float, watch: Watch) -> list
     for until, count, step in spans(case, rate):
         model.opt.timestep = step
         for _ in range(count):
-            if watch.due(data.time):
+            if watch.due(data.time, step):
                 mujoco.mj_kinematics(model, data)
                 watch.keep(data.time, nodes_of(data, root))
             mujoco.mj_step(model, data)

@@ -138,7 +138,8 @@ def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[R
         h = step / settings.substeps
         softness = -1.0 if compliance is None else compliance / h**2
         for number in range(count * settings.substeps):
-            watch.keep(time, nodes)
+            if watch.due(time, h):
+                watch.keep(time, nodes)
             time = until - (count * settings.substeps - 1 - number) * h
             before = nodes
             velocities = velocities + h * (down + drag * (wind - velocities))

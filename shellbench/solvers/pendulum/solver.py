@@ -47,12 +47,10 @@ class PendulumSolver(RopeSolver):
         pendulum, state = pendulum_of(case, case.rope), np.concatenate(start_angles(case))
 
         def follow(tolerance: float, watch: Watch) -> list[RopeState]:
-            seen = np.arange(0.0, case.states[-1], watch.every)
-            times = np.union1d(case.states, seen)
+            times = np.union1d(case.states, np.arange(0.0, case.states[-1], watch.every))
             rows = integrated(pendulum, state, tuple(map(float, times)), tolerance)
             for at, row in zip(times, rows, strict=True):
-                if watch.due(at):
-                    watch.keep(float(at), in_space(pendulum, float(at), row)[0])
+                watch.keep(float(at), in_space(pendulum, float(at), row)[0])
             return kept(case, pendulum, rows[np.isin(times, case.states)])
 
         levels = {f"tolerance {t:g}": t for t in (COARSER * settings.tolerance, settings.tolerance)}

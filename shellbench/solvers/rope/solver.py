@@ -122,7 +122,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
     for until, count, step in spans(case, rate):
         stepper = Stepper(chains, scheme, step)
         for number in range(count):
-            if watch.due(moving.time):
+            if watch.due(moving.time, step):
                 watch.keep(moving.time, every_node(case, moving.places, chains.root(moving.time)[0]))
             try:
                 with np.errstate(over="ignore", invalid="ignore"):
