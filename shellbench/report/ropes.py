@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ FEWEST = 3  # values of a setting that make a curve
 FIGURES = 5  # digits of a value, side by side
 SHOWN = 8  # frames of a still picture
 MOST_STILL = 4  # solvers in it
+NARROWEST = 0.5  # of its height: the breadth of a panel whose chain does not swing
 PANEL, TALL, MARGIN = 3.1, 2.5, 1.3  # inches of a panel, and for the legend
 PERCENT = 100.0
 LABELS = {"steps_per_second": "steps a second", "seconds": "wall time (s)"}
@@ -66,10 +68,8 @@ def section(found: Evidence) -> Section | None:
     if not rows:
         return None
     figures = (*sweep_exhibits(found, rows), *motion_exhibits(found))
-    texts = ("Each chain can be turned in the browser, and followed in time by the slider.",)
-    moving = any(one.name.startswith(PICTURE) for one in figures)
     tables = given(side_by_side(rows))
-    return Section("ropes", "Ropes", texts if moving else (), tables, figures, place="its suites")
+    return Section("ropes", "Ropes", (), tables, figures, place="its suites")
 
 
 def curves(rows: Sequence[Row]) -> list[Curve]:
@@ -120,7 +120,7 @@ def sweep_exhibits(found: Evidence, rows: Sequence[Row]) -> Iterator[Exhibit]:
             continue
         title = of_case[0].case_title or case
         headline = next(row for row in of_case if row.primary)
-        fits = {curve: fitted_rate(curve.values, curve.errors, curve.floor) for curve in swept}
+        fits = {curve: law(curve) for curve in swept}
         rates = [f"{curve.name}: {rate.slope:.1f}" for curve, rate in fits.items() if rate is not None]
         yield Exhibit(
             name=f"{SWEEPS}{case}",
@@ -128,11 +128,17 @@ def sweep_exhibits(found: Evidence, rows: Sequence[Row]) -> Iterator[Exhibit]:
             caption=f"Relative error of the headline figure, {headline.description or headline.quantity}, against each"
             " setting of which several values were run, all others alike; and against the wall time of the same runs,"
             " each of which solves with three steps in time. Dashed: power laws fitted to the finest values; their"
-            " exponents stand at the right. What does not fall converges to something else.",
+            " exponents stand at the right. What levels off converges to something else.",
             description=f"Fitted exponents: {'; '.join(rates)}." if rates else f"Errors of {title}",
             figure=sweep_figure(swept, fits, found),
             run_ids=tuple(dict.fromkeys(run_id for curve in swept for run_id in curve.run_ids)),
         )
+
+
+def law(curve: Curve) -> Rate | None:
+    """Return the power law of errors that fall from value to value; None of others, which have none."""
+    falls = all(after < before for before, after in pairwise(curve.errors))
+    return fitted_rate(curve.values, curve.errors, curve.floor) if falls else None
 
 
 def sweep_figure(swept: Sequence[Curve], fits: dict[Curve, Rate | None], found: Evidence) -> Figure:
@@ -221,7 +227,8 @@ def motion_exhibits(found: Evidence) -> Iterator[Exhibit]:
         yield Exhibit(
             name=f"{PICTURE}{case}",
             title=f"{portrait.title}: the motion",
-            caption=f"The chain at {SHOWN} times from 0 (pale) to {moving[0][1].marks[-1]:.3g} s, seen along y.",
+            caption=f"The chain at {SHOWN} times from 0 (pale) to {moving[0][1].marks[-1]:.3g} s, seen along y. In the"
+            " browser it can be turned, and followed in time by a slider.",
             description=f"{portrait.title}, by {', '.join(one.identity.solver for one, _ in shown)}",
             figure=still(shown, found),
             run_ids=tuple(one.run_id for one, _ in shown),
@@ -238,8 +245,11 @@ def still(shown: Sequence[tuple[Record, Fields]], found: Evidence) -> Figure:
         times = np.unique(np.linspace(0, len(nodes) - 1, SHOWN).round().astype(int))
         for place, at in enumerate(times):
             axes.plot(nodes[at, :, 0], nodes[at, :, 2], alpha=0.2 + 0.8 * place / max(len(times) - 1, 1), **look)
-        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_aspect("equal", adjustable="box")
         axes.set_title(plain(solver), loc="left")
         axes.set_xlabel("x (m)")
     panels[0, 0].set_ylabel("z (m)")
+    middle, least = np.mean(panels[0, 0].get_xlim()), NARROWEST * np.ptp(panels[0, 0].get_ylim())
+    if np.ptp(panels[0, 0].get_xlim()) < least:
+        panels[0, 0].set_xlim(middle - least / 2, middle + least / 2)
     return figure

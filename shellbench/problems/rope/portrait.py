@@ -16,11 +16,6 @@ class RopePortrait(Portrait):
     problem: Any
 
     @property
-    def ends(self) -> float | None:
-        """Time, s, at which the motion ends; None of a chain at rest."""
-        return float(self.problem.states[-1]) if self.problem.moving else None
-
-    @property
     def steps_in_time(self) -> bool:
         """Whether anything moves."""
         return self.problem.moving is not None

@@ -10,13 +10,14 @@ stated as the uncertainty; coarser steps that diverge are left out of it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from shellbench.errors import SolveFailure
+from shellbench.engine import need
+from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.rope.case import RopeCase
@@ -53,6 +54,16 @@ class RopeSettings(Settings):
     normal: Normal = Field("gradient", description="of the rebound: gradient of the distance, or the reverse way")
     again: bool = Field(False, description="whether impulses are applied after the position update too")
     resting: bool = Field(True, description="whether what touches an obstacle rebounds at the end of a step too")
+    compiled: bool = Field(
+        False,
+        description="whether steps are compiled (extra `compiled`): direct ones, without obstacles",
+    )
+
+    @model_validator(mode="after")
+    def _compiled_steps_are_direct(self) -> Self:
+        if self.compiled and self.solve != "direct":
+            raise ValueError("compiled steps are direct: 'compiled' and solve = \"sweeps\" exclude each other")
+        return self
 
 
 class PrintedSettings(RopeSettings):
@@ -160,6 +171,10 @@ class ExactSolver(RopeSolver):
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
         """Follow the motion with three steps in time."""
+        if settings.compiled:
+            need("compiled", ("numba",))
+            if case.obstacles:
+                raise InputError(f"{case.name}: compiled steps know no obstacles")
         scheme, rate = scheme_of(settings, printed=self.printed), settings.steps_per_second
         told = {"steps_per_second": rate, "taut_within": settings.taut * case.gravity / rate**2}
         return refined(case, halved(rate), lambda level, watch: followed(case, scheme, level, watch), told, progress)
