@@ -111,16 +111,24 @@ def cloth(session: nox.Session) -> None:
 
 @nox.session
 def rope(session: nox.Session) -> None:
-    """Let chains and loose masses move, and judge; what steps, sweeps and pushes change stands beside. `-- --quick`."""
+    """Let chains and loose masses move, and judge; what steps, sweeps and pushes change stands beside. `-- --quick`.
+
+    MuJoCo's chain is among what stands beside.
+    """
     beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision")
-    run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"))
+    extras = ("mujoco",) if beside else ()
+    run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"), extras=extras)
 
 
 def run_and_judge(
-    session: nox.Session, suite: str, beside: tuple[str, ...] = (), quick: tuple[str, ...] = QUICK_SOLVERS
+    session: nox.Session,
+    suite: str,
+    beside: tuple[str, ...] = (),
+    quick: tuple[str, ...] = QUICK_SOLVERS,
+    extras: tuple[str, ...] = (),
 ) -> None:
     """Run a suite, show it with others that are not judged, and judge it."""
-    install(session)
+    install(session, *extras)
     arguments = list(session.posargs)
     narrowed: tuple[str, ...] = ()
     if "--quick" in arguments:

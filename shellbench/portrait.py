@@ -287,6 +287,16 @@ class Portrait:
         return None
 
     @property
+    def steps_in_time(self) -> bool:
+        """Whether answers are refined by shorter steps in time, with as many unknowns."""
+        return False
+
+    @property
+    def frames(self) -> tuple[str, str] | None:
+        """Names of the arrays of times (k,), s, and nodes (k, n, 3), m, of a chain that moves; else None."""
+        return None
+
+    @property
     def along(self) -> tuple[Along, ...]:
         """What is measured all along the way and is no energy: where it is, and what holds it."""
         return ()

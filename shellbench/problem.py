@@ -13,7 +13,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, get_args
 
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
@@ -461,6 +461,8 @@ class Kind:
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
+    exam, quick
+        Suites by which a solver is graded, in minutes, and at a first look.
     """
 
     problem: type[Problem]
@@ -470,3 +472,10 @@ class Kind:
     portrait: Callable[[Any], Portrait] = Portrait
     variants: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
+    exam: tuple[str, ...] = ()
+    quick: tuple[str, ...] = ()
+
+    @property
+    def theories(self) -> tuple[str, ...]:
+        """Theories that its problems can ask for; none if they do not say which."""
+        return tuple(map(str, get_args(self.problem.model_fields["theory"].annotation)))

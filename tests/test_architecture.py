@@ -156,7 +156,9 @@ def test_the_bench_knows_no_solver_by_name():
                     }, f"{path.name}: {node.value}"
 
 
-@pytest.mark.parametrize(("one", "other"), list(combinations(("fem", "ndf", "cst", "kratos", "mujoco"), 2)))
+@pytest.mark.parametrize(
+    ("one", "other"), list(combinations(("fem", "ndf", "cst", "kratos", "mujoco", "rope", "pbd", "pendulum"), 2))
+)
 def test_the_solvers_share_no_mechanics(one, other):
     """No function body of some length stands on both sides."""
 

@@ -7,7 +7,7 @@ that has no answer is not held. A solver of ours is graded in the same way as a 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from shellbench.bench import catalog
@@ -15,13 +15,11 @@ from shellbench.bench.classes import LOOSEST, Grade, grades
 from shellbench.bench.current import current_runs
 from shellbench.bench.execute import Executor, Observer, execute
 from shellbench.bench.expected import expected_of_stranger
+from shellbench.bench.kinds import find_kind, kinds_of_theories
 from shellbench.bench.plan import FIRST_SEED, Plan, Request, make_plan
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.problem import Problem
-
-QUICK = ("quick",)
-WHOLE = ("obstacle_course", "verification", "variants", "shapes", "nonlinear")  # what minutes are enough for
 
 
 @dataclass(frozen=True)
@@ -41,6 +39,12 @@ class Sitting:
     grade: Grade
     missed: tuple[Row, ...]
     records: int
+
+
+def suites_for(theories: Iterable[str], *, quick: bool) -> tuple[str, ...]:
+    """Return the suites by which a solver of these theories is graded, those of its kinds of problem."""
+    kinds = map(find_kind, kinds_of_theories(theories))
+    return tuple(dict.fromkeys(suite for kind in kinds for suite in (kind.quick if quick else kind.exam)))
 
 
 def questions(suites: Sequence[str]) -> list[Problem]:

@@ -5,7 +5,7 @@ The portrait of a record's problem: what a report can ask it, whatever its kind.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import import_module
 from importlib.metadata import entry_points
@@ -43,6 +43,12 @@ def find_kind(name: str) -> Kind:
     if not isinstance(kind, Kind):
         raise InputError(f"problems of kind '{name}' can't be used: {targets[name]} is no Kind")
     return kind
+
+
+def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the kinds whose problems can ask for one of these theories; the default's if none can."""
+    asked = set(theories)
+    return tuple(name for name in kind_targets() if asked & set(find_kind(name).theories)) or (DEFAULT,)
 
 
 def kind_name(data: Mapping[str, Any]) -> str:

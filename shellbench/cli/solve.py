@@ -225,7 +225,10 @@ def check_solver_command(
         ),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A first verdict: grade by the suite `quick`, which takes a minute.")
+        bool,
+        typer.Option(
+            "--quick", help="A first verdict: grade by the suite `quick`, which takes a minute; ropes by `rope`."
+        ),
     ] = False,
     suite: Annotated[
         list[str] | None,
@@ -245,7 +248,8 @@ def check_solver_command(
     """Check that a solver keeps the protocol, one line a check, and grade it.
 
     Asked are, among others, continuous answers, determinism, units, rigid motions, a rate of convergence, energies,
-    and honest counts of parameters and bytes. A solver that crashes or hangs fails the check in which it does.
+    and honest counts of parameters and bytes. A solver's theories say which kind of problem it is asked: a shell or a
+    rope. A solver that crashes or hangs fails the check in which it does.
 
     The grade is the best of the classes 1e-2, 1e-3, 1e-4 that it holds in every figure of every case that judges it; of
     the cases that --case names if any are named. Exit 1 if a check fails or no class is held, 2 if it declines all.
@@ -256,14 +260,13 @@ def check_solver_command(
 
         shellbench check-solver mine --case scordelis_lo --refine "cells=[8, 8];[16, 16];[32, 32]"
     """
-    from shellbench.bench.exam import QUICK, WHOLE
     from shellbench.testing.grading import ExamOptions
     from shellbench.testing.suite import check_solver
 
     if quick and suite:
         raise typer.BadParameter("name suites or take the quick one", param_hint="'--quick'")
-    by = tuple(dict.fromkeys(suite)) if suite else QUICK if quick else () if cases else WHOLE
-    exam = ExamOptions(by, store, jobs)
+    own = () if cases and not quick else None
+    exam = ExamOptions(tuple(dict.fromkeys(suite)) if suite else own, store, jobs, quick)
     try:
         code = check_solver(
             solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam

@@ -9,6 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from shellbench.bench.kinds import portrait_of
+from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
@@ -30,7 +32,8 @@ Strip = tuple[Abscissa, str, Callable[[Course], tuple[list[float], list[float]]]
 def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
     """Yield the figures of each suite's convergence."""
     for suite, of_suite in rows_at_home(evidence.headline).items():
-        shown = [course for course in courses(evidence.records, of_suite) if not course.variant]
+        of_unknowns = [row for row in of_suite if not steps_in_time(evidence, row)]
+        shown = [course for course in courses(evidence.records, of_unknowns) if not course.variant]
         refining = [course for course in shown if not course.is_field]
         refinement = refinement_figure(shown, evidence.inks)
         if refinement is not None:
@@ -60,6 +63,13 @@ def convergence_exhibits(evidence: Evidence) -> Iterator[Exhibit]:
                 figure=figure,
                 run_ids=tuple(course.run_id for course in shown),
             )
+
+
+def steps_in_time(evidence: Evidence, row: Row) -> bool:
+    """Whether a row's answer is refined by steps in time, whose errors stand elsewhere."""
+    record = evidence.records.get(row.run_id or "")
+    case = portrait_of(record) if record is not None else None
+    return case is not None and case.steps_in_time
 
 
 def _rates(refining: Sequence[Course]) -> str:

@@ -35,6 +35,7 @@ T = TypeVar("T")
 DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
 STEPS = np.array([1.0, 2.0, 5.0, 10.0])
 MOST_SHOWN = 6  # states
+BREADTH = 0.012  # of a chain's length: half the breadth of the ribbon that shows it
 MOST_TOGETHER = 15  # shells in one composite
 COMPOSITE, PICTURE = "course_", "shell_"  # how names of figures begin
 
@@ -111,6 +112,22 @@ def read_fields(record: Record, folder: Path) -> Fields | None:
     if len(fields.marks):
         fits &= fields.displacements.shape == (len(fields.marks), *displacement.shape)
     return fields if fits else None
+
+
+def read_ribbon(record: Record, folder: Path, case: Portrait) -> Fields | None:
+    """Return the frames of a chain as a narrow surface, nodes by two sides; None if it has none, or they can't be read.
+
+    Displacements are from the first frame.
+    """
+    kept = None if case.frames is None else kept_arrays(record, folder, *case.frames)
+    if kept is None or kept[1].ndim != 3 or not len(kept[1]):
+        return None
+    times, nodes = kept
+    length = float(np.linalg.norm(np.diff(nodes[0], axis=0), axis=1).sum())
+    sides = BREADTH * length * np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    moved = np.broadcast_to((nodes - nodes[0])[:, :, None], (*nodes.shape[:2], 2, 3))
+    xi = np.stack(np.meshgrid(np.arange(nodes.shape[1]), [0.0, 1.0], indexing="ij"), axis=-1)
+    return Fields(xi, nodes[0][:, None] + sides, moved[-1], times, moved)
 
 
 def kept_arrays(record: Record, folder: Path, *names: str, optional: Sequence[str] = ()) -> list[Array] | None:

@@ -28,7 +28,7 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.errors import ShellbenchError
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, spread
+from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, read_ribbon, spread
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
@@ -36,6 +36,7 @@ Planes = list[NDArray[np.int16]]
 
 FINE, COARSE = 61, 31  # points a side at most, of one state and of several
 MOST_STATES = 21  # on a slider: more are not told apart, and each takes its bytes
+NARROW, MOST_OF_NARROW = 2, 61  # points a side of a chain, whose states take few bytes
 MARK_DIGITS = 6  # marks that agree in so many digits are the same state
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 MAGNIFIED = 2.0  # the slider's end, in picture scales, where displacements are small
@@ -83,13 +84,18 @@ def views(evidence: Evidence, first: Mapping[str, str] | None = None) -> dict[st
 
 def view(records: Sequence[Record], folder: Path) -> View | None:
     """Return the view of one case; None if none of its records has a field that can be read."""
-    found = [(record, fields) for record in records if (fields := read_fields(record, folder)) is not None]
+    case = portrait_of(records[0]) if records else None
+    if case is None:
+        return None
+    kept_by = ((record, read_fields(record, folder) or read_ribbon(record, folder, case)) for record in records)
+    found = [(record, fields) for record, fields in kept_by if fields is not None]
     case = portrait_of(found[0][0]) if found else None
     if case is None or case.scene is None:
         return None
     scene, grid = case.scene, found[0][1].position
     answers = [(record, fields, states_of(fields)) for record, fields in found if fields.position.shape == grid.shape]
-    marks = spread(sorted({mark for _, _, states in answers for mark in states}), MOST_STATES)
+    most = MOST_STATES if grid.shape[1] > NARROW else MOST_OF_NARROW
+    marks = spread(sorted({mark for _, _, states in answers for mark in states}), most)
     several = len(marks) > 1 or case.ends is not None
     thin = stride(len(grid), FINE if len(marks) == 1 else COARSE)
     scale = picture_scale(scene, grid, [state for _, _, states in answers for state in states.values()])
@@ -99,6 +105,7 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
     kept: dict[str, Any] = {
         "case": found[0][0].case_name,
         "title": case.title,
+        "what": "chain that moves" if case.frames else "deformed shell",
         "unit": case.unit_of_length,
         "density_unit": "J/m²" if case.unit_of_length == "m" else f"N {case.unit_of_length}/{case.unit_of_length}²",
         "shape": position.shape[:2],

@@ -16,7 +16,7 @@ import numpy as np
 
 from shellbench.bench.task import case_data
 from shellbench.engine import ENGINE
-from shellbench.problem import FIELDS
+from shellbench.problem import FIELDS, Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import (
     Examination,
@@ -24,11 +24,11 @@ from shellbench.testing.examination import (
     Verdict,
     apart,
     failed,
+    fingerprint,
     grid,
     not_applicable,
     scattered,
     seed_difference,
-    shells,
 )
 from shellbench.testing.subject import Answer, Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName, solve_in
 
@@ -66,7 +66,7 @@ def protocol(exam: Examination) -> Verdict:
 
 def declining(exam: Examination) -> Verdict:
     """Check that each shipped case is taken or declined in one clause, quickly, and one at least is taken."""
-    found, cases = Findings(), shells()
+    found, cases = Findings(), exam.cases
     taken: list[str] = []
     slowest = 0.0
     for case, (kind, answer, seconds) in zip(cases, exam.refusals(cases), strict=True):
@@ -143,8 +143,8 @@ def _declined_case(exam: Examination, found: Findings) -> None:
         found.faults.append(f"it answers {case.name}, which it declines")
 
 
-def _first_declined(exam: Examination) -> Case | None:
-    cases = shells()
+def _first_declined(exam: Examination) -> Problem | None:
+    cases = exam.cases
     for case, (kind, answer, _) in zip(cases, exam.refusals(cases), strict=True):
         if kind == "ok" and answer is not None:
             return case
@@ -240,7 +240,7 @@ def batching(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def history(exam: Examination, case: Case) -> Verdict:
+def history(exam: Examination, case: Problem) -> Verdict:
     """Check that the history has steps, whose seconds do not fall, and that progress, if told, makes sense."""
     found, answer = Findings(), exam.solve(case)
     steps = answer.facts["history"]
@@ -269,13 +269,11 @@ def history(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def determinism(exam: Examination, case: Case) -> Verdict:
+def determinism(exam: Examination, case: Problem) -> Verdict:
     """Two processes with one seed give the same numbers; another seed gives others, but near."""
-    found, answer = Findings(), exam.solve(case)
-    points = grid(case)
-    first = answer.displacement(points)
+    found, first = Findings(), fingerprint(exam.solve(case))
     with exam.fresh() as other:
-        again = apart(first, solve_in(other, "again", case, exam.settings).displacement(points))
+        again = apart(first, fingerprint(solve_in(other, "again", case, exam.settings)))
     found.hold(again <= SAME, f"solved again in another process, it differs by {again:.1e}", f"again: {again:.1e}")
     if not exam.facts["seeded"]:
         found.figures.append("no seed")

@@ -16,16 +16,17 @@ from typing import Any, get_args
 import numpy as np
 from pydantic import ValidationError
 
+from shellbench.bench.kinds import find_kind, kind_targets, problem_of
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
 from shellbench.problem import Capabilities, Device, Progress, SeededSettings, Settings, Solution, Solver
-from shellbench.problems.shell.case import Case, Theory
 
-THEORIES: tuple[str, ...] = get_args(Theory)
 DEVICES: tuple[str, ...] = get_args(Device)
 SOLVER_METHODS = ("declines", "solve", "load")
-METHODS = ("displacement", "velocity", "evaluate", "energies", "reaction", "save")
+METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reaction"), "rope": ("state",)}
+"""Of solutions, by kind of problem, beside `save`."""
+
 VALUES = ("case", "history", "parameters", "storage_bytes", "diagnostics", "uncertainty", "extrapolated")
 OPTIONAL_SOLVER_PARTS = ("refinements",)
 FEWEST_REFINEMENTS = 3  # settings by which a rate of convergence can be told
@@ -73,8 +74,9 @@ def capability_faults(capabilities: Any) -> list[str]:
     if not isinstance(capabilities, Capabilities):
         return [f"capabilities is a {type(capabilities).__name__}, not a Capabilities"]
     faults = []
-    if not capabilities.theories or not set(capabilities.theories) <= set(THEORIES):
-        faults.append(f"its theories are {list(capabilities.theories)}, but must be among {', '.join(THEORIES)}")
+    theories = [theory for kind in kind_targets() for theory in find_kind(kind).theories]
+    if not capabilities.theories or not set(capabilities.theories) <= set(theories):
+        faults.append(f"its theories are {list(capabilities.theories)}, but must be among {', '.join(theories)}")
     if not capabilities.devices or not set(capabilities.devices) <= set(DEVICES):
         faults.append(f"its devices are {list(capabilities.devices)}, but must be among {', '.join(DEVICES)}")
     if not isinstance(capabilities.label, str) or not capabilities.label.strip() or "\n" in capabilities.label:
@@ -97,12 +99,13 @@ def refinement_faults(refinements: Any, settings_type: type[Settings]) -> list[s
     return []
 
 
-def solution_faults(solution: Any) -> list[str]:
-    """Say which parts of the protocol a solution lacks, and which are of another type."""
-    lacking = [part for part in (*VALUES, *METHODS) if not hasattr(solution, part)]
+def solution_faults(solution: Any, kind: str) -> list[str]:
+    """Say which parts of the protocol a solution of a kind of problem lacks, and which are of another type."""
+    methods = (*METHODS.get(kind, ()), "save")
+    lacking = [part for part in (*VALUES, *methods) if not hasattr(solution, part)]
     if lacking:
         return [f"a solution has no {', '.join(lacking)}"]
-    faults = [f"a solution's {part} can't be called" for part in METHODS if not callable(getattr(solution, part))]
+    faults = [f"a solution's {part} can't be called" for part in methods if not callable(getattr(solution, part))]
     for part in ("uncertainty", "extrapolated"):
         numbers = getattr(solution, part)
         if not isinstance(numbers, Mapping) or not all(math.isfinite(v) for v in numbers.values()):
@@ -135,7 +138,7 @@ class Child:
         """Ask about each case; return ("ok", answer) or ("raised", words), with seconds."""
         answers: list[tuple[str, Any, float]] = []
         for data in cases:
-            case = Case.model_validate(data)
+            case = problem_of(data)
             start = time.perf_counter()
             try:
                 kind, answer = "ok", self.solver.declines(case)
@@ -163,15 +166,15 @@ class Child:
                 words.append((progress.step, progress.total, progress.message))
 
         settings = self.solver.settings_type.model_validate(dict(given))
-        case = Case.model_validate(data)
+        case = problem_of(data)
         start = time.perf_counter()
         self.solutions[key] = self.solver.solve(case, settings, progress=tell)
-        return {**facts(self.solutions[key]), "progress": words, "took": time.perf_counter() - start}
+        return {**facts(self.solutions[key], case.kind), "progress": words, "took": time.perf_counter() - start}
 
     def load(self, key: str, path: str) -> dict[str, Any]:
         """Read a saved solution, keep it under the key, and return its facts."""
         self.solutions[key] = self.solver.load(Path(path))
-        return facts(self.solutions[key])
+        return facts(self.solutions[key], self.solutions[key].case.kind)
 
     def save(self, key: str, path: str) -> str:
         """Write a solution; return where it is."""
@@ -186,16 +189,25 @@ class Child:
             raise TypeError(f"{method} answers with {', '.join(odd)}, not with NumPy arrays or numbers")
         return answer
 
+    def state(self, key: str, at: float) -> dict[str, Any]:
+        """Return the state of a rope at a time, its arrays and numbers by name."""
+        return {name: np.asarray(value) for name, value in vars(self.solutions[key].state(at)).items()}  # type: ignore[attr-defined]
+
+    def values(self, key: str) -> dict[str, float]:
+        """Return all quantities of a solution by name."""
+        solution = self.solutions[key]
+        return {quantity.name: float(quantity.measure(solution)) for quantity in solution.case.quantities}
+
     def headline(self, key: str) -> float:
         """Return the headline quantity of a solution."""
         solution = self.solutions[key]
         return float(solution.case.primary.measure(solution))
 
 
-def facts(solution: Solution) -> dict[str, Any]:
+def facts(solution: Solution, kind: str) -> dict[str, Any]:
     """Return what a solution says about itself, in plain data."""
     return {
-        "faults": solution_faults(solution),
+        "faults": solution_faults(solution, kind),
         "history": [asdict(step) for step in solution.history],
         "parameters": _number(solution.parameters),
         "storage_bytes": _number(solution.storage_bytes),

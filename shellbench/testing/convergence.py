@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from shellbench.bench.catalog import find_suite, known_values, suite_names
+from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
 
@@ -18,6 +19,7 @@ FALLS = 0.5  # the last difference or error of a sequence that converges, of its
 ELSEWHERE = 3.0  # times what is still missing: an error beyond it is no lack of resolution
 RATES = np.linspace(0.2, 12, 2361)  # that a limit is looked for with
 STUDY = "resolution"
+UNKNOWNS, STEPS = ("unknowns", 2), ("steps", 1)  # what refinement makes more of: on a surface, and in time
 
 
 @dataclass(frozen=True)
@@ -27,26 +29,27 @@ class Level:
     Attributes
     ----------
     unknowns
-        Of the answer: its `parameters`.
+        Of the answer: its `parameters`; where refinement adds none, the product of the numbers among the settings.
     value
         The headline quantity.
     """
 
     settings: Mapping[str, Any]
-    unknowns: int
+    unknowns: float
     value: float
 
 
-def convergence(exam: Examination, case: Case) -> Verdict:
+def convergence(exam: Examination, case: Problem) -> Verdict:
     """Check that under refinement the headline's error against the known value falls; or, without one, its steps."""
     levels = refined(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
     known = known_values(case.name).judge(case.primary.name, case.theory)
-    return judged(levels, known.value if known else None)
+    of_shell = isinstance(case, Case)
+    return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
 
-def refined(exam: Examination, case: Case) -> list[Level] | str:
+def refined(exam: Examination, case: Problem) -> list[Level] | str:
     """Solve a case at each refinement, from few unknowns to many; or say why that can't be."""
     chosen, words = refinements(exam, case)
     if len(chosen) < FEWEST:
@@ -54,12 +57,12 @@ def refined(exam: Examination, case: Case) -> list[Level] | str:
     levels = []
     for settings in chosen:
         answer = exam.solve(case, settings)
-        unknowns = answer.facts["parameters"]
-        levels.append(Level(settings, unknowns if isinstance(unknowns, int) else 0, answer.headline()))
+        unknowns = answer.facts["parameters"] if isinstance(case, Case) else float(np.prod(_numbers(settings)))
+        levels.append(Level(settings, unknowns if isinstance(unknowns, int | float) else 0, answer.headline()))
     return levels
 
 
-def refinements(exam: Examination, case: Case) -> tuple[list[Mapping[str, Any]], str]:
+def refinements(exam: Examination, case: Problem) -> tuple[list[Mapping[str, Any]], str]:
     """Return settings from coarse to fine: those given, the solver's own, or a suite's; and why there are none."""
     own = exam.refinements or tuple(exam.facts["refinements"])
     found = list(own) if own else _swept(exam.entry.name, case.name)
@@ -106,8 +109,16 @@ def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     return max(sweeps.values(), key=len, default=[])
 
 
-def judged(levels: Sequence[Level], known: float | None) -> Verdict:
-    """Judge a sequence of refinements."""
+def judged(levels: Sequence[Level], known: float | None, what: str = "unknowns", dimension: int = 2) -> Verdict:
+    """Judge a sequence of refinements.
+
+    Parameters
+    ----------
+    what
+        That refinement makes more of.
+    dimension
+        How many directions it fills: the order is so many times the slope against it.
+    """
     found = Findings()
     unknowns = np.array([level.unknowns for level in levels], dtype=float)
     values = np.array([level.value for level in levels])
@@ -121,7 +132,7 @@ def judged(levels: Sequence[Level], known: float | None) -> Verdict:
         )
     steps = np.abs(np.diff(values)) / scale
     if steps.max() == 0 and (known is None or abs(values[0] - known) > FLOOR * scale):
-        found.faults.append(f"refined from {unknowns[0]:.0f} to {unknowns[-1]:.0f} unknowns it answers the same")
+        found.faults.append(f"refined from {unknowns[0]:.0f} to {unknowns[-1]:.0f} {what} it answers the same")
         return found.verdict()
     settles = steps[-1] <= max(FALLS * steps.max(), FLOOR)
     if known is None:
@@ -129,7 +140,7 @@ def judged(levels: Sequence[Level], known: float | None) -> Verdict:
         found.hold(bool(settles), f"it does not settle: {words}", f"no known value; {words}")
         return found.verdict()
     errors = np.abs(values - known) / scale
-    words = f"errors {', '.join(f'{e:.1e}' for e in errors)} with {', '.join(f'{n:.0f}' for n in unknowns)} unknowns"
+    words = f"errors {', '.join(f'{e:.1e}' for e in errors)} with {', '.join(f'{n:.0f}' for n in unknowns)} {what}"
     limit = extrapolated(unknowns, values) if settles else None
     if limit is not None and errors[-1] > FLOOR:
         missing = max(abs(limit - values[-1]), abs(values[-1] - values[-2])) / scale
@@ -137,7 +148,9 @@ def judged(levels: Sequence[Level], known: float | None) -> Verdict:
             return not_shown(f"it converges to {limit:.6g}, known is {known:.6g}: accuracy is not shown; {words}")
     found.hold(bool(errors[-1] <= max(FALLS * errors.max(), FLOOR)), f"it does not converge: {words}")
     rate = slope(unknowns, errors)
-    found.figures.append(words if rate is None else f"{words}; error ~ unknowns^(-{rate / 2:.2f}), order {rate:.1f}")
+    found.figures.append(
+        words if rate is None else f"{words}; error ~ {what}^(-{rate / 2:.2f}), order {dimension * rate / 2:.1f}"
+    )
     return found.verdict()
 
 

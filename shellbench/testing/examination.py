@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.bench.catalog import case_names, named_case
+from shellbench.bench.kinds import kinds_of_theories
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
+from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.subject import Answer, NoAnswer, Respondent, solve_in
 
@@ -28,6 +30,12 @@ SAMPLE = 17  # points a side of the grid on which displacements are compared
 SAME = 1e-6  # relative difference that counts as none
 OWN = 3.0  # times the solver's own stated uncertainty, or what another seed changes
 MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states that it does not know the answer
+
+
+def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
+    """Return the suite's own cases of the kinds whose problems ask for one of these theories."""
+    kinds = kinds_of_theories(theories)
+    return tuple(case for case in map(named_case, case_names()) if case.kind in kinds)
 
 
 def shells(names: Iterable[str] | None = None) -> tuple[Case, ...]:
@@ -66,6 +74,11 @@ class Examination:
     _refusals: dict[str, tuple[str, Any, float]] = field(default_factory=dict)
 
     @property
+    def cases(self) -> tuple[Problem, ...]:
+        """The suite's own cases of the kinds of problem that the solver's theories are of."""
+        return asked_kinds(self.facts["theories"])
+
+    @property
     def subject(self) -> Respondent:
         """The running process; a new one if the last was lost."""
         if self._subject is None or not self._subject.alive:
@@ -82,7 +95,7 @@ class Examination:
         finally:
             subject.stop()
 
-    def solve(self, case: Case, settings: Setting | None = None) -> Answer:
+    def solve(self, case: Problem, settings: Setting | None = None) -> Answer:
         """Return the solver's answer to a case; what was solved for already is not solved for again.
 
         Raises
@@ -103,14 +116,14 @@ class Examination:
                 raise
         return self._answers[key]
 
-    def declined(self, case: Case) -> str | None:
+    def declined(self, case: Problem) -> str | None:
         """Return why the solver declines a case, or None; raises `NoAnswer` if it can't be asked."""
         kind, answer, _ = self.refusals((case,))[0]
         if kind != "ok":
             raise NoAnswer(f"declines {answer}")
         return None if answer is None else str(answer)
 
-    def refusals(self, cases: tuple[Case, ...]) -> list[tuple[str, Any, float]]:
+    def refusals(self, cases: tuple[Problem, ...]) -> list[tuple[str, Any, float]]:
         """Ask whether cases are declined: ("ok", clause or None, seconds) or ("raised", words, seconds)."""
         keys = [f"{case.name} {case.digest()}" for case in cases]
         unasked = [i for i, key in enumerate(keys) if key not in self._refusals]
@@ -128,6 +141,11 @@ class Examination:
 
 class AlreadyReported(NoAnswer):
     """A trouble that an earlier check has told of already."""
+
+
+def fingerprint(answer: Answer) -> Array:
+    """Return what two answers are compared by: displacements on a grid of a shell, else all quantities."""
+    return answer.displacement(grid(answer.case)) if isinstance(answer.case, Case) else answer.values()
 
 
 def grid(case: Case, sides: int = SAMPLE) -> Array:
@@ -157,16 +175,15 @@ def own_uncertainty(answer: Answer) -> float:
     return stated / value if value > 0 else 0.0
 
 
-def seed_difference(exam: Examination, case: Case) -> float:
+def seed_difference(exam: Examination, case: Problem) -> float:
     """Return by how much another seed's answer differs, relative to the largest displacement; 0 without a seed."""
     if not exam.facts["seeded"]:
         return 0.0
-    points = grid(case)
     other = exam.solve(case, {"seed": int(exam.settings.get("seed", exam.facts["defaults"]["seed"])) + 1})
-    return apart(exam.solve(case).displacement(points), other.displacement(points))
+    return apart(fingerprint(exam.solve(case)), fingerprint(other))
 
 
-def admissible(exam: Examination, case: Case) -> float:
+def admissible(exam: Examination, case: Problem) -> float:
     """Return the relative difference that two solves of one question may have."""
     return min(MOST, max(SAME, OWN * own_uncertainty(exam.solve(case)), OWN * seed_difference(exam, case)))
 

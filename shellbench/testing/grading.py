@@ -12,8 +12,9 @@ from rich.console import Console
 from shellbench.bench import environment
 from shellbench.bench.classes import CLASSES, strangers
 from shellbench.bench.display import display
-from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit
+from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
 from shellbench.bench.local import LocalProcesses
+from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.bench.store import Store
 from shellbench.problem import Problem
 
@@ -27,16 +28,25 @@ class ExamOptions:
     Attributes
     ----------
     suites
-        Suites whose cases are asked.
+        Suites whose cases are asked; None for those of the solver's kinds of problem.
+    quick
+        Whether these are the suites of a first look.
     store
         Folder of the records; what has one that counts is not solved again.
     jobs
         Runs at a time, one thread each; None for as many as there are cores.
     """
 
-    suites: tuple[str, ...]
+    suites: tuple[str, ...] | None
     store: Path
     jobs: int | None = None
+    quick: bool = False
+
+    def asked_of(self, entry: SolverEntry) -> tuple[str, ...]:
+        """Return the suites that a solver is asked; InputError if it can't be imported."""
+        if self.suites is not None:
+            return self.suites
+        return suites_for(map(str, load_solver(entry).capabilities.theories), quick=self.quick)
 
 
 @dataclass(frozen=True)
@@ -105,13 +115,22 @@ class Graded:
         }
 
 
-def graded(solver: str, cases: tuple[Problem, ...], options: ExamOptions, seconds: float, console: Console) -> Graded:
+def graded(
+    solver: str,
+    cases: tuple[Problem, ...],
+    suites: tuple[str, ...],
+    options: ExamOptions,
+    seconds: float,
+    console: Console,
+) -> Graded:
     """Hold the exam of a solver with default settings.
 
     Parameters
     ----------
     cases
         Cases that are asked beside those of the suites.
+    suites
+        Suites whose cases are asked.
     seconds
         Longest time for one answer.
     console
@@ -122,13 +141,13 @@ def graded(solver: str, cases: tuple[Problem, ...], options: ExamOptions, second
     InputError
         If a suite is unknown, or the solver can't be imported.
     """
-    asked = {case.name: case for case in (*questions(options.suites), *cases) if is_judged(case)}
+    asked = {case.name: case for case in (*questions(suites), *cases) if is_judged(case)}
     if not asked:
-        return Graded(solver, options.suites, "no known value judges what was asked")
+        return Graded(solver, suites, "no known value judges what was asked")
     store = Store(options.store)
     executor = LocalProcesses(options.jobs or environment.cores(), 1, seconds)
     plan = plan_of(solver, list(asked.values()), store, executor, threads=1)
     with display(console, len(plan.tasks)) as observer:
         sitting = sit(solver, list(asked.values()), store, plan, executor, observer)
     why = "" if sitting.grade.figures else "it declines every case that was asked"
-    return Graded(solver, options.suites, why, sitting)
+    return Graded(solver, suites, why, sitting)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
 from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
@@ -41,6 +42,7 @@ REALS = "fc"  # NumPy's kinds of real and complex numbers
 NUMBERS = REALS + "iub"
 NUDGE = 1e-3  # relative change of real numbers that matter: displacements follow
 HARDEST = 9  # zlib's level
+SIDES = 9  # points a side, at edges and corners too, at which a kept displacement is looked at
 MOST_SLICES = 12  # along an axis, that are altered one by one: components, not nodes
 
 Part = tuple[slice | int, ...]
@@ -167,27 +169,39 @@ SAME = 1e-12  # relative difference of a displacement that was saved and loaded
 COUNTED = 0.9  # of the compressed bytes that matter: what storage_bytes must state at least
 
 
-def saving(exam: Examination, case: Case) -> Verdict:
+def saving(exam: Examination, case: Problem) -> Verdict:
     """Check that, saved and loaded in another process, the answer is the same; the file is no pickle."""
     found, answer = Findings(), exam.solve(case)
     path = answer.save(exam.folder / "saved")
     if not found.hold(path.is_file() or path.is_dir(), f"save says that it wrote {path.name}; there is no such file"):
         return found.verdict()
     found.hold(not pickled(path), "the saved file is, or holds, a pickle, which runs what it likes when it is read")
-    points = np.concatenate([grid(case), scattered(case, 50, seed=8)])
     kept = _moved(path, exam.folder / "kept")
     with exam.fresh() as other:
         loaded = load_in(other, "loaded", case, kept)
-        difference = apart(answer.displacement(points), loaded.displacement(points))
-        found.hold(difference <= SAME, f"loaded, its displacement differs by {difference:.1e}")
+        difference = apart(seen(answer), seen(loaded))
+        found.hold(difference <= SAME, f"loaded, its {what_is_seen(case)} differs by {difference:.1e}")
         for count in ("parameters", "storage_bytes"):
             same = loaded.facts[count] == answer.facts[count]
             found.hold(same, f"loaded, its {count} are {loaded.facts[count]}, not {answer.facts[count]}")
         nothing = exam.folder / "no_solution"
         nothing.write_bytes(b"nothing that a solver has written")
         _refuses(found, other, case, nothing)
-    found.figures.append(f"{path.suffix or 'folder'}, displacement the same to {difference:.1e}")
+    found.figures.append(f"{path.suffix or 'folder'}, {what_is_seen(case)} the same to {difference:.1e}")
     return found.verdict()
+
+
+def seen(answer: Answer) -> NDArray[np.float64]:
+    """Return what a kept answer is known by: its displacement at points, of a shell, else all quantities."""
+    case = answer.case
+    if not isinstance(case, Case):
+        return answer.values()
+    return answer.displacement(np.concatenate([grid(case, SIDES), scattered(case, 50, seed=8)]))
+
+
+def what_is_seen(case: Problem) -> str:
+    """Return what an answer is known by, in words."""
+    return "displacement" if isinstance(case, Case) else "figures"
 
 
 def _moved(path: Path, folder: Path) -> Path:
@@ -196,7 +210,7 @@ def _moved(path: Path, folder: Path) -> Path:
     return Path(shutil.move(path, folder / f"answer{path.suffix}"))
 
 
-def _refuses(found: Findings, subject: Respondent, case: Case, path: object) -> None:
+def _refuses(found: Findings, subject: Respondent, case: Problem, path: object) -> None:
     try:
         subject.call("load", "nothing", str(path))
         found.faults.append("it loads a file that no solver wrote")
@@ -206,14 +220,17 @@ def _refuses(found: Findings, subject: Respondent, case: Case, path: object) -> 
         pass
 
 
-def counts(exam: Examination, case: Case) -> Verdict:
-    """Check that `parameters` is a whole number that grows with refinement."""
+def counts(exam: Examination, case: Problem) -> Verdict:
+    """Check that `parameters` is a whole number; of a shell, that it grows with refinement."""
     found, answer = Findings(), exam.solve(case)
-    fewest = 0 if case.prescribed else 1
+    fewest = 0 if isinstance(case, Case) and case.prescribed else 1
     number = answer.facts["parameters"]
     if not found.hold(
         isinstance(number, int) and number >= fewest, f"its parameters are {number}, no positive integer"
     ):
+        return found.verdict()
+    if not isinstance(case, Case):
+        found.figures.append(f"{number} parameters")
         return found.verdict()
     chosen, reason = refinements(exam, case)
     if not chosen:
@@ -228,8 +245,8 @@ def counts(exam: Examination, case: Case) -> Verdict:
     return found.verdict()
 
 
-def storage(exam: Examination, case: Case) -> Verdict:
-    """Check that `storage_bytes` counts the numbers of the saved file without which the displacement is another."""
+def storage(exam: Examination, case: Problem) -> Verdict:
+    """Check that `storage_bytes` counts the numbers of the saved file without which the answer is another."""
     found, answer = Findings(), exam.solve(case)
     stated = answer.facts["storage_bytes"]
     if not found.hold(isinstance(stated, int) and stated > 0, f"its storage_bytes are {stated}, no positive integer"):
@@ -237,8 +254,7 @@ def storage(exam: Examination, case: Case) -> Verdict:
     saved = read_arrays(answer.save(exam.folder / "counted"))
     if saved is None:
         return not_shown(f"states {stated} bytes; the saved file is neither npz nor safetensors")
-    points = scattered(case, 100, seed=9)
-    u = answer.displacement(points)
+    u = seen(answer)
     needed, names, untold, unknown = 0, [], [], 0
     with exam.fresh() as other:
         for name, array in saved.arrays.items():
@@ -247,7 +263,7 @@ def storage(exam: Examination, case: Case) -> Verdict:
 
             def matters(part: Part, name: str = name) -> bool:
                 changed = altered(saved, name, part, exam.folder / f"altered{saved.path.suffix}")
-                return apart(u, _loaded(other, answer, changed).displacement(points)) > 0
+                return apart(u, seen(_loaded(other, answer, changed))) > 0
 
             try:
                 least = what_matters(array, matters)
@@ -260,7 +276,8 @@ def storage(exam: Examination, case: Case) -> Verdict:
             if least is not None:
                 needed += compressed_size(least)
                 names.append(name)
-    words = f"states {stated} bytes; what displacement needs, compressed: {needed} ({', '.join(names) or 'no arrays'})"
+    arrays = ", ".join(names) or "no arrays"
+    words = f"states {stated} bytes; what its {what_is_seen(case)} needs, compressed: {needed} ({arrays})"
     if untold:
         words += f"; {', '.join(untold)} can't be altered"
     if not names or COUNTED * needed <= stated < COUNTED * (needed + unknown):

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.bench.process import SolverProcess
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
-from shellbench.problems.shell.case import Case
+from shellbench.problem import Problem
 
 Array = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ class Answer:
 
     subject: Respondent
     key: str
-    case: Case
+    case: Any
     facts: Mapping[str, Any]
 
     def ask(self, method: str, *arguments: Any) -> Any:
@@ -199,6 +199,14 @@ class Answer:
         membrane, bending = self.ask("energies")
         return float(membrane), float(bending)
 
+    def state(self, at: float) -> dict[str, Array]:
+        """Return the state of a rope at a time, its arrays and numbers by name."""
+        return dict(self.subject.call("state", self.key, at))
+
+    def values(self) -> Array:
+        """Return all quantities of the case, in its order."""
+        return np.array(list(self.subject.call("values", self.key).values()))
+
     def headline(self) -> float:
         """Return the case's headline quantity."""
         return float(self.subject.call("headline", self.key))
@@ -208,12 +216,12 @@ class Answer:
         return Path(self.subject.call("save", self.key, str(path)))
 
 
-def solve_in(subject: Respondent, key: str, case: Case, settings: Mapping[str, Any]) -> Answer:
+def solve_in(subject: Respondent, key: str, case: Problem, settings: Mapping[str, Any]) -> Answer:
     """Have a subject solve a case; raises `NoAnswer`."""
     data = {**case_data(case), "name": case.name}
     return Answer(subject, key, case, subject.call("solve", key, data, dict(settings)))
 
 
-def load_in(subject: Respondent, key: str, case: Case, path: Path) -> Answer:
+def load_in(subject: Respondent, key: str, case: Problem, path: Path) -> Answer:
     """Have a subject load a saved solution; raises `NoAnswer`."""
     return Answer(subject, key, case, subject.call("load", key, str(path)))

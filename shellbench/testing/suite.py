@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from rich.console import Console
 from rich.status import Status as Spinner
@@ -18,10 +18,13 @@ from rich.text import Text
 
 from shellbench.bench.catalog import find_case
 from shellbench.bench.identity import parse_setting
+from shellbench.bench.kinds import DEFAULT
 from shellbench.bench.registry import SolverEntry, find_solver
 from shellbench.errors import InputError
+from shellbench.problem import Problem
+from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.shell.case import Case
-from shellbench.testing import answers, convergence, keeping, mechanics
+from shellbench.testing import answers, convergence, keeping, mechanics, ropes
 from shellbench.testing.examination import (
     AlreadyReported,
     Examination,
@@ -37,7 +40,7 @@ from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
 
 Ask = Callable[[Examination], Verdict]
-AskOfCase = Callable[[Examination, Case], Verdict]
+AskOfProblem = Callable[[Examination, Problem], Verdict]
 Tell = Callable[[str], None]
 Start = Callable[[], Respondent]
 
@@ -46,7 +49,7 @@ OF_SOLVER: Mapping[str, Ask] = {
     "declining": answers.declining,
     "bad input": answers.bad_input,
 }
-OF_CASE: Mapping[str, AskOfCase] = {
+OF_CASE: Mapping[str, Callable[[Examination, Case], Verdict]] = {
     "answers": answers.displacements,
     "fields": answers.fields,
     "batching": answers.batching,
@@ -67,6 +70,22 @@ OF_CASE: Mapping[str, AskOfCase] = {
     "parameters": keeping.counts,
     "storage": keeping.storage,
 }
+
+
+OF_ROPE: Mapping[str, AskOfProblem] = {
+    "answers": ropes.links,
+    "determinism": answers.determinism,
+    "units": ropes.units,
+    "placement": ropes.placement,
+    "convergence": convergence.convergence,
+    "energy": ropes.energy,
+    "history": answers.history,
+    "saving": keeping.saving,
+    "parameters": keeping.counts,
+    "storage": keeping.storage,
+}
+OF_ANY: tuple[str, ...] = ("determinism", "convergence", "history", "saving", "parameters", "storage")
+"""Of `OF_ROPE`: those that know of quantities only, for kinds of problem from elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +115,7 @@ class CheckOptions:
         Names of the checks to make; empty: all.
     """
 
-    cases: tuple[Case, ...] = ()
+    cases: tuple[Problem, ...] = ()
     settings: Mapping[str, Any] | None = None
     refinements: tuple[Mapping[str, Any], ...] = ()
     seconds: float = 600.0
@@ -165,12 +184,12 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
             reason = exam.declined(case)
         except NoAnswer as trouble:
             reason = f"{trouble}"
-        for name, ask in OF_CASE.items():
+        for name, ask in checks_of(case).items():
             if not _wanted(options, name):
                 continue
             asked_of = case
-            if name == "seam" and not any(case.surface.domain.periodic) and not options.cases:
-                asked_of = _closed(exam) or case
+            if name == "seam" and isinstance(case, Case) and not options.cases:
+                asked_of = case if any(case.surface.domain.periodic) else _closed(exam) or case
             tell(f"{name}, {asked_of.name}")
             if reason is not None:
                 yield Line(name, case.name, not_applicable(f"it declines the case: {reason}"))
@@ -178,6 +197,13 @@ def _of_cases(exam: Examination, options: CheckOptions, tell: Tell) -> Iterator[
                 yield Line(name, asked_of.name, _asked(lambda ask=ask, c=asked_of: ask(exam, c)))  # type: ignore[misc]
     if not cases:
         yield Line("answers", "", not_shown("it takes no case that solvers are examined on: name one by --case"))
+
+
+def checks_of(case: Problem) -> Mapping[str, AskOfProblem]:
+    """Return the checks that are made of a case: those of its kind."""
+    if isinstance(case, Case):
+        return cast(Mapping[str, AskOfProblem], OF_CASE)
+    return OF_ROPE if isinstance(case, RopeCase) else {name: OF_ROPE[name] for name in OF_ANY}
 
 
 def _asked(ask: Callable[[], Verdict]) -> Verdict:
@@ -190,20 +216,27 @@ def _asked(ask: Callable[[], Verdict]) -> Verdict:
         return failed(str(trouble))
 
 
-def _cheap(exam: Examination) -> tuple[Case, ...]:
-    """Return the first cheap case that the solver takes: a static one, a motion cut short, or else any static one."""
+def _cheap(exam: Examination) -> tuple[Problem, ...]:
+    """Return the first cheap case of each kind that the solver takes.
+
+    Of shells it is a static one, a motion cut short, or else any static one.
+    """
+    kinds = dict.fromkeys(case.kind for case in exam.cases)
     others = (case for case in shells() if case.dynamics is None)
-    for case in (*shells(STATIC), *map(short_motion, MOVING), *others):
-        if _takes(exam, case):
-            return (case,)
-    return ()
+    of_shells = (*shells(STATIC), *map(short_motion, MOVING), *others) if DEFAULT in kinds else ()
+    cheap = (*of_shells, *(case for case in ropes.cheap() if case.kind in kinds))
+    found: dict[str, Problem] = {}
+    for case in (*cheap, *(case for case in exam.cases if case.kind != DEFAULT)):
+        if case.kind not in found and _takes(exam, case):
+            found[case.kind] = case
+    return tuple(found.values())
 
 
 def _closed(exam: Examination) -> Case | None:
     return next((case for case in shells(CLOSED) if _takes(exam, case)), None)
 
 
-def _takes(exam: Examination, case: Case) -> bool:
+def _takes(exam: Examination, case: Problem) -> bool:
     try:
         return exam.declined(case) is None
     except NoAnswer:
@@ -213,13 +246,6 @@ def _takes(exam: Examination, case: Case) -> bool:
 COLOURS: dict[Status, str] = {"passed": "green", "failed": "red", "not applicable": "dim", "not shown": "yellow"}
 LONGEST_STATUS = 14  # characters
 GOOD, BAD, NOTHING_JUDGED = 0, 1, 2
-
-
-def _shell(text: str) -> Case:
-    case = find_case(text)
-    if not isinstance(case, Case):
-        raise InputError(f"case '{case.name}' is of kind '{case.kind}', and the checks are made with shells")
-    return case
 
 
 def check_solver(
@@ -248,7 +274,7 @@ def check_solver(
     """
     entry = find_solver(name)
     options = CheckOptions(
-        tuple(map(_shell, cases)), given_settings(name, settings), given_refinements(refine), seconds
+        tuple(map(find_case, cases)), given_settings(name, settings), given_refinements(refine), seconds
     )
     out = console or Console(highlight=False, soft_wrap=True)
     lines: list[Line] = []
@@ -262,10 +288,11 @@ def check_solver(
     if not as_json:
         out.out(summary(name, lines))
     grade = None
+    suites = exam.asked_of(entry) if exam is not None else ()
     if exam is not None and options.settings:
-        grade = Graded(name, exam.suites, "grades are of default settings, and --set changes them")
+        grade = Graded(name, suites, "grades are of default settings, and --set changes them")
     elif exam is not None:
-        grade = graded(name, options.cases, exam, seconds, Console(stderr=True) if as_json else out)
+        grade = graded(name, options.cases, suites, exam, seconds, Console(stderr=True) if as_json else out)
     if as_json:
         data = {"solver": name, "checks": [as_data(line) for line in lines]} | (grade.as_data() if grade else {})
         out.out(json.dumps(data, indent=2), highlight=False)

@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from shellbench.bench.exam import QUICK, WHOLE
 from shellbench.bench.registry import SolverEntry
 from shellbench.cli import app
 from shellbench.errors import InputError
@@ -103,17 +102,17 @@ def test_the_command_line_passes_all_on(monkeypatch):
 @pytest.mark.parametrize(
     ("options", "suites"),
     [
-        ([], WHOLE),
-        (["--quick"], QUICK),
-        (["--suite", "shapes"], ("shapes",)),
-        (["--case", "square_plate", "--quick"], QUICK),
+        ([], (None, False)),  # of the solver's kinds of problem
+        (["--quick"], (None, True)),
+        (["--suite", "shapes"], (("shapes",), False)),
+        (["--case", "square_plate", "--quick"], (None, True)),
     ],
 )
 def test_what_it_is_graded_by(monkeypatch, options, suites):
     given = {}
     monkeypatch.setattr(suite, "check_solver", lambda *_, **more: given.update(more) or 0)
     assert CliRunner().invoke(app, ["check-solver", "mine", *options]).exit_code == 0
-    assert given["exam"].suites == suites
+    assert (given["exam"].suites, given["exam"].quick) == suites
 
 
 def test_quick_and_suites_exclude_each_other(monkeypatch):

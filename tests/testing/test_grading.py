@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from shellbench.bench import catalog
-from shellbench.bench.exam import QUICK, WHOLE, is_judged, questions
+from shellbench.bench.exam import is_judged, questions, suites_for
 from shellbench.bench.expected import Scope
 from shellbench.bench.gate import gate
 from shellbench.bench.store import Store
@@ -24,7 +24,7 @@ from tests.bench.test_gate import scaled
 
 def held(store: Store, solver: str = "toy-noisy", **more: object) -> Graded:  # noqa: F811
     options = ExamOptions(("toys",), store.folder, jobs=1)
-    return graded(solver, (), options, 60.0, Console(file=io.StringIO()))
+    return graded(solver, (), ("toys",), options, 60.0, Console(file=io.StringIO()))
 
 
 @pytest.mark.parametrize("error", [0.0, 5e-4, 5e-3, 5e-2])
@@ -92,8 +92,9 @@ def test_an_unknown_suite_is_bad_input(toys: Path) -> None:  # noqa: F811
 
 
 def test_the_quick_exam_is_part_of_the_whole_and_of_many_kinds() -> None:
-    quick, whole = questions(QUICK), {case.name for case in questions(WHOLE)}
-    assert {case.name for case in quick} <= whole
+    shells = ("kirchhoff-love-linear", "kirchhoff-love-nonlinear")
+    quick, whole = (questions(suites_for(shells, quick=short)) for short in (True, False))
+    assert {case.name for case in quick} <= {case.name for case in whole}
     assert len(whole) > 90
     asked = {q.kind for case in quick for q in case.quantities}
     assert asked >= {"displacement", "torque", "membrane_energy", "bending_energy", "strain_energy", "field_error"}
@@ -101,3 +102,9 @@ def test_the_quick_exam_is_part_of_the_whole_and_of_many_kinds() -> None:
     assert {case.surface.kind for case in quick} == {"plane", "cylinder", "expression"}  # type: ignore[attr-defined]
     assert {case.theory for case in quick} == {"kirchhoff-love-linear", "kirchhoff-love-nonlinear"}
     assert any("@" in case.name for case in quick)
+
+
+def test_a_solver_is_graded_by_the_suites_of_its_kind() -> None:
+    assert suites_for(("rigid-links",), quick=False) == suites_for(("rigid-links",), quick=True) == ("rope",)
+    assert "rope" not in suites_for(("kirchhoff-love-linear",), quick=False)
+    assert set(suites_for(("rigid-links", "kirchhoff-love-linear"), quick=True)) == {"quick", "rope"}

@@ -48,7 +48,7 @@ def test_a_solve_that_hangs_is_ended():
 def test_what_has_not_settled_is_said_in_one_clause(said, good):
     solution = NavierSolver().solve(PLATE, NavierSolver.settings_type())
     solution.unsettled = said
-    assert ("a solution's unsettled is neither None nor one clause" in solution_faults(solution)) != good
+    assert ("a solution's unsettled is neither None nor one clause" in solution_faults(solution, "shell")) != good
 
 
 def test_what_a_solver_prints_does_not_disturb_its_answers():

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from shellbench.model import Finite, Model, Positive, Vector
-from shellbench.problem import Kind, Problem
+from shellbench.problem import Problem
 from shellbench.problems.rope.motion import Path, moved
 from shellbench.problems.rope.obstacle import Obstacle, deepest
 from shellbench.problems.rope.quantities import STILL, RopeQuantity
@@ -230,12 +230,3 @@ class RopeCase(Problem):
         for time, place in zip(times, places, strict=True):
             if deepest(self.obstacles, place[None], float(time)):
                 raise ValueError(f"an obstacle is around the root at t = {time:g}")
-
-
-def keep(solution: Any, case: RopeCase) -> dict[str, NDArray[np.float64]] | None:
-    """Return the arrays of the solution by name; None if they are not finite."""
-    arrays = solution.stacked()
-    return arrays if all(np.all(np.isfinite(array)) for array in arrays.values()) else None
-
-
-ROPE = Kind(problem=RopeCase, keep=keep)

@@ -39,11 +39,15 @@ class RopeState:
 
 
 ARRAYS = ("nodes", "velocities", "tensions", "stretch", "penetration")
+PICTURES = ("frame_times", "frames")
 
 
 @dataclass(frozen=True)
 class RopeMotion:
-    """States (`RopeState`) at the case's times, in order; those of a failed solve end earlier."""
+    """States (`RopeState`) at the case's times, in order; those of a failed solve end earlier.
+
+    `frames` (k, n, 3), m, at `frame_times` (k,), s, are for pictures; of many nodes they have some.
+    """
 
     case: RopeCase
     kept: tuple[RopeState, ...]
@@ -51,6 +55,8 @@ class RopeMotion:
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     diagnostics: Mapping[str, Any] = field(default_factory=dict)
     extrapolated: Mapping[str, float] = field(default_factory=dict)
+    frame_times: Array = field(default_factory=lambda: np.zeros(0))
+    frames: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def state(self, at: float) -> RopeState:
         """Return the state at a time; ValueError if it was not reached."""
@@ -70,8 +76,9 @@ class RopeMotion:
         return sum(np.asarray(getattr(state, name)).nbytes for state in self.kept for name in ARRAYS)
 
     def stacked(self) -> dict[str, Array]:
-        """Return the arrays of all states by name, the first axis the state."""
-        return {name: np.array([getattr(state, name) for state in self.kept]) for name in ARRAYS}
+        """Return the arrays of all states by name, the first axis the state, and those of the frames."""
+        states = {name: np.array([getattr(state, name) for state in self.kept]) for name in ARRAYS}
+        return states | {name: getattr(self, name) for name in PICTURES}
 
     def save(self, path: Path) -> Path:
         """Write the states as npz."""
@@ -85,9 +92,9 @@ class RopeMotion:
         try:
             with np.load(path, allow_pickle=False) as data:
                 case = RopeCase.model_validate_json(str(data["case"]))
-                columns = [data[name] for name in ARRAYS]
+                columns, pictures = [data[name] for name in ARRAYS], {name: data[name] for name in PICTURES}
         except (OSError, KeyError, ValueError) as error:
             raise InputError(f"{path} holds no motion of a rope: {' '.join(str(error).split())}") from None
         rows = zip(*columns, strict=True)
         states = (RopeState(nodes, moves, pulls, float(s), float(d)) for nodes, moves, pulls, s, d in rows)
-        return cls(case, tuple(states))
+        return cls(case, tuple(states), **pictures)

@@ -99,4 +99,6 @@ SHELL = Kind(
     portrait=ShellPortrait,
     variants=VARIANTS,
     sample=sample,
+    exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),
+    quick=("quick",),
 )

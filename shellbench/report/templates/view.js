@@ -345,7 +345,7 @@
       }
     });
     const keys = "Arrow keys turn it, plus and minus come nearer and go farther.";
-    view.plot.setAttribute("aria-label", `${kept.title}: deformed shell. ${keys}`);
+    view.plot.setAttribute("aria-label", `${kept.title}: ${kept.what}. ${keys}`);
     view.plot.addEventListener("keydown", (event) => {
       const key = event.key === "=" ? "+" : event.key;
       const turns = TURNS.some(([name, , , by]) => by && name === key);

@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Step
 from shellbench.problems.rope.case import Chain, RopeCase
 from shellbench.problems.rope.solution import RopeState
+from shellbench.problems.rope.solving import RopeSolver
 
 Array = NDArray[np.float64]
 
@@ -131,7 +132,7 @@ def arc(case: RopeCase) -> tuple[Array, Array]:
     return nodes, np.maximum(densities, 0.1 * np.abs(densities).mean())
 
 
-class ChainSolver:
+class ChainSolver(RopeSolver):
     """Newton's method on positions and tensions."""
 
     name: ClassVar[str] = "chain"
@@ -142,27 +143,8 @@ class ChainSolver:
         """Return why it can't take a problem: it is no chain, or one that moves."""
         return None if isinstance(case, RopeCase) and case.chain else "it solves chains between two ends only"
 
-    def solve(
-        self,
-        case: RopeCase,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> ChainSolution:
-        """Find the chain at rest.
-
-        Raises
-        ------
-        SolveFailure
-            If Newton's method does not converge.
-        InputError
-            If an earlier solution is given.
-        """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        if reason := self.declines(case):
-            raise InputError(f"{case.name}: {reason}")
-        chosen = settings if isinstance(settings, ChainSettings) else ChainSettings.model_validate(settings or {})
+    def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> ChainSolution:
+        """Find the chain at rest; SolveFailure if Newton's method does not converge."""
         chain, began = hanging(case), time.perf_counter()
         nodes, densities = arc(case)
         history: list[Step] = []
@@ -171,8 +153,8 @@ class ChainSolver:
             wrong = np.concatenate([force.ravel(), excess])
             energy = float(chain.mass * chain.gravity * nodes[1:-1, 1].sum())
             history.append(Step(number, time.perf_counter() - began, energy, wrong.size))
-            (progress or (lambda _: None))(Progress(number, None, f"residual {np.abs(wrong).max():.2g}"))
-            if np.abs(wrong).max() <= chosen.tolerance:
+            progress(Progress(number, None, f"residual {np.abs(wrong).max():.2g}"))
+            if np.abs(wrong).max() <= settings.tolerance:
                 if densities.min() <= 0:
                     raise SolveFailure("the state that was found is no minimum: a link is pushed")
                 return ChainSolution(case, nodes, densities * chain.link_length, tuple(history))

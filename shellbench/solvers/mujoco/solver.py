@@ -6,20 +6,18 @@ What cloth of MuJoCo can't take, each with its reason.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from shellbench.engine import engine_version, need
-from shellbench.errors import InputError
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
 from shellbench.problems.shell.solution import ShellSolver, why_not_plain
+from shellbench.solvers.mujoco.engine import EngineSettings
 
 if TYPE_CHECKING:
     from shellbench.solvers.mujoco.solution import FlexSolution
@@ -28,25 +26,11 @@ if TYPE_CHECKING:
 Integrator = Literal["Euler", "discrete", "RK4"]
 
 
-DISTRIBUTION = "mujoco"
-# major version; until 3.x the stiffness of flexes was not that of their Young's modulus (change log of 4.0.0)
-OLDEST = 4
 MOST_CELLS = 1000  # along a coordinate: three million bodies on slide joints
 FRAME_RATE = 240.0  # frames per second: four of a screen's
 
-need("mujoco", (DISTRIBUTION,))  # without it there is no solver to declare
-if int(version(DISTRIBUTION).split(".")[0]) < OLDEST:
-    raise InputError(
-        f"{DISTRIBUTION} {version(DISTRIBUTION)} is too old, its cloth has other elastic constants:"
-        f" python -m pip install '{DISTRIBUTION}>={OLDEST}'"
-    )
 
-
-def _installed() -> str:
-    return str(engine_version(DISTRIBUTION))
-
-
-class FlexSettings(Settings):
+class FlexSettings(EngineSettings):
     """Settings of `MujocoFlexSolver`."""
 
     cells: tuple[int, int] = Field((40, 40), description="cells along xi1 and xi2, two triangles each")
@@ -59,7 +43,6 @@ class FlexSettings(Settings):
     )
     damping: Finite = Field(0.0, ge=0, description="Rayleigh's damping, s, times the stiffness")
     frame_rate: Finite = Field(FRAME_RATE, gt=0, description="frames per second that are kept")
-    engine: str = Field(default_factory=_installed, description="name and version of the engine; not to be chosen")
 
     @field_validator("cells")
     @classmethod
@@ -67,13 +50,6 @@ class FlexSettings(Settings):
         if not all(1 <= count <= MOST_CELLS for count in cells):
             raise ValueError(f"both must be from 1 to {MOST_CELLS}")
         return cells
-
-    @field_validator("engine")
-    @classmethod
-    def _engine_is_installed(cls, engine: str) -> str:
-        if engine != _installed():
-            raise ValueError(f"{_installed()} is installed, and no other can be asked for")
-        return engine
 
 
 class MujocoFlexSolver(ShellSolver):

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,6 +28,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.mujoco.elasticity import Elasticity
+from shellbench.solvers.mujoco.engine import quiet
 from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solution import FlexSolution
 from shellbench.solvers.mujoco.solver import FlexSettings, Integrator
@@ -263,7 +263,7 @@ def march(cloth: Cloth, loading: Loading, integrator: Integrator, staggered: boo
             cloth.push(force)
         return gained
 
-    with _quiet():
+    with quiet():
         for number in range(pace.frames + 1):
             displacement, velocity = cloth.displacement(), cloth.velocity()
             at = float(np.sum(force * displacement)) if case.steady else work
@@ -278,16 +278,6 @@ def march(cloth: Cloth, loading: Loading, integrator: Integrator, staggered: boo
                 ahead = (number + 1) * pace.steps - done
                 work += advance(ahead)
                 done += ahead
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the engine from writing its warnings to a file; they are counted in its data all the same."""
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(None)
 
 
 MOST_BYTES = 2**31  # of frames that are kept in memory

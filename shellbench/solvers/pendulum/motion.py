@@ -73,8 +73,8 @@ class Pendulum:
         return np.asarray(np.einsum("nk,nk->n", along, np.cumsum(lacking[::-1], axis=0)[::-1]))
 
 
-def integrated(pendulum: Pendulum, start: Array, times: tuple[float, ...], tolerance: float) -> tuple[Array, int]:
-    """Return angles and their rates at times, (len(times), 2 n), by DOP853, and how often the equations were asked."""
+def integrated(pendulum: Pendulum, start: Array, times: tuple[float, ...], tolerance: float) -> Array:
+    """Return angles and their rates at times, (len(times), 2 n), by DOP853."""
     from scipy.integrate import solve_ivp
 
     def slope(time: float, state: Array) -> Array:
@@ -82,8 +82,8 @@ def integrated(pendulum: Pendulum, start: Array, times: tuple[float, ...], toler
         return np.concatenate([rates, pendulum.accelerations(time, angles, rates)])
 
     if times[-1] == 0:
-        return start[None], 1
+        return start[None]
     found: Any = solve_ivp(
         slope, (0.0, times[-1]), start, method="DOP853", t_eval=times, rtol=tolerance, atol=tolerance
     )
-    return found.y.T, int(found.nfev)
+    return np.asarray(found.y.T)

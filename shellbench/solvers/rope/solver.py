@@ -9,32 +9,29 @@ stated as the uncertainty; coarser steps that diverge are left out of it.
 
 from __future__ import annotations
 
-import math
-import time
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from shellbench.engine import need
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.obstacle import deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
+from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, spans, start_of
 from shellbench.solvers.rope.contact import Normal, Push
 from shellbench.solvers.rope.placing import Placing
 from shellbench.solvers.rope.stepping import Chains, Moving, Scheme, Solve, Stepper
 
 Array = NDArray[np.float64]
 
-LEVELS = (4, 2, 1)  # of the step in time: steps that are so many times as long
 FAR = 1e9  # times its extent: a motion that goes so far has diverged
-ROUNDING = 1e-15
 
 
 class RopeSettings(Settings):
@@ -57,6 +54,16 @@ class RopeSettings(Settings):
     normal: Normal = Field("gradient", description="of the rebound: gradient of the distance, or the reverse way")
     again: bool = Field(False, description="whether impulses are applied after the position update too")
     resting: bool = Field(True, description="whether what touches an obstacle rebounds at the end of a step too")
+    compiled: bool = Field(
+        False,
+        description="whether steps are compiled (extra `compiled`): direct ones, without obstacles",
+    )
+
+    @model_validator(mode="after")
+    def _compiled_steps_are_direct(self) -> Self:
+        if self.compiled and self.solve != "direct":
+            raise ValueError("compiled steps are direct: 'compiled' and solve = \"sweeps\" exclude each other")
+        return self
 
 
 class PrintedSettings(RopeSettings):
@@ -82,35 +89,35 @@ def scheme_of(settings: RopeSettings, *, printed: bool) -> Scheme:
 
 def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
     """Return the chains of a case and their start: one chain, or each loose mass on a link without end."""
-    rope, particles = case.rope, case.particles
     wind = case.wind
     drag, air = (wind.drag, np.array(wind.velocity)) if wind else (0.0, None)
-    root: Callable[[float], tuple[Array, Array, Array]]
-    if rope:
-        path = rope.root
-        places, lengths, masses = rope.places[:, None], np.array(rope.link_lengths)[:, None], case.masses[:, None]
-        velocities = np.array(rope.velocities)[:, None] if rope.velocities else np.zeros_like(places)
-        root = lambda t: moved(path, t)  # noqa: E731
-    else:
-        assert particles is not None
-        places, masses = particles.places[None], case.masses[None]
-        lengths, velocities = np.full_like(masses, np.inf), np.zeros_like(places) + particles.velocity
-        root = lambda t: (np.zeros(3), np.zeros(3), np.zeros(3))  # noqa: E731
-    chains = Chains(lengths, masses, case.gravity, root, drag, air, tuple(case.obstacles))
-    return chains, Moving(0.0, places, velocities)
+    places, velocities = start_of(case)
+    if case.rope:
+        path = case.rope.root
+        lengths, masses = np.array(case.rope.link_lengths)[:, None], case.masses[:, None]
+        chains = Chains(lengths, masses, case.gravity, lambda t: moved(path, t), drag, air, tuple(case.obstacles))
+        return chains, Moving(0.0, places[1:, None], velocities[1:, None])
+    masses, still = case.masses[None], (np.zeros(3), np.zeros(3), np.zeros(3))
+    lengths = np.full_like(masses, np.inf)
+    chains = Chains(lengths, masses, case.gravity, lambda _: still, drag, air, tuple(case.obstacles))
+    return chains, Moving(0.0, places[None], velocities[None])
 
 
-def kept(case: RopeCase, chains: Chains, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
+def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
     """Return what is kept of an instant."""
-    tensions = stepper.state_tensions(moving)
-    if case.particles:
-        return RopeState(moving.places[0], moving.velocities[0], np.zeros(0), stretch, depth)
-    place, velocity, _ = chains.root(moving.time)
-    nodes, velocities = np.vstack([place, moving.places[:, 0]]), np.vstack([velocity, moving.velocities[:, 0]])
-    return RopeState(nodes, velocities, tensions[:, 0], stretch, depth)
+    tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving)[:, 0]
+    root, velocity, _ = stepper.chains.root(moving.time)
+    return RopeState(
+        every_node(case, moving.places, root), every_node(case, moving.velocities, velocity), tensions, stretch, depth
+    )
 
 
-def followed(case: RopeCase, scheme: Scheme, rate: float, tell: Callable[[int], None]) -> list[RopeState]:
+def every_node(case: RopeCase, vectors: Array, root: Array) -> Array:
+    """Return a vector of each node, (n, 3): of loose masses as they are, else with the root first."""
+    return vectors[0] if case.particles else np.vstack([root, vectors[:, 0]])
+
+
+def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[RopeState]:
     """Return the states at the case's times.
 
     Raises
@@ -121,12 +128,13 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, tell: Callable[[int], 
     chains, moving = chains_of(case)
     far = FAR * max(1.0, float(np.abs(moving.places).max()))
     states: list[RopeState] = []
-    stretch, depth, steps = 0.0, 0.0, 0
+    stretch, depth = 0.0, 0.0
     moving = Stepper(chains, scheme, 1.0 / rate).start(moving)
-    for until in case.states:
-        count = math.ceil((until - moving.time) * rate - 1e-9)
-        stepper = Stepper(chains, scheme, (until - moving.time) / count if count else 1.0 / rate)
+    for until, count, step in spans(case, rate):
+        stepper = Stepper(chains, scheme, step)
         for number in range(count):
+            if watch.due(moving.time, step):
+                watch.keep(moving.time, every_node(case, moving.places, chains.root(moving.time)[0]))
             try:
                 with np.errstate(over="ignore", invalid="ignore"):
                     moving = stepper.after(moving)
@@ -141,13 +149,12 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, tell: Callable[[int], 
                 stretch = max(stretch, float((lengths / chains.lengths).max()) - 1.0)
             if case.obstacles:
                 depth = max(depth, deepest(case.obstacles, moving.places.reshape(-1, 3), moving.time))
-            steps += 1
-            tell(steps)
-        states.append(kept(case, chains, stepper, moving, stretch, depth))
+            watch.stepped()
+        states.append(kept(case, stepper, moving, stretch, depth))
     return states
 
 
-class ExactSolver:
+class ExactSolver(RopeSolver):
     """The scheme with the corrections."""
 
     name: ClassVar[str] = "rope-exact"
@@ -162,65 +169,15 @@ class ExactSolver:
         """Return why it can't take a problem: nothing in it moves."""
         return None if isinstance(case, RopeCase) and case.moving else "it solves ropes and loose masses in motion only"
 
-    def solve(
-        self,
-        case: RopeCase,
-        settings: Any,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> RopeMotion:
-        """Follow the motion with three steps in time.
-
-        Raises
-        ------
-        SolveFailure
-            If it diverges; the states before come with it.
-        InputError
-            If an earlier solution is given, or the case is declined.
-        """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        if reason := self.declines(case):
-            raise InputError(f"{case.name}: {reason}")
-        chosen = settings if isinstance(settings, RopeSettings) else self.settings_type.model_validate(settings or {})
-        scheme = scheme_of(chosen, printed=self.printed)
-        began, found = time.perf_counter(), []
-        history: list[Step] = []
-        for number, longer in enumerate(LEVELS):
-            rate = chosen.steps_per_second / longer
-
-            def tell(step: int, rate: float = rate) -> None:
-                if progress and step % 100 == 0:
-                    progress(Progress(step, None, f"{rate:g} steps a second"))
-
-            try:
-                motion = RopeMotion(case, tuple(followed(case, scheme, rate, tell)))
-            except SolveFailure as failure:
-                if longer > 1:  # a step that is too long says nothing of the answer
-                    continue
-                partial = RopeMotion(case, tuple(failure.partial), tuple(history))
-                raise SolveFailure(str(failure), partial) from None
-            found.append({quantity.name: quantity.measure(motion) for quantity in case.quantities})
-            last = motion.kept[-1]
-            moves = 0.5 * float(case.masses @ np.sum(last.velocities[case.first :] ** 2, axis=1))
-            energy = moves + case.gravity * float(case.masses @ last.nodes[case.first :, 2])
-            history.append(Step(number, time.perf_counter() - began, energy, motion.parameters, quantities=found[-1]))
-        uncertainty = {name: settled([values[name] for values in found]) for name in found[-1]} if found[1:] else {}
-        told = {
-            "steps_per_second": chosen.steps_per_second,
-            "taut_within": chosen.taut * case.gravity / chosen.steps_per_second**2,
-        }
-        return RopeMotion(case, motion.kept, tuple(history), uncertainty, told)
-
-    def load(self, path: Path) -> RopeMotion:
-        """Read what `RopeMotion.save` wrote; InputError in one sentence if it is none."""
-        return RopeMotion.load(path)
-
-
-def settled(values: Sequence[float]) -> float:
-    """Return how wrong the last value may be, of steps halved each time, if errors fall as the step."""
-    changes = np.abs(np.diff(values))
-    return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + ROUNDING * abs(values[-1])
+    def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
+        """Follow the motion with three steps in time."""
+        if settings.compiled:
+            need("compiled", ("numba",))
+            if case.obstacles:
+                raise InputError(f"{case.name}: compiled steps know no obstacles")
+        scheme, rate = scheme_of(settings, printed=self.printed), settings.steps_per_second
+        told = {"steps_per_second": rate, "taut_within": settings.taut * case.gravity / rate**2}
+        return refined(case, halved(rate), lambda level, watch: followed(case, scheme, level, watch), told, progress)
 
 
 class PrintedSolver(ExactSolver):

@@ -45,6 +45,8 @@ class Scheme:
         Whether impulses are also applied after the position update.
     resting
         Whether masses that touch an obstacle rebound at the end of the step too.
+    compiled
+        Whether steps are those of `compiled`: direct ones without obstacles, with the same answers to rounding.
     """
 
     printed: bool
@@ -58,6 +60,7 @@ class Scheme:
     normal: Normal
     again: bool
     resting: bool
+    compiled: bool = False
 
 
 @dataclass(frozen=True)
@@ -176,6 +179,8 @@ class Stepper:
     def after(self, moving: Moving) -> Moving:
         """Return what comes one step later."""
         root, later = self.chains.root(moving.time), self.chains.root(moving.time + self.step)
+        if self.scheme.compiled:
+            return self.compiled(moving, root, later)
         halfway = np.asarray(root[1] + 0.5 * self.step * root[2])
         velocities = self.accelerated(moving.places, moving.velocities, root)
         velocities = self.impelled(moving.places, velocities, root[0], halfway)
@@ -200,6 +205,21 @@ class Stepper:
                     velocities.shape
                 )
                 velocities = np.where(touching[..., None], bounced, velocities)
+        return Moving(moving.time + self.step, places, velocities)
+
+    def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
+        """Return what comes one step later, by plain loops that numba compiles."""
+        from shellbench.solvers.rope.compiled import stepped
+
+        chains, scheme = self.chains, self.scheme
+        places, velocities = moving.places.copy(), moving.velocities.copy()
+        still = np.zeros_like(places[0])
+        before, after = (np.ascontiguousarray([part + still for part in parts]) for parts in (root, later))
+        room = scheme.taut * chains.gravity * self.step**2
+        numbers = (self.step, float(chains.gravity), float(chains.drag), float(room))
+        wind = np.zeros(3) if chains.wind is None else np.asarray(chains.wind, dtype=float)
+        choices = (scheme.printed, scheme.placing == "rotation", scheme.again)
+        stepped(places, velocities, chains.lengths, chains.masses, before, after, wind, numbers, choices)
         return Moving(moving.time + self.step, places, velocities)
 
     def met(

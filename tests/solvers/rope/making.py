@@ -3,6 +3,7 @@
 import numpy as np
 
 from shellbench.bench import catalog
+from shellbench.problems.rope.solving import Watch
 from shellbench.solvers.rope.solver import PrintedSettings, RopeSettings, followed, scheme_of
 from shellbench.solvers.rope.stepping import Chains, Moving, Stepper
 
@@ -27,4 +28,5 @@ def hanging(angle, lengths):
 
 def last(name, rate, **changes):
     """Return the last state of a case with so many steps a second."""
-    return followed(catalog.named_case(name), scheme(**changes), rate, lambda _: None)[-1]
+    case = catalog.named_case(name)
+    return followed(case, scheme(**changes), rate, Watch(case, "", lambda _: None))[-1]

@@ -6,8 +6,9 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.rope.solving import settled
 from shellbench.solvers.pendulum.solver import PendulumSolver
-from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver, settled
+from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver
 
 ALL = (ExactSolver, PrintedSolver, PendulumSolver)
 

@@ -1,0 +1,34 @@
+"""What a rope tells of itself, so that a report can draw it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from shellbench.portrait import Portrait, Scene
+from shellbench.problems.rope.solution import PICTURES
+
+VIEW = (12.0, -75.0)  # elevation and azimuth of the eye, degrees: nearly along y, across which most chains swing
+
+
+class RopePortrait(Portrait):
+    """A rope, or loose masses."""
+
+    problem: Any
+
+    @property
+    def steps_in_time(self) -> bool:
+        """Whether anything moves."""
+        return self.problem.moving is not None
+
+    @property
+    def frames(self) -> tuple[str, str] | None:
+        """Names of the arrays of times and nodes of a chain that moves."""
+        return (PICTURES[0], PICTURES[1]) if self.problem.rope else None
+
+    @property
+    def scene(self) -> Scene | None:
+        """How a chain that moves is drawn: as it is, held at its root."""
+        if self.problem.rope is None:
+            return None
+        length = float(sum(self.problem.rope.link_lengths))
+        return Scene((length, 0.0), 1.0, True, None, VIEW, "z", ((0, "min"),), ())

@@ -1,0 +1,217 @@
+"""What solvers of ropes have in common: what they refuse, their steps in time, and how levels tell the uncertainty.
+
+No mechanics stand here. A solver gives `answer`; one that follows motions has `refined` call it level by level.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.rope.motion import moved
+from shellbench.problems.rope.solution import RopeMotion, RopeState
+
+Array = NDArray[np.float64]
+
+HALVINGS = (4, 2, 1)  # steps in time of the levels, so many times as long as the finest
+ROUNDING = 1e-14  # relative: what no level tells
+WHOLE = 1e-9  # of a step: by how much a time may miss a whole number of them
+FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the shortest time between two, s
+DRAWN = 200  # most nodes of a frame
+
+
+class RopeSolver:
+    """A solver of chains or loose masses; see `shellbench.problem.Solver` for the protocol.
+
+    A subclass gives `declines` and `answer`. It is a light module: what solves is imported when it is called.
+    """
+
+    name: ClassVar[str]
+    capabilities: ClassVar[Capabilities]
+    settings_type: ClassVar[type[Settings]] = Settings
+
+    def declines(self, case: Any) -> str | None:
+        """Return why it can't take a problem, as one clause, or None if it can."""
+        raise NotImplementedError
+
+    def solve(
+        self,
+        case: RopeCase,
+        settings: Any = None,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Solution:
+        """Solve a case with settings, or what makes some.
+
+        Raises
+        ------
+        SolveFailure
+            If no trustworthy answer was reached; the states before come with it.
+        InputError
+            If an earlier solution is given, or the case is declined.
+        """
+        if start is not None:
+            raise InputError(f"{self.name} starts from no earlier solution")
+        if reason := self.declines(case):
+            raise InputError(f"{case.name}: {reason}")
+        kind = self.settings_type
+        chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
+        return self.answer(case, chosen, progress or (lambda _: None))
+
+    def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> Solution:
+        """Solve a case that is not declined; see `solve`."""
+        raise NotImplementedError
+
+    def load(self, path: Path) -> Solution:
+        """Read what `RopeMotion.save` wrote; InputError in one sentence if it is none."""
+        return RopeMotion.load(path)
+
+
+class Watch:
+    """Sees the steps of one level: counts them, tells of them, and keeps frames for pictures.
+
+    Frames are at the same times whatever the steps: between two steps they are on straight lines.
+
+    Parameters
+    ----------
+    words
+        What the level is called.
+    """
+
+    def __init__(self, case: RopeCase, words: str, progress: ProgressCallback) -> None:
+        self.words, self.progress, self.count = words, progress, 0
+        self.every = max(FRAME, case.states[-1] / FRAMES)
+        self.thin = -(-(len(case.masses) + case.first) // DRAWN)
+        self.frames: list[Array] = []
+        self.before: tuple[float, Array] | None = None
+
+    @property
+    def times(self) -> Array:
+        """Times of the frames that are kept, s."""
+        return np.asarray(self.every * np.arange(len(self.frames)))
+
+    def due(self, time: float, step: float) -> bool:
+        """Whether a frame lies at this time, s, or before the next step's."""
+        return time + step >= self.every * (len(self.frames) - WHOLE)
+
+    def keep(self, time: float, nodes: Array) -> None:
+        """See nodes (n, 3), m, at a time, s, and keep the frames up to it."""
+        nodes = np.array(nodes[:: self.thin])
+        start, first = self.before or (time, nodes)
+        while time >= (wanted := self.every * len(self.frames)) * (1 - WHOLE):
+            share = min((wanted - start) / (time - start), 1.0) if time > start else 1.0
+            self.frames.append(first + max(share, 0.0) * (nodes - first))
+        self.before = time, nodes
+
+    def stepped(self) -> None:
+        """Count a step."""
+        self.count += 1
+        if self.count % 100 == 0:
+            self.progress(Progress(self.count, None, self.words))
+
+
+Follow = Callable[[Any, Watch], Sequence[RopeState]]
+"""Follows a motion at a level; returns the states at the case's times. A SolveFailure brings those before it."""
+
+
+def refined(
+    case: RopeCase,
+    levels: Mapping[str, Any],
+    follow: Follow,
+    told: Mapping[str, Any],
+    progress: ProgressCallback,
+) -> RopeMotion:
+    """Follow a motion level by level, the finest last, and state what the levels differ by.
+
+    A coarser level that fails says nothing of the answer, and is left out.
+
+    Parameters
+    ----------
+    levels
+        From coarse to fine: what `follow` is given, by the words that tell of it.
+    told
+        Diagnostics.
+
+    Raises
+    ------
+    SolveFailure
+        If the finest level fails; its states before come with it.
+    """
+    began, found = time.perf_counter(), []
+    history: list[Step] = []
+    for number, (words, level) in enumerate(levels.items()):
+        watch = Watch(case, words, progress)
+        try:
+            motion = RopeMotion(case, tuple(follow(level, watch)))
+        except SolveFailure as failure:
+            if number < len(levels) - 1:
+                continue
+            partial = RopeMotion(case, tuple(failure.partial), tuple(history))
+            raise SolveFailure(str(failure), partial) from None
+        found.append({quantity.name: quantity.measure(motion) for quantity in case.quantities})
+        energy, seconds = energy_of(case, motion.kept[-1]), time.perf_counter() - began
+        history.append(
+            Step(number, seconds, energy, motion.parameters, quantities=found[-1], iterations=watch.count or None)
+        )
+    uncertainty = {name: settled([values[name] for values in found]) for name in found[-1]} if found[1:] else {}
+    watch.keep(case.states[-1], motion.kept[-1].nodes)
+    return replace(
+        motion,
+        history=tuple(history),
+        uncertainty=uncertainty,
+        diagnostics=told,
+        frame_times=watch.times,
+        frames=np.array(watch.frames),
+    )
+
+
+def energy_of(case: RopeCase, state: RopeState) -> float:
+    """Return the energy of motion and height of all masses, J."""
+    moves = 0.5 * float(case.masses @ np.sum(state.velocities[case.first :] ** 2, axis=1))
+    return moves + case.gravity * float(case.masses @ state.nodes[case.first :, 2])
+
+
+def settled(values: Sequence[float]) -> float:
+    """Return how wrong the last value may be, of levels with steps halved each time, if errors fall as the step."""
+    changes = np.abs(np.diff(values))
+    return float(np.max(changes / 2.0 ** np.arange(len(changes))[::-1])) + ROUNDING * abs(values[-1])
+
+
+def halved(steps_per_second: float) -> dict[str, float]:
+    """Return the levels of a rate of steps: a quarter of it, half of it, and the rate, 1/s."""
+    rates = [steps_per_second / longer for longer in HALVINGS]
+    return {f"{rate:g} steps a second": rate for rate in rates}
+
+
+def spans(case: RopeCase, rate: float) -> Iterator[tuple[float, int, float]]:
+    """Yield for each of the case's times: it, s, the number of steps to it from the time before, and their length, s.
+
+    Steps are as long as the rate, 1/s, says, or shorter, so that they are of one length between two times.
+    """
+    before = 0.0
+    for until in case.states:
+        count = math.ceil((until - before) * rate - WHOLE)
+        yield until, count, (until - before) / count if count else 1.0 / rate
+        before = until
+
+
+def start_of(case: RopeCase) -> tuple[Array, Array]:
+    """Return places and velocities, m and m/s, of all nodes at the start; of a rope the root comes first."""
+    if case.particles:
+        places = case.particles.places
+        return places, np.zeros_like(places) + case.particles.velocity
+    assert case.rope is not None
+    root, velocity, _ = moved(case.rope.root, 0.0)
+    places = np.vstack([root, case.rope.places])
+    given = np.array(case.rope.velocities) if case.rope.velocities else np.zeros((len(places) - 1, 3))
+    return places, np.vstack([velocity, given])

@@ -1,0 +1,1 @@
+"""Chains by constraints on positions: position-based dynamics and its compliant form."""

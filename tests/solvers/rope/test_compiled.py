@@ -1,0 +1,67 @@
+"""Compiled steps are the same steps: they agree to rounding, whatever a chain does."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shellbench.bench import catalog
+from shellbench.errors import InputError
+from shellbench.solvers.rope.compiled import HERE
+from shellbench.solvers.rope.solver import ExactSolver
+from shellbench.solvers.rope.stepping import Chains, Moving, Stepper
+from tests.solvers.rope.making import scheme
+
+STEPS = 5
+ROUNDING = 1e-10  # of the lengths, and of the speeds: a few steps of a motion that may jerk
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.integers(1, 7),
+    st.integers(1, 4),
+    st.fixed_dictionaries(
+        {"printed": st.booleans(), "placing": st.sampled_from(["rotation", "projection"]), "again": st.booleans()}
+    ),
+)
+@settings(max_examples=40, deadline=None)
+def test_they_agree_to_rounding(seed, links, chains, chosen):
+    """Chains of unequal masses, some links slack, in wind, on roots that move each by itself."""
+    random = np.random.default_rng(seed)
+    steps = random.normal(size=(links, chains, 3))
+    steps /= np.linalg.norm(steps, axis=-1, keepdims=True)
+    lengths, masses = random.uniform(0.1, 0.3, (links, chains)), random.uniform(0.2, 3.0, (links, chains))
+    slack = np.where(random.uniform(size=(links, chains)) < 0.3, random.uniform(0.5, 0.95, (links, chains)), 1.0)
+    pace, pull = random.normal(size=(2, chains, 3))
+
+    def root(t):
+        return pace * t + pull * t**2 / 2, pace + pull * t, pull
+
+    made = Chains(lengths, masses, 9.81, root, 0.5, np.array([4.0, 1.0, 0.0]))
+    places = root(0.0)[0] + np.cumsum((slack * lengths)[..., None] * steps, axis=0)
+    plain = fast = Moving(0.0, places, random.normal(size=places.shape))
+    for _ in range(STEPS):
+        plain = Stepper(made, scheme(**chosen), 1 / 240).after(plain)
+        fast = Stepper(made, scheme(**chosen, compiled=True), 1 / 240).after(fast)
+        assert fast.time == plain.time
+        assert fast.places == pytest.approx(plain.places, abs=ROUNDING)
+        assert fast.velocities == pytest.approx(plain.velocities, abs=ROUNDING * max(1, np.abs(plain.velocities).max()))
+
+
+def test_what_is_not_compiled_is_refused():
+    with pytest.raises(ValueError, match="exclude each other"):
+        ExactSolver().solve(catalog.named_case("rope_static"), {"compiled": True, "solve": "sweeps"})
+    words = "know no obstacles" if HERE else "not installed"
+    with pytest.raises(InputError, match=words):
+        ExactSolver().solve(catalog.named_case("rope_ball"), {"compiled": True})
+
+
+@pytest.mark.skipif(not HERE, reason="numba is not installed")
+@pytest.mark.parametrize("name", ["rope_nine_links", "rope_catch", "rope_jerk"])
+def test_a_case_has_the_same_figures(name):
+    case = catalog.named_case(name)
+    plain, fast = (
+        ExactSolver().solve(case, {"steps_per_second": 120.0, "compiled": compiled}) for compiled in (False, True)
+    )
+    for quantity in case.quantities:
+        assert quantity.measure(fast) == pytest.approx(quantity.measure(plain), rel=1e-9, abs=1e-10)
