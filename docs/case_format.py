@@ -83,6 +83,10 @@ EXAMPLES = {
         '[[supports]]\nname = "mirror"\non = ["xi2_min"]\nsymmetry = "y"\n\n'
         '[[supports]]\nname = "rail"\non = ["xi1_max"]\ncomponents = ["z"]'
     ),
+    "EdgePart": Example(
+        '[edge_parts]\nhinge = { edge = "xi2_min", between = [0.2, 0.6] }\n\n[[supports]]\nname = "hinge"\non = ["hinge"]\ncomponents = ["z"]\n\n'
+        '[[loads]]\nkind = "edge"\non = ["hinge"]\nvector = [1, 0, 0]'
+    ),
     "Value": Example('[[supports]]\nname = "lifted"\non = ["xi1_max"]\ncomponents = ["z"]\nmotion = { kind = "value", z = "0.1*xi2" }'),
     "Translation": Example(
         '[[supports]]\nname = "pulled"\non = ["xi1_max"]\nmotion = { kind = "translation", vector = ["0.1*t", 0, 0] }', "path"
@@ -136,6 +140,7 @@ EXAMPLES = {
 SECTIONS = (  # heading, one of them, words, common base, classes
     ("Surface", "Surface", "`[surface]` is one of three kinds. All have the fields of the first table.", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface")),
     ("Material", "", "`[material]`: linear, isotropic.", None, ("Material",)),
+    ("Parts of edges", "", "`[edge_parts]`: a table of names. Supports, and loads of the kinds edge and moment, can be on them.", None, ("EdgePart",)),
     ("Supports", "", "`[[supports]]`: any number.", None, ("Support",)),
     ("Motions of supports", "Motion", "`motion` of a support is one of three kinds.", None, ("Value", "Translation", "Rotation")),
     ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
@@ -166,7 +171,8 @@ What is wrong with a file is said in one sentence that names the field. Unknown 
 **Coordinates.** (xi1, xi2) run over a rectangle, the bounds of `xi1` and `xi2`. `[x, y, z]` are Cartesian.
 
 **Places.** Edges are `xi1_min`, `xi1_max`, `xi2_min`, `xi2_max`; a coordinate in which the surface closes has none. Corners are named by
-their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`. `"surface"` is the whole of it.
+their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`, and so have parts of edges,
+under `[edge_parts]`. `"surface"` is the whole of it.
 
 **Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH:,} characters: numbers, names, `+ - * / **`,
 parentheses, {", ".join(f"`{name}`" for name in FUNCTIONS)} of one argument, and {", ".join(f"`{name}`" for name in CONSTANTS)}. It may name `xi1`, `xi2` (radians if an angle), `t`, and the

@@ -7,6 +7,7 @@ that names the file and the field.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
@@ -76,6 +77,7 @@ class Case(Shell):
                 if (place.name, component) in held:
                     raise ValueError(f"component {component} on '{place.name}' is held by two supports")
                 held.add((place.name, component))
+        self._check_overlaps()
         everywhere = {c for s, place in self.supported_places() if isinstance(place, Whole) for c in s.held}
         for support, place in self.supported_places():
             twice = everywhere & set(support.held) if not isinstance(place, Whole) else ()
@@ -93,11 +95,19 @@ class Case(Shell):
             quantity.check(self)
         return self
 
+    def _check_overlaps(self) -> None:
+        edges = [(s, place) for s, place in self.supported_places() if isinstance(place, Edge)]
+        for (one, first), (other, second) in combinations(edges, 2):
+            both = set(one.held) & set(other.held)
+            if both and first != second and first.overlaps(second, self.surface.domain):
+                raise ValueError(
+                    f"component {min(both)} is held by two supports where '{first.name}' and '{second.name}' overlap"
+                )
+
     def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
         """Tell whether an axis is along the normal anywhere on an edge."""
         assert isinstance(place, Edge)
-        domain, running = self.surface.domain, 1 - place.axis
-        points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+        points = place.samples(self.surface.domain, SAMPLES)
         x = self.surface.derivatives(points, order=1)
         normal = np.cross(x[1, 0], x[0, 1])
         across = np.linalg.norm(np.cross(normal, axis), axis=-1)

@@ -99,7 +99,7 @@ class Support(Model):
     name
         What quantities call it.
     on
-        Places that it holds: edges, corners, named points, or the whole "surface".
+        Places that it holds: edges and parts of them, corners, named points, or the whole "surface".
     components
         Components of the displacement that it prescribes.
     clamped
@@ -236,7 +236,7 @@ class EdgeLoad(Model):
     Attributes
     ----------
     on
-        Edges that it acts on.
+        Edges, and parts of them, that it acts on.
     vector
         Load by component, N/m.
     """
@@ -286,7 +286,7 @@ class MomentLoad(Model):
     Attributes
     ----------
     on
-        Edges that it acts on.
+        Edges, and parts of them, that it acts on.
     axis
         Direction of the axis, of any length.
     value

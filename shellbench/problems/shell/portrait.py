@@ -76,9 +76,10 @@ class ShellPortrait(Portrait):
 
     @property
     def scene(self) -> Scene:
-        """How the shell is drawn; planes of symmetry hold no edge."""
+        """How the shell is drawn: whole edges that are held; planes of symmetry hold none."""
         case, picture = self.case, self.case.picture
-        held = (place for support, place in case.supported_places() if isinstance(place, Edge) and not support.symmetry)
+        edges = ((support, place) for support, place in case.supported_places() if isinstance(place, Edge))
+        held = (edge for support, edge in edges if edge.whole and not support.symmetry)
         forces: list[tuple[Array, Array]] = []
         for load in case.loads:
             if not isinstance(load, PointLoad):

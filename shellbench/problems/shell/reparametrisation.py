@@ -13,6 +13,7 @@ from typing import Any
 
 from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import COORDINATES, Domain
 
@@ -233,6 +234,8 @@ class _Reparametrisation:
             name: [float(f"{x:.{DIGITS}g}") for x in chart.to_new(case.surface.domain.internal(xi))]
             for name, xi in data.get("points", {}).items()
         }
+        if case.edge_parts:
+            data["edge_parts"] = {name: self._edge_part(name) for name in case.edge_parts}
         for name in ("modulus_factor", "thickness_factor"):
             if name in data["material"]:
                 data["material"][name] = self.formula(data["material"][name])
@@ -246,6 +249,19 @@ class _Reparametrisation:
             if "exact" in quantity:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
+
+    def _edge_part(self, name: str) -> dict[str, Any]:
+        part, edge = self.case.edge_parts[name], self.case.places[name]
+        assert isinstance(edge, Edge)
+        renamed = self.place(part.edge)
+        running = COORDINATES.index(renamed[:3]) ^ 1  # type: ignore[arg-type]
+        domain = self.case.surface.domain
+        ends = edge.samples(domain, 3)  # both ends and the middle
+        start, middle, stop = (self.chart.to_new((float(x), float(y)))[running] for x, y in ends)
+        start, stop = min(start, stop), max(start, stop)
+        if not start < middle < stop:
+            raise InputError(f"the seam of these coordinates would run through '{name}'")
+        return {"edge": renamed, "between": [float(f"{x:.{DIGITS}g}") for x in (start, stop)]}
 
     def _support(self, support: dict[str, Any]) -> dict[str, Any]:
         result = support | {"on": [self.place(name) for name in support["on"]]}

@@ -56,9 +56,7 @@ def free_motions(case: Shell) -> Array:
     for support, place in case.supported_places():
         components = ["xyz".index(c) for c in support.held]
         if isinstance(place, Edge):
-            domain = case.surface.domain
-            running = 1 - place.axis
-            points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
+            points = place.samples(case.surface.domain, EDGE_SAMPLES)
         elif isinstance(place, Point):
             points = np.asarray([place.xi])
         else:

@@ -30,7 +30,7 @@ from shellbench.problems.shell.conditions import (
 )
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
-from shellbench.problems.shell.places import Edge, Place, Point, Whole, places_of
+from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
 from shellbench.problems.shell.quantities import (
     QuantityModel,
 )
@@ -71,6 +71,8 @@ class Shell(Problem):
         Stiffness, thickness and mass.
     points
         Named points (xi1, xi2); degrees for angles.
+    edge_parts
+        Named parts of edges: places for supports and loads as whole edges are.
     supports
         What holds the shell.
     springs
@@ -99,6 +101,7 @@ class Shell(Problem):
     surface: SurfaceModel
     material: Material
     points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
+    edge_parts: dict[Name, EdgePart] = Field(default_factory=dict)
     supports: tuple[Support, ...] = ()
     springs: tuple[Spring, ...] = ()
     remove_rigid_motions: tuple[RigidMotion, ...] = ()
@@ -139,15 +142,17 @@ class Shell(Problem):
         for load in data["loads"]:
             if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
                 del load["follows"]
-        for name in ("modulus_factor", "thickness_factor"):  # as before there were any
+        if not data["edge_parts"]:  # as before there were any
+            del data["edge_parts"]
+        for name in ("modulus_factor", "thickness_factor"):
             if data["material"][name] == 1.0:
                 del data["material"][name]
         return data
 
     @cached_property
     def places(self) -> dict[str, Place]:
-        """Edges, corners and points by name."""
-        return places_of(self.surface.domain, self.points)
+        """Edges, their parts, corners and points by name."""
+        return places_of(self.surface.domain, self.points, self.edge_parts)
 
     @property
     def prescribed(self) -> bool:

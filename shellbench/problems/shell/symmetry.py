@@ -136,6 +136,8 @@ Ends = tuple[Mirror | None, Mirror | None]  # of a part along a coordinate
 
 def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
     """Return the mirror that leaves a coordinate line where it is, if the case has one."""
+    if case.edge_parts:  # which are not looked at
+        return None
     domain = case.surface.domain
     here, there = domain.wrap(sight.points), domain.wrap(Mirror(axis, at, 0).image(sight.points))
     x, image = (case.surface.derivatives(points, sight.order) for points in (here, there))
@@ -567,7 +569,7 @@ def axis_of_revolution(case: Case) -> Array | None:
     if axis is None:
         return None
     for support, place in case.supported_places():
-        if not isinstance(place, Edge) or len(support.held) < len(COMPONENTS):
+        if not isinstance(place, Edge) or not place.whole or len(support.held) < len(COMPONENTS):
             return None
         for t in (0.5, 1.0):
             moved = case.motion(support, place, points, t, order=1)

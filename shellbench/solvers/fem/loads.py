@@ -252,8 +252,9 @@ class _Builder:
         running = 1 - edge.axis
         line = self.mesh.lines[running]
         x, w = np.polynomial.legendre.leggauss(EDGE_GAUSS_POINTS)
-        h = np.diff(line)[:, None]
-        points = edge.points(self.mesh.domain, (line[:-1, None] + h * (x + 1) / 2).ravel())
+        loaded = edge.covers(self.mesh.domain, (line[:-1] + line[1:]) / 2)
+        h = np.diff(line)[loaded, None]
+        points = edge.points(self.mesh.domain, (line[:-1][loaded, None] + h * (x + 1) / 2).ravel())
         points = self.mesh.domain.wrap(points)
         tangent = self.case.surface.derivatives(points, order=1)[((1, 0), (0, 1))[running]]
         length = (h * w / 2).ravel() * np.linalg.norm(tangent, axis=-1)

@@ -179,6 +179,11 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], spec: 
 
 
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:
-    """Return the rule along an edge; weights are those of the running coordinate."""
-    running, weights = side_rule(domain, focal, spec, 1 - edge.axis)
+    """Return the rule along an edge, or along a part of one; weights are those of the running coordinate."""
+    axis = 1 - edge.axis
+    values = [float(f) for f in focal[:, axis]]
+    ends = panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, domain.periodic[axis])
+    start, stop = edge.bounds(domain)
+    inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
+    running, weights = line_rule(np.array([start, *inside, stop]), spec.order)
     return Rule(edge.points(domain, running), weights)
