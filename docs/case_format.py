@@ -81,6 +81,7 @@ EXAMPLES = {
     ),
     "Support": Example(
         '[[supports]]\nname = "mirror"\non = ["xi2_min"]\nsymmetry = "y"\n\n'
+        '[[supports]]\nname = "guide"\non = ["xi2_max"]\ncomponents = ["normal", "across"]  # it may slide along itself\n\n'
         '[[supports]]\nname = "rail"\non = ["xi1_max"]\ncomponents = ["z"]'
     ),
     "EdgePart": Example(
@@ -100,7 +101,10 @@ EXAMPLES = {
     "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - xi1"]'),
     "PressureLoad": Example('[[loads]]\nkind = "pressure"\nvalue = "100*t"\nfollows = true', "path"),
     "GravityLoad": Example('[[loads]]\nkind = "gravity"\nacceleration = [0, 0, -9.81]', "motion"),
-    "EdgeLoad": Example('[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]'),
+    "EdgeLoad": Example(
+        '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]\n\n'
+        '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 5, 0]  # pulls at the edge\nframe = "local"'
+    ),
     "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
     "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
     "Path": Example(

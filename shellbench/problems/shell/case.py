@@ -62,6 +62,13 @@ class Case(Shell):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
+            if (
+                support.local
+                and not isinstance(place, Edge)
+                and (isinstance(place, Whole) or support.held != ("normal",))
+            ):
+                named = next(name for name in support.held if isinstance(place, Whole) or name != "normal")
+                raise ValueError(f"support '{support.name}' holds '{named}' on '{place.name}', but only edges have it")
             if isinstance(place, Whole) and support.motion is not None:
                 if len(self.supports) > 1 or len(support.on) > 1:
                     raise ValueError(

@@ -16,6 +16,10 @@ from shellbench.model import Finite, Model, Name, Positive, Vector
 from shellbench.problems.expression import Expression
 
 Component = Literal["x", "y", "z"]
+LocalComponent = Literal["along", "across", "normal"]
+LOCAL: tuple[LocalComponent, LocalComponent, LocalComponent] = ("along", "across", "normal")
+AnyComponent = Literal["x", "y", "z", "along", "across", "normal"]
+Frame = Literal["global", "local"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
 RigidMotion = Literal["translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z"]
 RIGID_MOTIONS: tuple[RigidMotion, ...] = (
@@ -90,8 +94,9 @@ Motion = Annotated[Value | Translation | Rotation, Field(discriminator="kind")]
 class Support(Model):
     """What holds the shell at some places.
 
-    `components` are held at zero, or moved as `motion` says; the others are free. `clamped` holds the slope
-    too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
+    `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian ones, or local to
+    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds
+    the slope too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
 
     Attributes
@@ -101,7 +106,8 @@ class Support(Model):
     on
         Places that it holds: edges and parts of them, corners, named points, or the whole "surface".
     components
-        Components of the displacement that it prescribes.
+        Components of the displacement that it prescribes: some of x, y and z, or some of along, across and normal; on
+        points normal alone.
     clamped
         Whether it holds the slope too; on edges only.
     symmetry
@@ -112,7 +118,7 @@ class Support(Model):
 
     name: Name
     on: Places
-    components: tuple[Component, ...] = COMPONENTS
+    components: tuple[AnyComponent, ...] = COMPONENTS
     clamped: bool = False
     symmetry: Component | None = None
     motion: Motion | None = None
@@ -123,14 +129,21 @@ class Support(Model):
             raise ValueError(f"components {list(self.components)} repeat")
         if not self.components and not self.clamped:
             raise ValueError("a support holds at least one component or is clamped")
+        if len({name in LOCAL for name in self.components}) > 1:
+            raise ValueError(f"components {list(self.components)} are in part Cartesian, in part local to the shell")
         if self.symmetry and {"components", "clamped", "motion"} & self.model_fields_set:
             raise ValueError("a plane of symmetry takes no components, clamp or motion: it implies them")
         return self
 
     @property
-    def held(self) -> tuple[Component, ...]:
+    def held(self) -> tuple[AnyComponent, ...]:
         """Components whose displacement is prescribed."""
         return (self.symmetry,) if self.symmetry else self.components
+
+    @property
+    def local(self) -> bool:
+        """Whether these are directions local to the shell."""
+        return any(name in LOCAL for name in self.held)
 
     @property
     def holds_slope(self) -> bool:
@@ -170,12 +183,16 @@ class AreaLoad(Model):
     ----------
     vector
         Load by component, N/m^2.
+    frame
+        Whether the components are Cartesian, or local to the shell at rest: in the direction in which xi1 grows, across
+        it within the surface (normal x the first), and along the normal a3.
     """
 
     spread: ClassVar[bool] = True  # over the area
 
     kind: Literal["area"]
     vector: VectorFormula
+    frame: Frame = "global"
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
@@ -239,6 +256,9 @@ class EdgeLoad(Model):
         Edges, and parts of them, that it acts on.
     vector
         Load by component, N/m.
+    frame
+        Whether the components are Cartesian, or local to the shell at rest: along the edge, in the direction in which
+        the coordinate grows, across the edge within the surface, outward, and along the normal a3.
     """
 
     spread: ClassVar[bool] = False
@@ -246,6 +266,7 @@ class EdgeLoad(Model):
     kind: Literal["edge"]
     on: Places
     vector: VectorFormula
+    frame: Frame = "global"
 
     @property
     def formulas(self) -> tuple[Formula, ...]:

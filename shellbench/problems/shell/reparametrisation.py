@@ -7,6 +7,7 @@ points are carried back through it. The midsurface, and all that acts on it, sta
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -273,6 +274,21 @@ class _Reparametrisation:
             motion["vector"] = self.vector(motion["vector"])
         return result | ({"motion": motion} if motion else {})
 
+    def _local(self, load: dict[str, Any], vector: list[Formula]) -> list[Formula]:
+        """Return a vector by its parts along, across and normal, whose directions may be reversed in the chart."""
+        normal = -1.0 if self.chart.turned_over else 1.0
+        edges = [self.case.places[name] for name in load.get("on", ())]
+        axes = {1 - edge.axis for edge in edges if isinstance(edge, Edge)} or {0}
+        if load["kind"] == "area" and re.search(r"\bxi1\b", self.chart.formulas[1]):
+            raise InputError("a load goes along xi1, which is another direction in these coordinates")
+        along = {-1.0 if self.chart.formulas[axis].startswith("-") else 1.0 for axis in axes}
+        if len(along) > 1:
+            raise InputError("a load goes along edges of which some are reversed in these coordinates")
+        (sign,) = along
+        # across an edge is outward, whatever the coordinates; elsewhere it is normal x along
+        across = 1.0 if edges else normal * sign
+        return [times(f, s) for f, s in zip(vector, (sign, across, normal), strict=True)]
+
     def _load(self, load: dict[str, Any]) -> dict[str, Any]:
         result = dict(load)
         if "on" in load:
@@ -280,6 +296,8 @@ class _Reparametrisation:
         for name in ("vector", "force", "acceleration"):
             if name in load:
                 result[name] = self.vector(load[name])
+        if load.get("frame") == "local":
+            result["vector"] = self._local(load, result["vector"])
         if "value" in load:
             # A pressure acts along the normal. A moment turns about an axis in space, whatever the normal's side.
             over = load["kind"] == "pressure" and self.chart.turned_over

@@ -142,6 +142,8 @@ class Shell(Problem):
         for load in data["loads"]:
             if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
                 del load["follows"]
+            if load.get("frame") == "global":  # as before there was another one
+                del load["frame"]
         if not data["edge_parts"]:  # as before there were any
             del data["edge_parts"]
         for name in ("modulus_factor", "thickness_factor"):

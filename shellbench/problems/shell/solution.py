@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS, Capabilities, NumberFormat, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
+from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 
@@ -319,7 +319,7 @@ def silent(progress: Progress) -> None:
     """Tell nobody."""
 
 
-Beyond = Literal["varying stiffness", "foundation", "supported parts", "loaded parts"]
+Beyond = Literal["varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads"]
 """What a case may have that not every solver of shells takes."""
 
 
@@ -403,6 +403,10 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
     loaded = (case.places[name] for load in case.loads if isinstance(load, EdgeLoad | MomentLoad) for name in load.on)
     if any(isinstance(place, Edge) and not place.whole for place in loaded):
         yield "loaded parts", "a load acts on a part of an edge, and this solver takes whole edges only"
+    if any(support.local for support in case.supports):
+        yield "local supports", "a support holds directions local to the shell, and this solver takes x, y and z only"
+    if any(isinstance(load, AreaLoad | EdgeLoad) and load.frame == "local" for load in case.loads):
+        yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -30,7 +30,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import COMPONENTS, MomentLoad, PointLoad, PressureLoad, Support
+from shellbench.problems.shell.conditions import (
+    COMPONENTS,
+    LOCAL,
+    AreaLoad,
+    EdgeLoad,
+    MomentLoad,
+    PointLoad,
+    PressureLoad,
+    Support,
+)
 from shellbench.problems.shell.places import SIDES, Edge, Side
 from shellbench.solvers.fem.kinematics import Midsurface
 
@@ -269,7 +278,8 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     """Return what supports make of an edge with this tangent, away from the corner, and this normal of the surface."""
     if not supports:
         return Rim()
-    held = np.array([[float(c == name) for c in COMPONENTS] for s in supports for name in s.held])
+    axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
+    held = np.array([axes[name] for s in supports for name in s.held])
     slope = any(s.holds_slope for s in supports)
     _, values, directions = np.linalg.svd(held.reshape(-1, 3))
     directions = directions[: np.count_nonzero(values > FLAT)]
@@ -325,6 +335,8 @@ def excited(case: Case) -> tuple[bool, bool]:
         match load:
             case PressureLoad() | MomentLoad():
                 across = True
+            case AreaLoad(frame="local") | EdgeLoad(frame="local"):
+                return True, True
             case _:
                 numbers = load.force if isinstance(load, PointLoad) else load.formulas
                 if not all(isinstance(number, int | float) for number in numbers):
