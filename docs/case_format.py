@@ -98,7 +98,7 @@ EXAMPLES = {
         "path",
     ),
     "Spring": Example('[[springs]]\nname = "pin"\nstiffness = "1e4*exp(-(xi1**2 + xi2**2)/0.01)"', "motion"),
-    "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - xi1"]'),
+    "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - max(xi1 - 0.5, 0)"]  # grows from xi1 = 0.5 on'),
     "PressureLoad": Example('[[loads]]\nkind = "pressure"\nvalue = "100*t"\nfollows = true', "path"),
     "GravityLoad": Example('[[loads]]\nkind = "gravity"\nacceleration = [0, 0, -9.81]', "motion"),
     "EdgeLoad": Example(
@@ -180,7 +180,9 @@ under `[edge_parts]`. `"surface"` is the whole of it.
 
 **Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH:,} characters: numbers, names, `+ - * / **`,
 parentheses, {", ".join(f"`{name}`" for name in FUNCTIONS)} of one argument, and {", ".join(f"`{name}`" for name in CONSTANTS)}. It may name `xi1`, `xi2` (radians if an angle), `t`, and the
-surface's `constants`. It is never evaluated as Python.
+surface's `constants`. It is never evaluated as Python. In loads, springs and factors of the material it may be piecewise: `min(a, b)`,
+`max(a, b)`, `abs(a)` and `where(a < b, c, d)`, with `<`, `<=`, `>` or `>=`. Where it changes over must be lines `xi1 = ...` or `xi2 = ...`;
+`where(xi1 + xi2 < 1, ...)` is refused, and so is what changes over in `t`.
 
 **`t`** is the time in a case of motion. In the non-linear theory without motion it is the load factor: rest is at 0, and loads and
 motions of supports must begin there. In the linear theory it is 1.

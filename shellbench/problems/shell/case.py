@@ -21,10 +21,12 @@ from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.shell import Picture, Shell, Theory, rotation_matrix
+from shellbench.problems.shell.surface import COORDINATES
 
 __all__ = ["Case", "Picture", "Theory", "build_case", "read_case", "rotation_matrix"]
 
 Array = NDArray[np.float64]
+BESIDE, JUMP = 1e-9, 1e-6  # of the side: so far beside a kink one looks; relative change there that is a jump
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 
 
@@ -152,6 +154,37 @@ class Case(Shell):
             return self.motion(support, place, sample, order=2)
         except InputError as error:
             raise ValueError(f"support '{support.name}': {error}") from None
+
+    @model_validator(mode="after")
+    def _kinks_are_where_they_may_be(self) -> Self:
+        for support in self.supports:
+            for text in support.motion.formulas if support.motion is not None else ():
+                if self.formula(text).switches:
+                    raise ValueError(
+                        f"the motion of support '{support.name}' is piecewise: only loads, springs and factors of the"
+                        " material may be"
+                    )
+        try:
+            kinks = self.kinks
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        domain = self.surface.domain
+        for axis, lines in enumerate(kinks):
+            beside = domain.grid(SAMPLES, SAMPLES)[0] if axis == 0 else domain.grid(SAMPLES, SAMPLES)[:, 0]
+            for at in lines:
+                sides = []
+                for shift in (-BESIDE * domain.size[axis], BESIDE * domain.size[axis]):
+                    points = beside.copy()
+                    points[:, axis] = np.clip(at + shift, domain.lower[axis], domain.upper[axis])
+                    sides.append(self.material.factors(points, self.surface.named_constants))
+                for name, before, after in zip(("modulus_factor", "thickness_factor"), *sides, strict=True):
+                    if np.any(np.abs(after - before) > JUMP * (np.abs(before) + np.abs(after))):
+                        shown = np.degrees(at) if domain.angle[axis] else at
+                        raise ValueError(
+                            f"field 'material.{name}' jumps at {COORDINATES[axis]} = {shown:.6g}: it may have kinks,"
+                            " but no jumps"
+                        )
+        return self
 
     @model_validator(mode="after")
     def _course_is_possible(self) -> Self:

@@ -49,6 +49,11 @@ class Value(Model):
         """The three components."""
         return (self.x, self.y, self.z)
 
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
+
 
 class Translation(Model):
     """A translation of the support, metres; each component a number or a formula in t.
@@ -61,6 +66,11 @@ class Translation(Model):
 
     kind: Literal["translation"]
     vector: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
 
 
 class Rotation(Model):
@@ -80,6 +90,11 @@ class Rotation(Model):
     axis: Vector
     centre: Vector = (0.0, 0.0, 0.0)
     angle: Formula = Field(description="degrees; a number or a formula in t")
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return (self.angle,)
 
     @model_validator(mode="after")
     def _has_an_axis(self) -> Self:
@@ -346,7 +361,8 @@ class Material(Model):
     Attributes
     ----------
     modulus_factor, thickness_factor
-        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell, and smooth: a jump is none.
+        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell. They may have kinks along
+        coordinate lines, but can't jump.
     """
 
     youngs_modulus: Positive = Field(description="E, Pa")
@@ -367,7 +383,10 @@ class Material(Model):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the factors (...) of modulus and thickness at points (..., 2); the surface's constants are known."""
         xi = np.asarray(points, dtype=float)
-        formulas = (Expression(f, ("xi1", "xi2"), constants) for f in (self.modulus_factor, self.thickness_factor))
+        formulas = (
+            Expression(f, ("xi1", "xi2"), constants, piecewise=True)
+            for f in (self.modulus_factor, self.thickness_factor)
+        )
         modulus, thickness = (np.array(formula.derivatives(xi, 0)[0, 0]) for formula in formulas)
         return modulus, thickness
 

@@ -223,6 +223,9 @@ class _Reparametrisation:
 
     def data(self) -> dict[str, Any]:
         case, chart = self.case, self.chart
+        mixes = any(re.search(r"\bxi1\b", f) and re.search(r"\bxi2\b", f) for f in chart.formulas)
+        if mixes and any(case.kinks):
+            raise InputError("a formula would have kinks across these coordinates")
         data = case.model_dump(mode="json", exclude_unset=True)
         data["surface"] = {
             "kind": "expression",

@@ -319,7 +319,9 @@ def silent(progress: Progress) -> None:
     """Tell nobody."""
 
 
-Beyond = Literal["varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads"]
+Beyond = Literal[
+    "varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads", "kinks"
+]
 """What a case may have that not every solver of shells takes."""
 
 
@@ -407,6 +409,8 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "local supports", "a support holds directions local to the shell, and this solver takes x, y and z only"
     if any(isinstance(load, AreaLoad | EdgeLoad) and load.frame == "local" for load in case.loads):
         yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
+    if any(case.kinks):
+        yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

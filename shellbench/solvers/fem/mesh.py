@@ -292,9 +292,9 @@ def marked_coordinates(case: Case, axis: int) -> list[float]:
 
 
 def break_coordinates(case: Case, axis: int) -> list[float]:
-    """Return the coordinates at which parts of edges begin or end along an axis."""
+    """Return the coordinates at which parts of edges begin or end along an axis, or formulas have kinks."""
     parts = (place for place in case.places.values() if isinstance(place, Edge) and 1 - place.axis == axis)
-    return sorted({at for part in parts if part.between for at in part.between})
+    return sorted({*case.kinks[axis], *(at for part in parts if part.between for at in part.between)})
 
 
 Breaks = Mapping[float, float]  # coordinate -> exponent of the grading toward it
@@ -314,8 +314,9 @@ def axis_lines(
     """Return the mesh lines of a coordinate.
 
     The coordinate is divided at the singular points, toward which it is graded by `exponent`, and where parts of edges
-    begin and end, toward which it is graded by the exponents of `breaks`, if they name them, as it is toward its
-    `ends` by theirs. Each divided part counts as two halves if it is graded toward both ends or toward none. The
+    begin and end or formulas have kinks, toward which it is graded by the exponents of `breaks`, if they name them, as
+    it is toward its `ends` by theirs. Each divided part counts as two halves if it is graded toward both ends or
+    toward none. The
     longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of a singular point
     are alike.
     """

@@ -52,6 +52,8 @@ class RuleSpec:
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
         How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance.
+    joints
+        Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
     """
 
     panels: tuple[int, int]
@@ -60,6 +62,7 @@ class RuleSpec:
     cuts: int = 0
     layers: tuple[float, float] = (0.0, 0.0)
     corner_cuts: int = 0
+    joints: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
 
 
 def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
@@ -67,6 +70,13 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
 
     Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
     """
+    ends = _panel_ends(lower, upper, focal, spec, axis, periodic)
+    slack = MERGE * (upper - lower)
+    joints = [at for at in spec.joints[axis] if np.abs(ends - at).min() > slack]
+    return np.sort(np.concatenate([ends, joints])) if joints else ends
+
+
+def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
     size = upper - lower
     if spec.layers[axis] and not periodic:
         return _layered_ends(lower, upper, spec.layers[axis], spec.panels[axis])

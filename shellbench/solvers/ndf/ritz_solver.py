@@ -65,7 +65,9 @@ class RitzSolver(ShellSolver):
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
-    takes: ClassVar[frozenset[Beyond]] = frozenset({"varying stiffness", "foundation", "loaded parts", "local loads"})
+    takes: ClassVar[frozenset[Beyond]] = frozenset(
+        {"varying stiffness", "foundation", "loaded parts", "local loads", "kinks"}
+    )
 
     def declines(self, case: Case) -> str | None:
         """Return why the usual field can't hold this case, as one clause, or None if it can."""
