@@ -258,7 +258,7 @@ class _Reparametrisation:
         part, edge = self.case.edge_parts[name], self.case.places[name]
         assert isinstance(edge, Edge)
         renamed = self.place(part.edge)
-        running = COORDINATES.index(renamed[:3]) ^ 1  # type: ignore[arg-type]
+        running = COORDINATES.index(renamed[:3]) ^ 1
         domain = self.case.surface.domain
         ends = edge.samples(domain, 3)  # both ends and the middle
         start, middle, stop = (self.chart.to_new((float(x), float(y)))[running] for x, y in ends)
