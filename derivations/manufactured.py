@@ -34,9 +34,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.optimize import minimize
 
-from shellbench.problems.expression import Taylor
 from shellbench.problems.shell.case import Case, read_case
 from shellbench.problems.shell.quantities import FieldError
+from shellbench.problems.taylor import Taylor
 
 from .estimate import Estimate
 from .surface_strains import Array

@@ -81,7 +81,12 @@ EXAMPLES = {
     ),
     "Support": Example(
         '[[supports]]\nname = "mirror"\non = ["xi2_min"]\nsymmetry = "y"\n\n'
+        '[[supports]]\nname = "guide"\non = ["xi2_max"]\ncomponents = ["normal", "across"]  # it may slide along itself\n\n'
         '[[supports]]\nname = "rail"\non = ["xi1_max"]\ncomponents = ["z"]'
+    ),
+    "EdgePart": Example(
+        '[edge_parts]\nhinge = { edge = "xi2_min", between = [0.2, 0.6] }\n\n[[supports]]\nname = "hinge"\non = ["hinge"]\ncomponents = ["z"]\n\n'
+        '[[loads]]\nkind = "edge"\non = ["hinge"]\nvector = [1, 0, 0]'
     ),
     "Value": Example('[[supports]]\nname = "lifted"\non = ["xi1_max"]\ncomponents = ["z"]\nmotion = { kind = "value", z = "0.1*xi2" }'),
     "Translation": Example(
@@ -93,10 +98,13 @@ EXAMPLES = {
         "path",
     ),
     "Spring": Example('[[springs]]\nname = "pin"\nstiffness = "1e4*exp(-(xi1**2 + xi2**2)/0.01)"', "motion"),
-    "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - xi1"]'),
+    "AreaLoad": Example('[[loads]]\nkind = "area"\nvector = [0, 0, "-1 - max(xi1 - 0.5, 0)"]  # grows from xi1 = 0.5 on'),
     "PressureLoad": Example('[[loads]]\nkind = "pressure"\nvalue = "100*t"\nfollows = true', "path"),
     "GravityLoad": Example('[[loads]]\nkind = "gravity"\nacceleration = [0, 0, -9.81]', "motion"),
-    "EdgeLoad": Example('[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]'),
+    "EdgeLoad": Example(
+        '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]\n\n'
+        '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 5, 0]  # pulls at the edge\nframe = "local"'
+    ),
     "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
     "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
     "Path": Example(
@@ -137,6 +145,7 @@ EXAMPLES = {
 SECTIONS = (  # heading, one of them, words, common base, classes
     ("Surface", "Surface", "`[surface]` is one of three kinds. All have the fields of the first table.", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface")),
     ("Material", "", "`[material]`: linear, isotropic.", None, ("Material",)),
+    ("Parts of edges", "", "`[edge_parts]`: a table of names. Supports, and loads of the kinds edge and moment, can be on them.", None, ("EdgePart",)),
     ("Supports", "", "`[[supports]]`: any number.", None, ("Support",)),
     ("Motions of supports", "Motion", "`motion` of a support is one of three kinds.", None, ("Value", "Translation", "Rotation")),
     ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
@@ -167,11 +176,14 @@ What is wrong with a file is said in one sentence that names the field. Unknown 
 **Coordinates.** (xi1, xi2) run over a rectangle, the bounds of `xi1` and `xi2`. `[x, y, z]` are Cartesian.
 
 **Places.** Edges are `xi1_min`, `xi1_max`, `xi2_min`, `xi2_max`; a coordinate in which the surface closes has none. Corners are named by
-their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`. `"surface"` is the whole of it.
+their two edges, as in `"xi1_min,xi2_max"`. Points have names of their own, under `[points]`, and so have parts of edges,
+under `[edge_parts]`. `"surface"` is the whole of it.
 
 **Formulas.** Where "number or formula" is allowed, a formula is text of at most {MAX_LENGTH:,} characters: numbers, names, `+ - * / **`,
 parentheses, {", ".join(f"`{name}`" for name in FUNCTIONS)} of one argument, and {", ".join(f"`{name}`" for name in CONSTANTS)}. It may name `xi1`, `xi2` (radians if an angle), `t`, and the
-surface's `constants`. It is never evaluated as Python.
+surface's `constants`. It is never evaluated as Python. In loads, springs and factors of the material it may be piecewise: `min(a, b)`,
+`max(a, b)`, `abs(a)` and `where(a < b, c, d)`, with `<`, `<=`, `>` or `>=`. Where it changes over must be lines `xi1 = ...` or `xi2 = ...`;
+`where(xi1 + xi2 < 1, ...)` is refused, and so is what changes over in `t`.
 
 **`t`** is the time in a case of motion. In the non-linear theory without motion it is the load factor: rest is at 0, and loads and
 motions of supports must begin there. In the linear theory it is 1.

@@ -19,8 +19,8 @@ def parts(value):
         yield value
         for name in type(value).model_fields:
             yield from parts(getattr(value, name))
-    elif isinstance(value, tuple):
-        for entry in value:
+    elif isinstance(value, tuple | dict):
+        for entry in value.values() if isinstance(value, dict) else value:
             yield from parts(entry)
 
 

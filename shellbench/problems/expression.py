@@ -17,184 +17,72 @@ import ast
 import math
 import sys
 from collections.abc import Callable, Mapping
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError
+from shellbench.problems.taylor import (
+    Array,
+    Taylor,
+    cos_terms,
+    cosh_terms,
+    exp_terms,
+    integrated,
+    log_terms,
+    one,
+    sin_terms,
+    sinh_terms,
+    square_root,
+)
 
 MAX_LENGTH = 100_000  # characters: the longest formula that is read
 MAX_DEPTH = 200  # deepest nesting of a formula that is read
-MAX_EXPONENT = 16  # largest whole power that is expanded by multiplication
-
-Array = NDArray[np.float64]
-
-
-class Taylor:
-    """A truncated Taylor series in (xi1, xi2) at each of many points.
-
-    Parameters
-    ----------
-    terms
-        Coefficients by (i, j): the factor of d1**i d2**j, that is, the partial derivative over i! j!.
-        Each has the shape of the points, or broadcasts to it. Absent terms are zero.
-    order
-        Terms with i + j > order are dropped.
-    """
-
-    __slots__ = ("order", "terms")
-
-    def __init__(self, terms: Mapping[tuple[int, int], Array], order: int) -> None:
-        self.terms = dict(terms)
-        self.order = order
-
-    @classmethod
-    def constant(cls, value: ArrayLike, order: int) -> Taylor:
-        """Return the series of a constant."""
-        return cls({(0, 0): np.asarray(value, dtype=float)}, order)
-
-    @classmethod
-    def variable(cls, value: ArrayLike, axis: int, order: int) -> Taylor:
-        """Return the series of the coordinate xi1 (axis 0) or xi2 (axis 1) at `value`."""
-        unit = (1, 0) if axis == 0 else (0, 1)
-        terms = {(0, 0): np.asarray(value, dtype=float)}
-        if order > 0:
-            terms[unit] = np.asarray(1.0)
-        return cls(terms, order)
-
-    @property
-    def value(self) -> Array:
-        """The constant term."""
-        return self.terms.get((0, 0), np.asarray(0.0))
-
-    def derivative(self, i: int, j: int) -> Array:
-        """Return the partial derivative, i times in xi1 and j times in xi2."""
-        return self.terms.get((i, j), np.asarray(0.0)) * (math.factorial(i) * math.factorial(j))
-
-    def __add__(self, other: Taylor) -> Taylor:
-        terms = dict(self.terms)
-        for key, term in other.terms.items():
-            terms[key] = terms[key] + term if key in terms else term
-        return Taylor(terms, self.order)
-
-    def __neg__(self) -> Taylor:
-        return Taylor({key: -term for key, term in self.terms.items()}, self.order)
-
-    def __sub__(self, other: Taylor) -> Taylor:
-        return self + (-other)
-
-    def __mul__(self, other: Taylor) -> Taylor:
-        terms: dict[tuple[int, int], Array] = {}
-        for (i, j), a in self.terms.items():
-            for (k, m), b in other.terms.items():
-                if i + j + k + m <= self.order:
-                    key = (i + k, j + m)
-                    terms[key] = terms[key] + a * b if key in terms else a * b
-        return Taylor(terms, self.order)
-
-    def __truediv__(self, other: Taylor) -> Taylor:
-        return self * other.compose(_reciprocal)
-
-    def compose(self, outer: Callable[[Array, int], list[Array]]) -> Taylor:
-        """Return outer(self), `outer` giving the scaled derivatives g, g', g''/2!, ... at the value."""
-        coefficients = outer(self.value, self.order)
-        increment = Taylor({k: t for k, t in self.terms.items() if k != (0, 0)}, self.order)
-        result = Taylor.constant(coefficients[-1], self.order)
-        for coefficient in reversed(coefficients[:-1]):
-            result = result * increment + Taylor.constant(coefficient, self.order)
-        return result
-
-    def power(self, exponent: Taylor) -> Taylor:
-        """Return self**exponent; a whole constant exponent is also right for a base of zero."""
-        constant = len(exponent.terms) == 1 and exponent.value.ndim == 0
-        number = float(exponent.value) if constant else math.nan
-        if constant and number.is_integer() and abs(number) <= MAX_EXPONENT:
-            result = Taylor.constant(1.0, self.order)
-            for _ in range(abs(int(number))):
-                result = result * self
-            return result if number >= 0 else Taylor.constant(1.0, self.order) / result
-        if constant:
-            return self.compose(lambda v, n: _power(v, number, n))
-        return (exponent * self.compose(_log)).compose(_exp)
-
-
-def _scaled(derivatives: list[Array]) -> list[Array]:
-    return [d / math.factorial(k) for k, d in enumerate(derivatives)]
-
-
-def _reciprocal(v: Array, order: int) -> list[Array]:
-    return [(-1.0) ** k / v ** (k + 1) for k in range(order + 1)]
-
-
-def _power(v: Array, p: float, order: int) -> list[Array]:
-    factors = np.cumprod([1.0, *(p - k for k in range(order))])
-    return _scaled([f * v ** (p - k) for k, f in enumerate(factors)])
-
-
-def _exp(v: Array, order: int) -> list[Array]:
-    return _scaled([np.exp(v)] * (order + 1))
-
-
-def _log(v: Array, order: int) -> list[Array]:
-    return [np.log(v), *((-1.0) ** (k + 1) / (k * v**k) for k in range(1, order + 1))]
-
-
-def _sin(v: Array, order: int) -> list[Array]:
-    return _scaled([np.sin(v + k * math.pi / 2) for k in range(order + 1)])
-
-
-def _cos(v: Array, order: int) -> list[Array]:
-    return _scaled([np.cos(v + k * math.pi / 2) for k in range(order + 1)])
-
-
-def _sinh(v: Array, order: int) -> list[Array]:
-    return _scaled([(np.sinh, np.cosh)[k % 2](v) for k in range(order + 1)])
-
-
-def _cosh(v: Array, order: int) -> list[Array]:
-    return _scaled([(np.cosh, np.sinh)[k % 2](v) for k in range(order + 1)])
-
-
-def _integrated(
-    function: Callable[[Array], Array], slope: Callable[[Taylor], Taylor]
-) -> Callable[[Array, int], list[Array]]:
-    """Scaled derivatives of a function that is known by its value and by the series of its slope."""
-
-    def outer(v: Array, order: int) -> list[Array]:
-        series = slope(Taylor.variable(v, axis=0, order=max(order - 1, 0)))
-        zero = np.zeros(())
-        return [function(v), *(series.terms.get((k, 0), zero) / (k + 1) for k in range(order))]
-
-    return outer
-
-
-def _one(x: Taylor) -> Taylor:
-    return Taylor.constant(1.0, x.order)
-
-
-def _sqrt(x: Taylor) -> Taylor:
-    return x.compose(lambda v, n: _power(v, 0.5, n))
 
 
 Function = Callable[[Taylor], Taylor]
 
 FUNCTIONS: dict[str, Function] = {
-    "sin": lambda x: x.compose(_sin),
-    "cos": lambda x: x.compose(_cos),
-    "tan": lambda x: x.compose(_sin) / x.compose(_cos),
-    "exp": lambda x: x.compose(_exp),
-    "log": lambda x: x.compose(_log),
-    "sqrt": _sqrt,
-    "sinh": lambda x: x.compose(_sinh),
-    "cosh": lambda x: x.compose(_cosh),
-    "tanh": lambda x: x.compose(_sinh) / x.compose(_cosh),
-    "asin": lambda x: x.compose(_integrated(np.arcsin, lambda s: _one(s) / _sqrt(_one(s) - s * s))),
-    "acos": lambda x: x.compose(_integrated(np.arccos, lambda s: -_one(s) / _sqrt(_one(s) - s * s))),
-    "atan": lambda x: x.compose(_integrated(np.arctan, lambda s: _one(s) / (_one(s) + s * s))),
-    "asinh": lambda x: x.compose(_integrated(np.arcsinh, lambda s: _one(s) / _sqrt(_one(s) + s * s))),
+    "sin": lambda x: x.compose(sin_terms),
+    "cos": lambda x: x.compose(cos_terms),
+    "tan": lambda x: x.compose(sin_terms) / x.compose(cos_terms),
+    "exp": lambda x: x.compose(exp_terms),
+    "log": lambda x: x.compose(log_terms),
+    "sqrt": square_root,
+    "sinh": lambda x: x.compose(sinh_terms),
+    "cosh": lambda x: x.compose(cosh_terms),
+    "tanh": lambda x: x.compose(sinh_terms) / x.compose(cosh_terms),
+    "asin": lambda x: x.compose(integrated(np.arcsin, lambda s: one(s) / square_root(one(s) - s * s))),
+    "acos": lambda x: x.compose(integrated(np.arccos, lambda s: -one(s) / square_root(one(s) - s * s))),
+    "atan": lambda x: x.compose(integrated(np.arctan, lambda s: one(s) / (one(s) + s * s))),
+    "asinh": lambda x: x.compose(integrated(np.arcsinh, lambda s: one(s) / square_root(one(s) + s * s))),
 }
 
 CONSTANTS = {"pi": math.pi}
+
+
+def _least(arguments: list[Taylor]) -> Taylor:
+    least, *others = arguments
+    for other in others:
+        least = least.chosen(other, least.value <= other.value)
+    return least
+
+
+PIECEWISE: dict[str, Callable[[list[Taylor]], Taylor]] = {
+    "min": _least,
+    "max": lambda arguments: -_least([-argument for argument in arguments]),
+    "abs": lambda arguments: arguments[0].chosen(-arguments[0], arguments[0].value >= 0),
+}
+"""Functions with kinks, of as many arguments as `_FEWEST` and `_MOST` say; `where` is read by itself."""
+_FEWEST = {"min": 2, "max": 2, "abs": 1}
+_MOST = {"min": math.inf, "max": math.inf, "abs": 1}
+_COMPARISONS: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+}
 
 _OPERATORS: dict[type[ast.operator], Callable[[Taylor, Taylor], Taylor]] = {
     ast.Add: Taylor.__add__,
@@ -216,6 +104,8 @@ class Expression:
         Names that get their values at evaluation.
     constants
         Named constants of the case file, beside pi.
+    piecewise
+        Whether min(a, b), max(a, b), abs(a) and where(a < b, c, d) may stand in it.
 
     Raises
     ------
@@ -228,9 +118,11 @@ class Expression:
         text: str | float,
         variables: tuple[str, ...] = ("xi1", "xi2"),
         constants: Mapping[str, float] | None = None,
+        piecewise: bool = False,
     ) -> None:
         self.text = str(text)
         self._variables = variables
+        self._piecewise = piecewise
         self._constants = {**CONSTANTS, **(constants or {})}
         if len(self.text) > MAX_LENGTH:
             raise InputError(f"a formula of {len(self.text)} characters is longer than the {MAX_LENGTH} allowed")
@@ -243,6 +135,21 @@ class Expression:
     def depends_on(self, variable: str) -> bool:
         """Tell whether a variable stands in the formula."""
         return any(isinstance(node, ast.Name) and node.id == variable for node in ast.walk(self._tree))
+
+    @property
+    def switches(self) -> tuple[Expression, ...]:
+        """Differences at whose changes of sign the formula may have a kink or jump."""
+        pairs: list[tuple[ast.expr, ast.expr]] = []
+        for node in ast.walk(self._tree):
+            match node:
+                case ast.Call(func=ast.Name(id="abs"), args=[argument]):
+                    pairs.append((argument, ast.Constant(0)))
+                case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
+                    pairs += combinations(arguments, 2)
+                case ast.Compare(left=left, comparators=[right]):
+                    pairs.append((left, right))
+        texts = (f"{ast.unparse(left)} - ({ast.unparse(right)})" for left, right in pairs)
+        return tuple(Expression(text, self._variables, self._constants, piecewise=True) for text in texts)
 
     def _check(self, node: ast.AST, depth: int) -> None:
         if depth > MAX_DEPTH:
@@ -264,6 +171,25 @@ class Expression:
                 self._check(right, depth + 1)
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
                 self._check(argument, depth + 1)
+            case ast.Call(func=ast.Name(id=name)) if name in {*PIECEWISE, "where"} and not self._piecewise:
+                raise InputError(
+                    f"'{self.text}' calls '{name}', which has kinks: it may stand in loads, springs and factors of the"
+                    " material alone"
+                )
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
+                name in PIECEWISE and _FEWEST[name] <= len(arguments) <= _MOST[name]
+            ):
+                for argument in arguments:
+                    self._check(argument, depth + 1)
+            case ast.Call(func=ast.Name(id="where"), args=[condition, first, second], keywords=[]):
+                if (
+                    not isinstance(condition, ast.Compare)
+                    or [*map(type, condition.ops)][1:]
+                    or (type(condition.ops[0]) not in _COMPARISONS)
+                ):
+                    raise InputError(f"'{self.text}': where takes one comparison by <, <=, > or >= and two values")
+                for argument in (condition.left, *condition.comparators, first, second):
+                    self._check(argument, depth + 1)
             case ast.Call(func=ast.Name(id=name)):
                 raise InputError(
                     f"'{self.text}' calls '{name}' in a way that is not allowed;"
@@ -295,7 +221,14 @@ class Expression:
                 operation = _OPERATORS[type(operator)]
                 return operation(self._evaluate(left, values, order), self._evaluate(right, values, order))
             case ast.Call(func=ast.Name(id=name), args=[argument]):
-                return FUNCTIONS[name](self._evaluate(argument, values, order))
+                inner = self._evaluate(argument, values, order)
+                return FUNCTIONS[name](inner) if name in FUNCTIONS else PIECEWISE[name]([inner])
+            case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [operator], [right]), first, second]):
+                sides = (self._evaluate(side, values, order).value for side in (left, right))
+                mask = _COMPARISONS[type(operator)](*sides)
+                return self._evaluate(first, values, order).chosen(self._evaluate(second, values, order), mask)
+            case ast.Call(func=ast.Name(id=name), args=arguments):
+                return PIECEWISE[name]([self._evaluate(argument, values, order) for argument in arguments])
         raise AssertionError("unreachable: the tree was checked at construction")
 
     def derivatives(self, points: ArrayLike, order: int, t: float = 1.0) -> dict[tuple[int, int], Array]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad, PointLoad
+from shellbench.problems.shell.directions import in_space
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.placing import turning
@@ -307,10 +308,14 @@ def _edge_work(answer: Answer, load: EdgeLoad, edge: Edge, at: float) -> float:
     case, running = answer.case, 1 - edge.axis
     x, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
     domain = case.surface.domain
-    points = edge.points(domain, domain.lower[running] + domain.size[running] * (x + 1) / 2)
+    start, stop = edge.bounds(domain)
+    points = edge.points(domain, start + (stop - start) * (x + 1) / 2)
     tangent = case.surface.derivatives(points, order=1)[(1, 0) if running == 0 else (0, 1)]
-    length = w / 2 * domain.size[running] * np.linalg.norm(tangent, axis=-1)
-    return float(length @ np.sum(case.evaluate(load.vector, points, at)[0, 0] * answer.displacement(points), axis=-1))
+    length = w / 2 * (stop - start) * np.linalg.norm(tangent, axis=-1)
+    force = case.evaluate(load.vector, points, at)[0, 0]
+    if load.frame == "local":
+        force = in_space(case.surface, force, points, edge)
+    return float(length @ np.sum(force * answer.displacement(points), axis=-1))
 
 
 def strain_fields(exam: Examination, case: Case) -> Verdict:

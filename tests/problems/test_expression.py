@@ -118,3 +118,27 @@ def test_product_rule_agrees_with_expansion(a, b):
     expanded = Expression("xi1**2 + xi1*xi2 - 2*xi2**2").derivatives(point, order=2)
     for key in product:
         assert math.isclose(product[key], expanded[key], rel_tol=1e-12, abs_tol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "smooth"),  # the same function beside the points, from a formula without kinks
+    [
+        ("min(xi1, xi2)", "xi1"),
+        ("max(xi1*xi2, xi2**2, 0.1)", "xi2**2"),
+        ("abs(xi1 - 2)*xi2", "(2 - xi1)*xi2"),
+        ("where(xi1 + 1 >= xi2, exp(xi1), log(xi1))", "exp(xi1)"),
+        ("where(xi1 > 5, 1, xi2**3) + where(xi1 <= 5, 1, 2)", "xi2**3 + 1"),
+    ],
+)
+def test_a_piece_has_the_derivatives_of_its_formula(text, smooth):
+    points = POINTS[[0, 2]]  # where xi1 < xi2
+    found, expected = (Expression(t, piecewise=True).derivatives(points, 3) for t in (text, smooth))
+    for key, value in expected.items():
+        assert found[key] == pytest.approx(value), key
+
+
+@pytest.mark.parametrize("text", ["abs(xi1)", "min(xi1, 2)", "where(xi1 < 1, 2, 3)"])
+def test_kinks_are_read_only_where_they_may_be(text):
+    with pytest.raises(InputError, match="has kinks: it may stand in loads"):
+        Expression(text)
+    assert Expression(text, piecewise=True).switches

@@ -11,7 +11,8 @@ from pydantic import AfterValidator
 
 from shellbench.errors import InputError
 from shellbench.model import Finite
-from shellbench.problems.expression import Expression, Taylor
+from shellbench.problems.expression import Expression
+from shellbench.problems.taylor import Taylor
 
 Array = NDArray[np.float64]
 SECOND = 2  # order of the series: position, velocity, acceleration

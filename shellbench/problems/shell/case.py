@@ -7,6 +7,7 @@ that names the file and the field.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,10 +21,12 @@ from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.shell import Picture, Shell, Theory, rotation_matrix
+from shellbench.problems.shell.surface import COORDINATES
 
 __all__ = ["Case", "Picture", "Theory", "build_case", "read_case", "rotation_matrix"]
 
 Array = NDArray[np.float64]
+BESIDE, JUMP = 1e-9, 1e-6  # of the side: so far beside a kink one looks; relative change there that is a jump
 ALONG = 1e-3  # sine of the angle between an axis and a normal below which they are along each other
 
 
@@ -61,6 +64,13 @@ class Case(Shell):
         for support, place in self.supported_places():
             if support.holds_slope and not isinstance(place, Edge):
                 raise ValueError(f"support '{support.name}' is clamped on '{place.name}', but only edges can be")
+            if (
+                support.local
+                and not isinstance(place, Edge)
+                and (isinstance(place, Whole) or support.held != ("normal",))
+            ):
+                named = next(name for name in support.held if isinstance(place, Whole) or name != "normal")
+                raise ValueError(f"support '{support.name}' holds '{named}' on '{place.name}', but only edges have it")
             if isinstance(place, Whole) and support.motion is not None:
                 if len(self.supports) > 1 or len(support.on) > 1:
                     raise ValueError(
@@ -76,6 +86,7 @@ class Case(Shell):
                 if (place.name, component) in held:
                     raise ValueError(f"component {component} on '{place.name}' is held by two supports")
                 held.add((place.name, component))
+        self._check_overlaps()
         everywhere = {c for s, place in self.supported_places() if isinstance(place, Whole) for c in s.held}
         for support, place in self.supported_places():
             twice = everywhere & set(support.held) if not isinstance(place, Whole) else ()
@@ -93,11 +104,19 @@ class Case(Shell):
             quantity.check(self)
         return self
 
+    def _check_overlaps(self) -> None:
+        edges = [(s, place) for s, place in self.supported_places() if isinstance(place, Edge)]
+        for (one, first), (other, second) in combinations(edges, 2):
+            both = set(one.held) & set(other.held)
+            if both and first != second and first.overlaps(second, self.surface.domain):
+                raise ValueError(
+                    f"component {min(both)} is held by two supports where '{first.name}' and '{second.name}' overlap"
+                )
+
     def _is_normal(self, axis: tuple[float, float, float], place: Place) -> bool:
         """Tell whether an axis is along the normal anywhere on an edge."""
         assert isinstance(place, Edge)
-        domain, running = self.surface.domain, 1 - place.axis
-        points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], SAMPLES))
+        points = place.samples(self.surface.domain, SAMPLES)
         x = self.surface.derivatives(points, order=1)
         normal = np.cross(x[1, 0], x[0, 1])
         across = np.linalg.norm(np.cross(normal, axis), axis=-1)
@@ -135,6 +154,37 @@ class Case(Shell):
             return self.motion(support, place, sample, order=2)
         except InputError as error:
             raise ValueError(f"support '{support.name}': {error}") from None
+
+    @model_validator(mode="after")
+    def _kinks_are_where_they_may_be(self) -> Self:
+        for support in self.supports:
+            for text in support.motion.formulas if support.motion is not None else ():
+                if self.formula(text).switches:
+                    raise ValueError(
+                        f"the motion of support '{support.name}' is piecewise: only loads, springs and factors of the"
+                        " material may be"
+                    )
+        try:
+            kinks = self.kinks
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        domain = self.surface.domain
+        for axis, lines in enumerate(kinks):
+            beside = domain.grid(SAMPLES, SAMPLES)[0] if axis == 0 else domain.grid(SAMPLES, SAMPLES)[:, 0]
+            for at in lines:
+                sides = []
+                for shift in (-BESIDE * domain.size[axis], BESIDE * domain.size[axis]):
+                    points = beside.copy()
+                    points[:, axis] = np.clip(at + shift, domain.lower[axis], domain.upper[axis])
+                    sides.append(self.material.factors(points, self.surface.named_constants))
+                for name, before, after in zip(("modulus_factor", "thickness_factor"), *sides, strict=True):
+                    if np.any(np.abs(after - before) > JUMP * (np.abs(before) + np.abs(after))):
+                        shown = np.degrees(at) if domain.angle[axis] else at
+                        raise ValueError(
+                            f"field 'material.{name}' jumps at {COORDINATES[axis]} = {shown:.6g}: it may have kinks,"
+                            " but no jumps"
+                        )
+        return self
 
     @model_validator(mode="after")
     def _course_is_possible(self) -> Self:

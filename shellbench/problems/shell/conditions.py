@@ -16,6 +16,10 @@ from shellbench.model import Finite, Model, Name, Positive, Vector
 from shellbench.problems.expression import Expression
 
 Component = Literal["x", "y", "z"]
+LocalComponent = Literal["along", "across", "normal"]
+LOCAL: tuple[LocalComponent, LocalComponent, LocalComponent] = ("along", "across", "normal")
+AnyComponent = Literal["x", "y", "z", "along", "across", "normal"]
+Frame = Literal["global", "local"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")
 RigidMotion = Literal["translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z"]
 RIGID_MOTIONS: tuple[RigidMotion, ...] = (
@@ -45,6 +49,11 @@ class Value(Model):
         """The three components."""
         return (self.x, self.y, self.z)
 
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
+
 
 class Translation(Model):
     """A translation of the support, metres; each component a number or a formula in t.
@@ -57,6 +66,11 @@ class Translation(Model):
 
     kind: Literal["translation"]
     vector: VectorFormula
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return self.vector
 
 
 class Rotation(Model):
@@ -77,6 +91,11 @@ class Rotation(Model):
     centre: Vector = (0.0, 0.0, 0.0)
     angle: Formula = Field(description="degrees; a number or a formula in t")
 
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """Its numbers and formulas."""
+        return (self.angle,)
+
     @model_validator(mode="after")
     def _has_an_axis(self) -> Self:
         if not any(self.axis):
@@ -90,8 +109,9 @@ Motion = Annotated[Value | Translation | Rotation, Field(discriminator="kind")]
 class Support(Model):
     """What holds the shell at some places.
 
-    `components` are held at zero, or moved as `motion` says; the others are free. `clamped` holds the slope
-    too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
+    `components` are held at zero, or moved as `motion` says; the others are free. They are Cartesian ones, or local to
+    the shell at rest: "along" an edge, "across" it within the surface, and "normal" to the surface. `clamped` holds
+    the slope too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
 
     Attributes
@@ -99,9 +119,10 @@ class Support(Model):
     name
         What quantities call it.
     on
-        Places that it holds: edges, corners, named points, or the whole "surface".
+        Places that it holds: edges and parts of them, corners, named points, or the whole "surface".
     components
-        Components of the displacement that it prescribes.
+        Components of the displacement that it prescribes: some of x, y and z, or some of along, across and normal; on
+        points normal alone.
     clamped
         Whether it holds the slope too; on edges only.
     symmetry
@@ -112,7 +133,7 @@ class Support(Model):
 
     name: Name
     on: Places
-    components: tuple[Component, ...] = COMPONENTS
+    components: tuple[AnyComponent, ...] = COMPONENTS
     clamped: bool = False
     symmetry: Component | None = None
     motion: Motion | None = None
@@ -123,14 +144,21 @@ class Support(Model):
             raise ValueError(f"components {list(self.components)} repeat")
         if not self.components and not self.clamped:
             raise ValueError("a support holds at least one component or is clamped")
+        if len({name in LOCAL for name in self.components}) > 1:
+            raise ValueError(f"components {list(self.components)} are in part Cartesian, in part local to the shell")
         if self.symmetry and {"components", "clamped", "motion"} & self.model_fields_set:
             raise ValueError("a plane of symmetry takes no components, clamp or motion: it implies them")
         return self
 
     @property
-    def held(self) -> tuple[Component, ...]:
+    def held(self) -> tuple[AnyComponent, ...]:
         """Components whose displacement is prescribed."""
         return (self.symmetry,) if self.symmetry else self.components
+
+    @property
+    def local(self) -> bool:
+        """Whether these are directions local to the shell."""
+        return any(name in LOCAL for name in self.held)
 
     @property
     def holds_slope(self) -> bool:
@@ -170,12 +198,16 @@ class AreaLoad(Model):
     ----------
     vector
         Load by component, N/m^2.
+    frame
+        Whether the components are Cartesian, or local to the shell at rest: in the direction in which xi1 grows, across
+        it within the surface (normal x the first), and along the normal a3.
     """
 
     spread: ClassVar[bool] = True  # over the area
 
     kind: Literal["area"]
     vector: VectorFormula
+    frame: Frame = "global"
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
@@ -236,9 +268,12 @@ class EdgeLoad(Model):
     Attributes
     ----------
     on
-        Edges that it acts on.
+        Edges, and parts of them, that it acts on.
     vector
         Load by component, N/m.
+    frame
+        Whether the components are Cartesian, or local to the shell at rest: along the edge, in the direction in which
+        the coordinate grows, across the edge within the surface, outward, and along the normal a3.
     """
 
     spread: ClassVar[bool] = False
@@ -246,6 +281,7 @@ class EdgeLoad(Model):
     kind: Literal["edge"]
     on: Places
     vector: VectorFormula
+    frame: Frame = "global"
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
@@ -286,7 +322,7 @@ class MomentLoad(Model):
     Attributes
     ----------
     on
-        Edges that it acts on.
+        Edges, and parts of them, that it acts on.
     axis
         Direction of the axis, of any length.
     value
@@ -325,7 +361,8 @@ class Material(Model):
     Attributes
     ----------
     modulus_factor, thickness_factor
-        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell, and smooth: a jump is none.
+        Number or formula in xi1 and xi2 by which it is multiplied; positive on the shell. They may have kinks along
+        coordinate lines, but can't jump.
     """
 
     youngs_modulus: Positive = Field(description="E, Pa")
@@ -346,7 +383,10 @@ class Material(Model):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the factors (...) of modulus and thickness at points (..., 2); the surface's constants are known."""
         xi = np.asarray(points, dtype=float)
-        formulas = (Expression(f, ("xi1", "xi2"), constants) for f in (self.modulus_factor, self.thickness_factor))
+        formulas = (
+            Expression(f, ("xi1", "xi2"), constants, piecewise=True)
+            for f in (self.modulus_factor, self.thickness_factor)
+        )
         modulus, thickness = (np.array(formula.derivatives(xi, 0)[0, 0]) for formula in formulas)
         return modulus, thickness
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from shellbench.problem import Quantity
 from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
+from shellbench.problems.shell.directions import in_space
 from shellbench.problems.shell.field import DisplacementField
 
 Array = NDArray[np.float64]
@@ -62,8 +63,9 @@ def load_density(case: Any, points: Array, t: float) -> Array:
     density = np.zeros((len(points), 3))
     for load in case.loads:
         match load:
-            case AreaLoad(vector=vector):
-                density += case.evaluate(vector, points, t)[0, 0]
+            case AreaLoad(vector=vector, frame=frame):
+                given = case.evaluate(vector, points, t)[0, 0]
+                density += given if frame == "global" else in_space(case.surface, given, points)
             case GravityLoad(acceleration=acceleration):
                 density += case.material.areal_density * case.evaluate(acceleration, points, t)[0, 0]
             case PressureLoad(value=value):

@@ -11,23 +11,79 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError
+from shellbench.model import Finite, Model
 from shellbench.problems.shell.surface import COORDINATES, Domain
 
 Side = Literal["min", "max"]
 SIDES: tuple[Side, Side] = ("min", "max")
+SLACK = 1e-9  # of a side: coordinates that differ by less are the same
+SHORTEST = 1e-6  # of an edge: no part of it is shorter
+
+
+class EdgePart(Model):
+    """A part of an edge, between two values of the coordinate that runs along it.
+
+    Attributes
+    ----------
+    edge
+        Name of the edge.
+    between
+        Where the part begins and ends, the first the smaller; degrees for angles.
+    """
+
+    edge: str
+    between: tuple[Finite, Finite]
 
 
 @dataclass(frozen=True)
 class Edge:
-    """An edge of the rectangle: coordinate number `axis` (0 or 1) at its bound."""
+    """An edge of the rectangle, or a part of one: coordinate number `axis` (0 or 1) at its bound.
+
+    Attributes
+    ----------
+    between
+        Where a part of an edge begins and ends in the running coordinate, angles in radians; None of a whole edge.
+    """
 
     name: str
     axis: int
     side: Side
+    between: tuple[float, float] | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is all of the edge."""
+        return self.between is None
 
     def coordinate(self, domain: Domain) -> float:
         """Return the value of the fixed coordinate."""
         return (domain.lower if self.side == "min" else domain.upper)[self.axis]
+
+    def bounds(self, domain: Domain) -> tuple[float, float]:
+        """Return where it begins and ends in the running coordinate."""
+        return self.between or (domain.lower[1 - self.axis], domain.upper[1 - self.axis])
+
+    def samples(self, domain: Domain, count: int) -> NDArray[np.float64]:
+        """Return so many points (count, 2) of it, evenly, both ends included."""
+        return self.points(domain, np.linspace(*self.bounds(domain), count))
+
+    def covers(self, domain: Domain, running: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Tell at which values of the running coordinate, in any period of a closed one, it is; both ends included."""
+        if self.between is None:
+            return np.ones(np.shape(running), dtype=bool)
+        start, stop = self.between
+        slack = SLACK * domain.size[1 - self.axis]
+        beyond = running - start + slack
+        if domain.periodic[1 - self.axis]:
+            beyond = np.mod(beyond, domain.size[1 - self.axis])
+        return np.asarray((beyond >= 0) & (beyond <= stop - start + 2 * slack))
+
+    def overlaps(self, other: Edge, domain: Domain) -> bool:
+        """Whether they have more than a point in common."""
+        if (self.axis, self.side) != (other.axis, other.side):
+            return False
+        (start, stop), (first, last) = self.bounds(domain), other.bounds(domain)
+        return min(stop, last) - max(start, first) > SLACK * domain.size[1 - self.axis]
 
     def points(self, domain: Domain, running: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 2) points of the edge at values (n,) of the running coordinate."""
@@ -62,8 +118,10 @@ WHOLE = Whole("surface")
 Place = Edge | Point | Whole
 
 
-def places_of(domain: Domain, named: Mapping[str, tuple[float, float]]) -> dict[str, Place]:
-    """Return all places by name: edges and corners of the domain, and the case's own points.
+def places_of(
+    domain: Domain, named: Mapping[str, tuple[float, float]], parts: Mapping[str, EdgePart] | None = None
+) -> dict[str, Place]:
+    """Return all places by name: edges and corners of the domain, and the case's own points and parts of edges.
 
     Edges are called xi1_min, xi1_max, xi2_min, xi2_max (a periodic coordinate has none) and corners
     by their two edges, such as "xi1_min,xi2_max". The whole surface is called "surface".
@@ -71,7 +129,7 @@ def places_of(domain: Domain, named: Mapping[str, tuple[float, float]]) -> dict[
     Raises
     ------
     InputError
-        If a point lies outside the domain or takes the name of an edge or corner.
+        If a point or a part of an edge lies outside the domain, or takes the name of another place.
     """
     edges = {
         (axis, side): Edge(f"{COORDINATES[axis]}_{side}", axis, side)
@@ -91,4 +149,27 @@ def places_of(domain: Domain, named: Mapping[str, tuple[float, float]]) -> dict[
         if not domain.contains(np.asarray(xi)):
             raise InputError(f"field 'points.{name}': {list(coordinates)} lies outside the domain of the surface")
         places[name] = Point(name, xi)
+    for name, part in (parts or {}).items():
+        if name in places:
+            raise InputError(f"field 'edge_parts.{name}': this name belongs to another place")
+        places[name] = _part(domain, name, part, {edge.name: edge for edge in edges.values()})
     return places
+
+
+def _part(domain: Domain, name: str, part: EdgePart, edges: Mapping[str, Edge]) -> Edge:
+    where = f"field 'edge_parts.{name}'"
+    if part.edge not in edges:
+        known = f"edges are {', '.join(edges)}" if edges else "the surface has none"
+        raise InputError(f"{where}: '{part.edge}' is not an edge; {known}")
+    edge = edges[part.edge]
+    running = 1 - edge.axis
+    start, stop = (float(np.radians(x)) if domain.angle[running] else x for x in part.between)
+    slack = SLACK * domain.size[running]
+    if not domain.lower[running] - slack <= start <= stop <= domain.upper[running] + slack:
+        raise InputError(
+            f"{where}: between {list(part.between)} is not in order, or lies outside the bounds of"
+            f" {COORDINATES[running]}"
+        )
+    if stop - start < SHORTEST * domain.size[running]:
+        raise InputError(f"{where}: between {list(part.between)} is shorter than {SHORTEST:g} of the edge")
+    return Edge(name, edge.axis, edge.side, (start, stop))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from shellbench.problems.formula_text import combined, substituted
-from shellbench.problems.shell.conditions import COMPONENTS
+from shellbench.problems.shell.conditions import COMPONENTS, LOCAL
 from shellbench.problems.shell.shell import Shell
 
 Rotation = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -47,7 +47,11 @@ def turning(case: Shell) -> Rotation:
 def _axes(case: Shell) -> Iterator[int]:
     """Yield the axes that are unlike the other two for something that holds the shell."""
     motions = {kind: [n[-1] for n in case.remove_rigid_motions if n.startswith(kind)] for kind in ("trans", "rot")}
-    for held in (*(s.held for s in case.supports), *(s.components for s in case.springs), *motions.values()):
+    for held in (
+        *(s.held for s in case.supports if not s.local),
+        *(s.components for s in case.springs),
+        *motions.values(),
+    ):
         places = {COMPONENTS.index(name) for name in held}
         if len(places) in (1, 2):
             yield (places if len(places) == 1 else {0, 1, 2} - places).pop()
@@ -75,7 +79,7 @@ class _Placing:
 
     def names(self, names: Any) -> list[str]:
         """Return the components that the named ones have become."""
-        if len(names) in (0, len(COMPONENTS)):
+        if len(names) in (0, len(COMPONENTS)) or set(names) <= set(LOCAL):
             return list(names)
         columns = np.array(self.rotation)
         return [COMPONENTS[int(np.argmax(columns[:, COMPONENTS.index(name)]))] for name in names]
@@ -89,7 +93,7 @@ class _Placing:
                 spring["components"] = self.names(spring["components"])
         for load in data.get("loads", []):
             for name in ("vector", "force", "acceleration", "axis"):
-                if name in load:
+                if name in load and load.get("frame") != "local":
                     load[name] = self.vector(load[name])
             for name in ("vector", "value", "acceleration"):
                 if name in load:

@@ -76,7 +76,7 @@ class ShellPortrait(Portrait):
 
     @property
     def scene(self) -> Scene:
-        """How the shell is drawn; planes of symmetry hold no edge."""
+        """How the shell is drawn: whole edges that are held; planes of symmetry hold none."""
         case, picture = self.case, self.case.picture
         held = [place for support, place in case.supported_places() if not support.symmetry]
         forces: list[tuple[Array, Array]] = []
@@ -93,7 +93,7 @@ class ShellPortrait(Portrait):
             direction=picture.direction,
             view=picture.view,
             up=picture.up,
-            held=tuple((place.axis, place.side) for place in held if isinstance(place, Edge)),
+            held=tuple((place.axis, place.side) for place in held if isinstance(place, Edge) and place.whole),
             pins=tuple(np.asarray(place.xi) for place in held if isinstance(place, Point)),
             forces=tuple(forces),
         )

@@ -7,12 +7,14 @@ points are carried back through it. The midsurface, and all that acts on it, sta
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import COORDINATES, Domain
 
@@ -221,6 +223,9 @@ class _Reparametrisation:
 
     def data(self) -> dict[str, Any]:
         case, chart = self.case, self.chart
+        mixes = any(re.search(r"\bxi1\b", f) and re.search(r"\bxi2\b", f) for f in chart.formulas)
+        if mixes and any(case.kinks):
+            raise InputError("a formula would have kinks across these coordinates")
         data = case.model_dump(mode="json", exclude_unset=True)
         data["surface"] = {
             "kind": "expression",
@@ -233,6 +238,8 @@ class _Reparametrisation:
             name: [float(f"{x:.{DIGITS}g}") for x in chart.to_new(case.surface.domain.internal(xi))]
             for name, xi in data.get("points", {}).items()
         }
+        if case.edge_parts:
+            data["edge_parts"] = {name: self._edge_part(name) for name in case.edge_parts}
         for name in ("modulus_factor", "thickness_factor"):
             if name in data["material"]:
                 data["material"][name] = self.formula(data["material"][name])
@@ -247,6 +254,19 @@ class _Reparametrisation:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
 
+    def _edge_part(self, name: str) -> dict[str, Any]:
+        part, edge = self.case.edge_parts[name], self.case.places[name]
+        assert isinstance(edge, Edge)
+        renamed = self.place(part.edge)
+        running = COORDINATES.index(renamed[:3]) ^ 1
+        domain = self.case.surface.domain
+        ends = edge.samples(domain, 3)  # both ends and the middle
+        start, middle, stop = (self.chart.to_new((float(x), float(y)))[running] for x, y in ends)
+        start, stop = min(start, stop), max(start, stop)
+        if not start < middle < stop:
+            raise InputError(f"the seam of these coordinates would run through '{name}'")
+        return {"edge": renamed, "between": [float(f"{x:.{DIGITS}g}") for x in (start, stop)]}
+
     def _support(self, support: dict[str, Any]) -> dict[str, Any]:
         result = support | {"on": [self.place(name) for name in support["on"]]}
         motion = dict(support.get("motion") or {})
@@ -257,6 +277,21 @@ class _Reparametrisation:
             motion["vector"] = self.vector(motion["vector"])
         return result | ({"motion": motion} if motion else {})
 
+    def _local(self, load: dict[str, Any], vector: list[Formula]) -> list[Formula]:
+        """Return a vector by its parts along, across and normal, whose directions may be reversed in the chart."""
+        normal = -1.0 if self.chart.turned_over else 1.0
+        edges = [self.case.places[name] for name in load.get("on", ())]
+        axes = {1 - edge.axis for edge in edges if isinstance(edge, Edge)} or {0}
+        if load["kind"] == "area" and re.search(r"\bxi1\b", self.chart.formulas[1]):
+            raise InputError("a load goes along xi1, which is another direction in these coordinates")
+        along = {-1.0 if self.chart.formulas[axis].startswith("-") else 1.0 for axis in axes}
+        if len(along) > 1:
+            raise InputError("a load goes along edges of which some are reversed in these coordinates")
+        (sign,) = along
+        # across an edge is outward, whatever the coordinates; elsewhere it is normal x along
+        across = 1.0 if edges else normal * sign
+        return [times(f, s) for f, s in zip(vector, (sign, across, normal), strict=True)]
+
     def _load(self, load: dict[str, Any]) -> dict[str, Any]:
         result = dict(load)
         if "on" in load:
@@ -264,6 +299,8 @@ class _Reparametrisation:
         for name in ("vector", "force", "acceleration"):
             if name in load:
                 result[name] = self.vector(load[name])
+        if load.get("frame") == "local":
+            result["vector"] = self._local(load, result["vector"])
         if "value" in load:
             # A pressure acts along the normal. A moment turns about an axis in space, whatever the normal's side.
             over = load["kind"] == "pressure" and self.chart.turned_over

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.conditions import RIGID_MOTIONS
+from shellbench.problems.shell.directions import held_directions
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Surface
@@ -54,17 +55,14 @@ def free_motions(case: Shell) -> Array:
     """Return an orthonormal basis (6, n) of the rigid motions that no support resists, and at rest no spring."""
     rows = [np.zeros((1, 6))]
     for support, place in case.supported_places():
-        components = ["xyz".index(c) for c in support.held]
         if isinstance(place, Edge):
-            domain = case.surface.domain
-            running = 1 - place.axis
-            points = place.points(domain, np.linspace(domain.lower[running], domain.upper[running], EDGE_SAMPLES))
+            points = place.samples(case.surface.domain, EDGE_SAMPLES)
         elif isinstance(place, Point):
             points = np.asarray([place.xi])
         else:
             points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
         modes = rigid_modes(case.surface, points, order=1)
-        rows.append(modes[0, 0][:, components].reshape(-1, 6))
+        rows.append((held_directions(case.surface, support, place, points) @ modes[0, 0]).reshape(-1, 6))
         if support.holds_slope and isinstance(place, Edge):
             x = case.surface.derivatives(points, order=1)
             tangent = (x[0, 1], x[1, 0])[place.axis]

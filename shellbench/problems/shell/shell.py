@@ -15,6 +15,7 @@ from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name
 from shellbench.problem import Problem, Quantity
 from shellbench.problems.expression import Expression
+from shellbench.problems.kinks import kink_lines
 from shellbench.problems.shell.conditions import (
     Formula,
     Load,
@@ -30,7 +31,7 @@ from shellbench.problems.shell.conditions import (
 )
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
-from shellbench.problems.shell.places import Edge, Place, Point, Whole, places_of
+from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
 from shellbench.problems.shell.quantities import (
     QuantityModel,
 )
@@ -71,6 +72,8 @@ class Shell(Problem):
         Stiffness, thickness and mass.
     points
         Named points (xi1, xi2); degrees for angles.
+    edge_parts
+        Named parts of edges: places for supports and loads as whole edges are.
     supports
         What holds the shell.
     springs
@@ -99,6 +102,7 @@ class Shell(Problem):
     surface: SurfaceModel
     material: Material
     points: dict[Name, tuple[Finite, Finite]] = Field(default_factory=dict)
+    edge_parts: dict[Name, EdgePart] = Field(default_factory=dict)
     supports: tuple[Support, ...] = ()
     springs: tuple[Spring, ...] = ()
     remove_rigid_motions: tuple[RigidMotion, ...] = ()
@@ -139,15 +143,19 @@ class Shell(Problem):
         for load in data["loads"]:
             if not load.get("follows", True):  # as in every case that was recorded before pressures could follow
                 del load["follows"]
-        for name in ("modulus_factor", "thickness_factor"):  # as before there were any
+            if load.get("frame") == "global":  # as before there was another one
+                del load["frame"]
+        if not data["edge_parts"]:  # as before there were any
+            del data["edge_parts"]
+        for name in ("modulus_factor", "thickness_factor"):
             if data["material"][name] == 1.0:
                 del data["material"][name]
         return data
 
     @cached_property
     def places(self) -> dict[str, Place]:
-        """Edges, corners and points by name."""
-        return places_of(self.surface.domain, self.points)
+        """Edges, their parts, corners and points by name."""
+        return places_of(self.surface.domain, self.points, self.edge_parts)
 
     @property
     def prescribed(self) -> bool:
@@ -171,7 +179,7 @@ class Shell(Problem):
     def stiffness_of(self, spring: Spring, sample: Array) -> Array:
         """Return the stiffness of one spring at points (..., 2), N/m^3."""
         try:
-            formula = Expression(spring.stiffness, MOTION_VARIABLES[:2], self.surface.named_constants)
+            formula = self.formula(spring.stiffness, MOTION_VARIABLES[:2])
             return formula.derivatives(sample, 0)[0, 0]
         except InputError as error:
             raise ValueError(f"spring '{spring.name}': {error}") from None
@@ -240,9 +248,25 @@ class Shell(Problem):
         components = [self.formula(text).derivatives(points, order, t) for text in vector]
         return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
 
-    def formula(self, text: Formula) -> Expression:
-        """Read a number or formula of a support or load; the surface's constants are known to it."""
-        return Expression(text, MOTION_VARIABLES, self.surface.named_constants)
+    def formula(self, text: Formula, variables: tuple[str, ...] = MOTION_VARIABLES) -> Expression:
+        """Read a number or formula of a support, load or spring; the surface's constants are known to it."""
+        return Expression(text, variables, self.surface.named_constants, piecewise=True)
+
+    @cached_property
+    def kinks(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Values of xi1, and of xi2, at which loads, springs or factors of the material have kinks or jump."""
+        domain, found = self.surface.domain, (set[float](), set[float]())
+        (low1, low2), (up1, up2) = domain.lower, domain.upper
+        material = self.material.modulus_factor, self.material.thickness_factor
+        springs = (spring.stiffness for spring in self.springs)
+        for text in (*material, *springs, *(f for load in self.loads for f in load.formulas)):
+            if isinstance(text, str):
+                lines = kink_lines(self.formula(text), ((low1, up1), (low2, up2)))
+                for axis in (0, 1):
+                    found[axis].update(lines[axis])
+                    # around a closed coordinate such a formula has another kink at the seam
+                    found[axis].update([domain.lower[axis]] if lines[axis] and domain.periodic[axis] else [])
+        return tuple(sorted(found[0])), tuple(sorted(found[1]))
 
     @property
     def steady(self) -> bool:

@@ -19,10 +19,10 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,8 @@ from numpy.typing import ArrayLike, NDArray
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS, Capabilities, NumberFormat, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 
 Array = NDArray[np.float64]
@@ -317,6 +319,12 @@ def silent(progress: Progress) -> None:
     """Tell nobody."""
 
 
+Beyond = Literal[
+    "varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads", "kinks"
+]
+"""What a case may have that not every solver of shells takes."""
+
+
 class ShellSolver:
     """What solvers of shells have in common; see `shellbench.problem.Solver` for the protocol.
 
@@ -327,24 +335,21 @@ class ShellSolver:
     ----------
     uses_start
         Whether `answer` goes on from an earlier solution; it is refused otherwise.
-    takes_varying_stiffness
-        Whether modulus and thickness may vary over the shell; such a case is declined otherwise.
-    takes_foundation
-        Whether a shell at rest may have springs; such a case is declined otherwise.
+    takes
+        What it takes beyond the plainest shells; cases with more are declined.
     """
 
     name: ClassVar[str]
     capabilities: ClassVar[Capabilities]
     settings_type: ClassVar[type[Settings]] = Settings
     uses_start: ClassVar[bool] = False
-    takes_varying_stiffness: ClassVar[bool] = False
-    takes_foundation: ClassVar[bool] = False
+    takes: ClassVar[frozenset[Beyond]] = frozenset()
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, as one clause, or None if it can."""
         if case.theory not in self.capabilities.theories:
             return f"it does not solve the theory {case.theory}"
-        return why_not_plain(case, self.takes_varying_stiffness, self.takes_foundation)
+        return why_not_plain(case, self.takes)
 
     def declines_with(self, case: Case, settings: Any) -> str | None:
         """Return why the solver can't take a case with settings; what `declines` says unless settings matter."""
@@ -385,16 +390,27 @@ class ShellSolver:
         raise NotImplementedError
 
 
-def why_not_plain(case: Case, varying: bool = False, foundation: bool = False) -> str | None:
-    """Return why a solver can't take a case, as one clause, or None if it can.
+def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | None:
+    """Return what a case has beyond the plainest shells, and what a solver takes, as one clause; None if nothing."""
+    return next((words for beyond, words in _beyond_plain(case) if beyond not in takes), None)
 
-    `varying` says that it takes a modulus and a thickness that vary over the shell, `foundation` springs at rest.
-    """
-    if not varying and not case.material.uniform:
-        return "its modulus or thickness varies, and this solver takes the same everywhere"
-    if not foundation and case.springs and case.dynamics is None:
-        return "it rests on springs, which this solver does not take"
-    return None
+
+def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
+    if not case.material.uniform:
+        yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
+    if case.springs and case.dynamics is None:
+        yield "foundation", "it rests on springs, which this solver does not take"
+    if any(isinstance(place, Edge) and not place.whole for _, place in case.supported_places()):
+        yield "supported parts", "a support holds a part of an edge, and this solver takes whole edges only"
+    loaded = (case.places[name] for load in case.loads if isinstance(load, EdgeLoad | MomentLoad) for name in load.on)
+    if any(isinstance(place, Edge) and not place.whole for place in loaded):
+        yield "loaded parts", "a load acts on a part of an edge, and this solver takes whole edges only"
+    if any(support.local for support in case.supports):
+        yield "local supports", "a support holds directions local to the shell, and this solver takes x, y and z only"
+    if any(isinstance(load, AreaLoad | EdgeLoad) and load.frame == "local" for load in case.loads):
+        yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
+    if any(case.kinks):
+        yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

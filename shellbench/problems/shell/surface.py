@@ -26,6 +26,9 @@ COORDINATES: tuple[Coordinate, Coordinate] = ("xi1", "xi2")
 FULL_TURN = 360.0  # degrees
 SAMPLES = 33  # points a side of the grid on which a surface is checked for degeneracy
 FLAT = 1e-8  # smallest admissible |a1 x a2| / (|a1| |a2|): the sine of the angle between the base vectors
+POLE = 1e-9  # smallest admissible |a1 x a2|, relative to its largest on the surface
+SUSPECT = 0.2  # of that: where |a1 x a2| is less on the grid, one looks closer
+CLOSER, LOOKS, SUSPECTS = 9, 18, 4  # points a side of a closer look, looks at a place, and places
 GAP = 1e-9  # largest admissible gap of a periodic surface, relative to its size
 
 
@@ -101,7 +104,10 @@ class Surface(Protocol):
 
 
 class AnalyticSurface(Model):
-    """A surface by formulas: what the named kinds have in common."""
+    """A surface by formulas: what the named kinds have in common.
+
+    It has no poles: a surface on which |a1 x a2| vanishes anywhere, as at the apex of a cone, is refused.
+    """
 
     xi1: tuple[Finite, Finite] = Field(description="bounds of xi1; degrees if it is an angle")
     xi2: tuple[Finite, Finite] = Field(description="bounds of xi2; degrees if it is an angle")
@@ -181,10 +187,39 @@ class AnalyticSurface(Model):
         a1, a2 = x[1, 0], x[0, 1]
         lengths = np.linalg.norm(a1, axis=-1) * np.linalg.norm(a2, axis=-1)
         areas = np.linalg.norm(np.cross(a1, a2), axis=-1)
-        if np.any(areas <= FLAT * lengths) or np.any(lengths == 0.0):
-            raise ValueError("the surface is degenerate: its base vectors a1 and a2 are parallel or zero somewhere")
+        sines = areas / np.maximum(lengths, np.finfo(float).tiny)
+        flat = self.domain.grid(SAMPLES, SAMPLES)[np.unravel_index(np.argmin(sines), sines.shape)]
+        found = flat if sines.min() <= FLAT else self._pole(areas)
+        if found is not None:
+            at = ", ".join(
+                f"{np.degrees(c) if angle else c:.6g}" for c, angle in zip(found, self.domain.angle, strict=True)
+            )
+            raise ValueError(
+                f"the surface is degenerate: its base vectors a1 and a2 are parallel or zero at (xi1, xi2) = ({at});"
+                " where coordinate lines meet in a pole, leave a hole or take other coordinates"
+            )
         self._check_closure(x)
         return self
+
+    def _pole(self, areas: Array) -> Array | None:
+        """Return a point (2,) where |a1 x a2| vanishes, from its values on the grid; None if there is none."""
+        # A grid misses zeros between its points. Around its smallest values one looks again, ever closer.
+        domain, largest = self.domain, float(areas.max())
+        grid = domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
+        size = np.asarray(domain.size)
+        for number in np.argsort(areas.ravel())[:SUSPECTS]:
+            at, least, reach = grid[number], float(areas.ravel()[number]), size / (SAMPLES - 1)
+            for _ in range(LOOKS if POLE < least / largest < SUSPECT else 0):
+                steps = np.linspace(-1.0, 1.0, CLOSER)
+                around = at + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2) * reach
+                around = np.clip(around, domain.lower, domain.upper)
+                x = self.derivatives(around, order=1)
+                there = np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+                at, least = around[int(np.argmin(there))], float(there.min())
+                reach = reach * 2 / (CLOSER - 1)
+            if not least > POLE * largest:
+                return np.asarray(at)
+        return None
 
     def _check_closure(self, x: dict[tuple[int, int], Array]) -> None:
         for axis, name in enumerate(COORDINATES):

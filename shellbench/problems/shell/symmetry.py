@@ -35,6 +35,7 @@ from shellbench.problems.shell.conditions import (
     Support,
     VectorFormula,
 )
+from shellbench.problems.shell.directions import in_space
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import SIDES, Edge, Place, Point, Side, Whole
 from shellbench.problems.shell.quantities import EnergyQuantity
@@ -136,6 +137,8 @@ Ends = tuple[Mirror | None, Mirror | None]  # of a part along a coordinate
 
 def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
     """Return the mirror that leaves a coordinate line where it is, if the case has one."""
+    if case.edge_parts:  # which are not looked at
+        return None
     domain = case.surface.domain
     here, there = domain.wrap(sight.points), domain.wrap(Mirror(axis, at, 0).image(sight.points))
     x, image = (case.surface.derivatives(points, sight.order) for points in (here, there))
@@ -196,7 +199,10 @@ def _edge_densities(case: Case, edge: Edge, points: Array, t: float) -> tuple[Ar
     force, moment = np.zeros((len(points), 3)), np.zeros((len(points), 3))
     for load in case.loads:
         if isinstance(load, EdgeLoad):
-            force += load.on.count(edge.name) * case.evaluate(load.vector, points, t)[0, 0]
+            given = case.evaluate(load.vector, points, t)[0, 0]
+            force += load.on.count(edge.name) * (
+                given if load.frame == "global" else in_space(case.surface, given, points, edge)
+            )
         elif isinstance(load, MomentLoad):
             axis = np.asarray(load.axis) / np.linalg.norm(load.axis)
             values = case.formula(load.value).derivatives(points, 0, t)[0, 0]
@@ -245,7 +251,7 @@ def _supports_agree(case: Case, mirror: Mirror, sight: Sight) -> bool:
     domain = case.surface.domain
     held: dict[Place, tuple[frozenset[str], bool]] = {}
     for support, place in case.supported_places():
-        if isinstance(place, Whole):
+        if isinstance(place, Whole) or (support.local and support.motion is not None):
             return False
         components, slope = held.get(place, (frozenset(), False))
         held[place] = (components | frozenset(support.held), slope or support.holds_slope)
@@ -567,7 +573,7 @@ def axis_of_revolution(case: Case) -> Array | None:
     if axis is None:
         return None
     for support, place in case.supported_places():
-        if not isinstance(place, Edge) or len(support.held) < len(COMPONENTS):
+        if not isinstance(place, Edge) or not place.whole or len(support.held) < len(COMPONENTS):
             return None
         for t in (0.5, 1.0):
             moved = case.motion(support, place, points, t, order=1)

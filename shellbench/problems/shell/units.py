@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.formula_text import Formula, substituted, times
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import COORDINATES
 
@@ -81,6 +82,10 @@ class _Conversion:
             name: converted_points(self.case, self.units, np.asarray(xi, dtype=float)).tolist()
             for name, xi in data.get("points", {}).items()
         }
+        for name, part in data.get("edge_parts", {}).items():
+            edge = self.case.places[name]
+            if isinstance(edge, Edge) and not self.case.surface.domain.angle[1 - edge.axis]:
+                part["between"] = [x * self.units.length for x in part["between"]]
         data["supports"] = [self._support(s) for s in data.get("supports", [])]
         data["springs"] = [{**s, "stiffness": self.formula(s["stiffness"], -3, 1)} for s in data.get("springs", [])]
         data["loads"] = [self._load(load) for load in data.get("loads", [])]

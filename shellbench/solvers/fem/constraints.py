@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import COMPONENTS, Support
+from shellbench.problems.shell.conditions import COMPONENTS, LOCAL, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
@@ -80,7 +80,11 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
             motion = _motion(case, support, place, mesh.domain, points, states)
-            rows, values = _held(support, place, motion)
+            rows, values = (
+                _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
+                if support.local
+                else _held(support, place, motion)
+            )
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
                 turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
@@ -146,6 +150,53 @@ def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]
     return rows, values
 
 
+def _held_locally(
+    case: Case, support: Support, edge: Edge | None, points: Array, motion: Motion
+) -> tuple[Array, Array]:
+    """Prescribe u . d for directions d that may turn along an edge, with its derivative, u,t . d + u . d,t."""
+    # Between the nodes u . d is a cubic times a varying direction, and opens by the order of the element at most.
+    count, _, states = motion[0, 0].shape
+    axes, turns = local_axes(case.surface.derivatives(points, order=2), edge)
+    rows, values = [], []
+    for number in (LOCAL.index(name) for name in support.held):
+        # terms of u . d, and along an edge of its derivative: kind of derivative of u -> factor (n, 3)
+        conditions: list[dict[Derivative, Array]] = [{(0, 0): axes[:, number]}]
+        if edge is not None:
+            running: Derivative = (0, 1) if edge.axis == 0 else (1, 0)
+            conditions.append({(0, 0): turns[:, number], running: axes[:, number]})
+        for terms in conditions:
+            row, value = np.zeros((count, NODE_DOFS)), np.zeros((count, states))
+            for kind, factor in terms.items():
+                row[:, [_dof(c, kind) for c in range(len(COMPONENTS))]] = factor
+                value += np.einsum("nc,ncs->ns", factor, motion[kind])
+            rows.append(row)
+            values.append(value)
+    return np.stack(rows, axis=1), np.stack(values, axis=1)
+
+
+def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
+    """Return unit vectors (n, 3, 3) along an edge, across it and normal, and their derivatives along the edge.
+
+    Without an edge along xi1. `x` are derivatives (n, 3) of the position up to order 2.
+    """
+    running: Derivative = (0, 1) if edge is not None and edge.axis == 0 else (1, 0)
+    twice = (2 * running[0], 2 * running[1])
+    first, second = (x[1, 1], x[0, 2]) if running == (0, 1) else (x[2, 0], x[1, 1])  # of a1 and a2 along the edge
+    along, along_t = _unit(x[running], x[twice])
+    normal, normal_t = _unit(np.cross(x[1, 0], x[0, 1]), np.cross(first, x[0, 1]) + np.cross(x[1, 0], second))
+    across, across_t = np.cross(normal, along), np.cross(normal_t, along) + np.cross(normal, along_t)
+    if edge is not None and (edge.axis == 0) == (edge.side == "max"):
+        across, across_t = -across, -across_t
+    return np.stack([along, across, normal], axis=1), np.stack([along_t, across_t, normal_t], axis=1)
+
+
+def _unit(vector: Array, rate: Array) -> tuple[Array, Array]:
+    """Return vectors (n, 3) over their lengths, and the derivative of that."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    unit = vector / length
+    return unit, (rate - np.sum(unit * rate, axis=-1, keepdims=True) * unit) / length
+
+
 def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:
     """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
 
@@ -199,8 +250,12 @@ def _slope(
     # On oblique lines c'(u) needs u,tt, which is no degree of freedom. It is known where the support prescribes the
     # edge's displacement along N, and only there.
     oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
-    held = [COMPONENTS.index(c) for c in support.held]
-    loose = [c for c in range(len(COMPONENTS)) if c not in held]
+    loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
+    if support.local:
+        # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
+        straight = np.ptp(normal / np.linalg.norm(normal, axis=-1, keepdims=True), axis=0).max() <= IN_PLANE
+        known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
+        loose = [] if known else loose
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     if np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)):
         raise InputError(

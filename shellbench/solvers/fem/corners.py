@@ -30,7 +30,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import COMPONENTS, MomentLoad, PointLoad, PressureLoad, Support
+from shellbench.problems.shell.conditions import (
+    COMPONENTS,
+    LOCAL,
+    AreaLoad,
+    EdgeLoad,
+    MomentLoad,
+    PointLoad,
+    PressureLoad,
+    Support,
+)
 from shellbench.problems.shell.places import SIDES, Edge, Side
 from shellbench.solvers.fem.kinematics import Midsurface
 
@@ -48,6 +57,7 @@ WHOLE = 1e-5  # distance of an exponent from a whole number that is rounding of 
 ITERATIONS = 40  # of the secant method
 CLOSE = 1e-7  # last step toward a root that was found; double ones are approached slowly
 ALONG = 0.5  # square of the cosine between a held direction and the normal, or an edge, above which it is held along it
+NEARBY = 1e-7  # of an edge: so far from a corner, or from where supports change, one looks at what holds the edge
 FLAT = 1e-12  # change of the normal over a plate
 
 
@@ -166,6 +176,63 @@ def least_exponent(determinant: Determinant, most: float) -> float:
     return float(candidates.min(initial=most))
 
 
+def break_exponents(case: Case) -> dict[tuple[int, Side, float], float]:
+    """Return the least exponent where supports change within an edge and moments or forces are infinite.
+
+    The keys are the axis and the side of the edge, and the running coordinate.
+    """
+    return dict(_breaks(case))
+
+
+def _breaks(case: Case) -> Iterator[tuple[tuple[int, Side, float], float]]:
+    # A point within an edge is a corner of angle pi, with one rim on either side.
+    domain = case.surface.domain
+    edges = [place for _, place in case.supported_places() if isinstance(place, Edge)]
+    for axis, side, at in sorted({(e.axis, e.side, at) for e in edges if e.between for at in e.between}):
+        running = 1 - axis
+        seam = domain.periodic[running]
+        inside = domain.lower[running] < at < domain.upper[running]
+        if not inside and not seam:
+            continue
+        edge = Edge("", axis, side)
+        surface = Midsurface.at(case.surface.derivatives(edge.points(domain, np.array([at])), order=2))
+        tangent = surface.base[0, running] / np.linalg.norm(surface.base[0, running])
+        across = surface.base[0, axis] * (1.0 if side == "min" else -1.0)  # inward
+        normal = np.cross(tangent, across)
+        normal /= np.linalg.norm(normal)
+        rims = [
+            _rim(_supports_beside(case, edge, at + sign * NEARBY * domain.size[running]), sign * tangent, normal)
+            for sign in (1.0, -1.0)
+        ]
+        found = _exponent(case, np.pi, rims[0], rims[1])
+        if found < INFINITE:
+            yield (axis, side, at), found
+
+
+def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
+    """Return what holds an edge at a value of its running coordinate."""
+    domain = case.surface.domain
+    return [
+        support
+        for support, place in case.supported_places()
+        if isinstance(place, Edge)
+        and (place.axis, place.side) == (edge.axis, edge.side)
+        and bool(place.covers(domain, np.array(running)))
+    ]
+
+
+def _exponent(case: Case, angle: float, first: Rim, second: Rim) -> float:
+    """Return the least exponent of what loads can excite between two rims."""
+    across, within = excited(case)
+    nu = case.material.poissons_ratio
+    found = INFINITE
+    if across:
+        found = bending_exponent(angle, *sorted([first.bending, second.bending]), nu, INFINITE)
+    if within:
+        found = min(found, membrane_exponent(angle, first, second, nu, INFINITE))
+    return found
+
+
 def corner_exponents(case: Case) -> dict[tuple[Side, Side], float]:
     """Return the least exponent at each corner (side of xi1, side of xi2) where moments or forces are infinite."""
     if any(case.surface.domain.periodic):
@@ -174,11 +241,10 @@ def corner_exponents(case: Case) -> dict[tuple[Side, Side], float]:
 
 
 def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
-    across, within = excited(case)
-    nu = case.material.poissons_ratio
+    domain = case.surface.domain
     for sides in product(SIDES, SIDES):
         edges = [_edge(case, axis, side) for axis, side in enumerate(sides)]
-        corner = np.array([[edge.coordinate(case.surface.domain) for edge in edges]])
+        corner = np.array([[edge.coordinate(domain) for edge in edges]])
         surface = Midsurface.at(case.surface.derivatives(corner, order=2))
         # Both edges as seen from the corner: the edge xi1 = const runs along a2, inward.
         inward = [1.0 if side == "min" else -1.0 for side in sides]
@@ -189,15 +255,15 @@ def _corners(case: Case) -> Iterator[tuple[tuple[Side, Side], float]]:
         # theta runs from the first edge to the second
         normal = np.cross(along[0], along[1])
         normal /= np.linalg.norm(normal)
-        first, second = (
-            _rim([s for s, place in case.supported_places() if place == edge], tangent, normal)
-            for edge, tangent in zip(edges, along, strict=True)
+        # what holds each edge beside the corner
+        beside = (
+            corner[0, 1 - edge.axis] + inward[1 - edge.axis] * NEARBY * domain.size[1 - edge.axis] for edge in edges
         )
-        found = INFINITE
-        if across:
-            found = bending_exponent(angle, *sorted([first.bending, second.bending]), nu, INFINITE)
-        if within:
-            found = min(found, membrane_exponent(angle, first, second, nu, INFINITE))
+        first, second = (
+            _rim(_supports_beside(case, edge, float(at)), tangent, normal)
+            for edge, at, tangent in zip(edges, beside, along, strict=True)
+        )
+        found = _exponent(case, angle, first, second)
         if found < INFINITE:
             yield sides, found
 
@@ -212,7 +278,8 @@ def _rim(supports: list[Support], tangent: Array, normal: Array) -> Rim:
     """Return what supports make of an edge with this tangent, away from the corner, and this normal of the surface."""
     if not supports:
         return Rim()
-    held = np.array([[float(c == name) for c in COMPONENTS] for s in supports for name in s.held])
+    axes = dict(zip((*COMPONENTS, *LOCAL), (*np.eye(3), tangent, np.cross(normal, tangent), normal), strict=True))
+    held = np.array([axes[name] for s in supports for name in s.held])
     slope = any(s.holds_slope for s in supports)
     _, values, directions = np.linalg.svd(held.reshape(-1, 3))
     directions = directions[: np.count_nonzero(values > FLAT)]
@@ -231,13 +298,28 @@ def edge_gradings(case: Case) -> tuple[tuple[float, float], tuple[float, float]]
     found = dict.fromkeys(product((0, 1), SIDES), 1.0)
     for sides, exponent in corner_exponents(case).items():
         for axis, side in enumerate(sides):
-            found[axis, side] = max(found[axis, side], min(GRADED_RATE / (2 * exponent), STEEPEST))
+            found[axis, side] = max(found[axis, side], _grading(exponent))
+    for (axis, side, _), exponent in break_exponents(case).items():
+        found[axis, side] = max(found[axis, side], _grading(exponent))
     return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
+
+
+def break_gradings(case: Case) -> tuple[dict[float, float], dict[float, float]]:
+    """Return by coordinate the exponents g of the mesh lines' distances from where supports change within edges."""
+    found: tuple[dict[float, float], dict[float, float]] = {}, {}
+    for (axis, _, at), exponent in break_exponents(case).items():
+        found[1 - axis][at] = max(found[1 - axis].get(at, 1.0), _grading(exponent))
+    return found
+
+
+def _grading(exponent: float) -> float:
+    return min(GRADED_RATE / (2 * exponent), STEEPEST)
 
 
 def slowest_rate(case: Case) -> float:
     """Return the rate, in the mesh size, at which the energy converges on meshes that are graded so."""
-    rates = [2 * s * min(GRADED_RATE / (2 * s), STEEPEST) for s in corner_exponents(case).values()]
+    exponents = [*corner_exponents(case).values(), *break_exponents(case).values()]
+    rates = [2 * s * _grading(s) for s in exponents]
     return min(rates, default=SMOOTH_RATE)
 
 
@@ -253,6 +335,8 @@ def excited(case: Case) -> tuple[bool, bool]:
         match load:
             case PressureLoad() | MomentLoad():
                 across = True
+            case AreaLoad(frame="local") | EdgeLoad(frame="local"):
+                return True, True
             case _:
                 numbers = load.force if isinstance(load, PointLoad) else load.formulas
                 if not all(isinstance(number, int | float) for number in numbers):

@@ -37,6 +37,7 @@ from shellbench.solvers.fem.assembly import (
     basis_scales,
     chunks,
 )
+from shellbench.solvers.fem.clamping import outward_conormal
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
@@ -206,6 +207,14 @@ class Loading:
         return cls(build.nodal, build.resultant, build.magnitude)
 
 
+def _from_local(vectors: Array, surface: Midsurface, running: int, across: Array | None = None) -> Array:
+    """Return vectors (n, 3) along a base vector, across it in the surface and along the normal as Cartesian ones."""
+    along = surface.base[:, running] / np.linalg.norm(surface.base[:, running], axis=-1, keepdims=True)
+    if across is None:
+        across = np.cross(surface.normal, along)
+    return np.asarray(np.einsum("pk,kpc->pc", vectors, np.stack([along, across, surface.normal])))
+
+
 class _Builder:
     def __init__(self, case: Case, mesh: TensorMesh, states: int) -> None:
         self.case, self.mesh = case, mesh
@@ -238,8 +247,9 @@ class _Builder:
         density = np.zeros((len(points), COMPONENTS))
         for load in loads:
             match load:
-                case AreaLoad(vector=vector):
-                    density += self.case.evaluate(vector, points, t)[0, 0]
+                case AreaLoad(vector=vector, frame=frame):
+                    given = self.case.evaluate(vector, points, t)[0, 0]
+                    density += given if frame == "global" else _from_local(given, surface, 0)
                 case PressureLoad(value=value):
                     density += self.case.formula(value).derivatives(points, 0, t)[0, 0][:, None] * surface.normal
                 case GravityLoad(acceleration=acceleration):
@@ -252,12 +262,16 @@ class _Builder:
         running = 1 - edge.axis
         line = self.mesh.lines[running]
         x, w = np.polynomial.legendre.leggauss(EDGE_GAUSS_POINTS)
-        h = np.diff(line)[:, None]
-        points = edge.points(self.mesh.domain, (line[:-1, None] + h * (x + 1) / 2).ravel())
+        loaded = edge.covers(self.mesh.domain, (line[:-1] + line[1:]) / 2)
+        h = np.diff(line)[loaded, None]
+        points = edge.points(self.mesh.domain, (line[:-1][loaded, None] + h * (x + 1) / 2).ravel())
         points = self.mesh.domain.wrap(points)
-        tangent = self.case.surface.derivatives(points, order=1)[((1, 0), (0, 1))[running]]
-        length = (h * w / 2).ravel() * np.linalg.norm(tangent, axis=-1)
-        forces = [self.case.evaluate(load.vector, points, t)[0, 0] * length[:, None] for t in states]
+        surface = Midsurface.at(self.case.surface.derivatives(points, order=2))
+        length = (h * w / 2).ravel() * np.linalg.norm(surface.base[:, running], axis=-1)
+        given = [self.case.evaluate(load.vector, points, t)[0, 0] for t in states]
+        if load.frame == "local":
+            given = [_from_local(vectors, surface, running, outward_conormal(surface, edge)) for vectors in given]
+        forces = [density * length[:, None] for density in given]
         self._add_forces(points, np.stack(forces, axis=-1))
 
     def add_point_load(self, load: PointLoad, point: Point, states: Sequence[float]) -> None:

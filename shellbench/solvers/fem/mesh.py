@@ -17,6 +17,7 @@ Mesh lines: uniform, or graded toward the points where forces act, and toward ed
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -187,16 +188,19 @@ class TensorMesh:
         return kind_scales(np.stack(np.meshgrid(*lengths, indexing="ij"), axis=-1).reshape(-1, 2))
 
     def edge_nodes(self, edge: Edge) -> Integers:
-        """Return the nodes of an edge in the order of the running coordinate."""
+        """Return the nodes of an edge, or of a part of one, in the order of the running coordinate."""
         numbers = np.arange(self.node_count).reshape(self.shape)
-        return np.asarray(np.take(numbers, 0 if edge.side == "min" else -1, axis=edge.axis))
+        found = np.asarray(np.take(numbers, 0 if edge.side == "min" else -1, axis=edge.axis))
+        return np.asarray(found[edge.covers(self.domain, self.node_points[found, 1 - edge.axis])])
 
     def edge_cells(self, edge: Edge) -> Integers:
-        """Return the cells along an edge in the order of the running coordinate."""
+        """Return the cells along an edge, or a part of one, in the order of the running coordinate."""
         at = self.origins[:, edge.axis] + (self.sizes[:, edge.axis] if edge.side == "max" else 0.0)
         bound = self.lines[edge.axis][0 if edge.side == "min" else -1]
         found = np.flatnonzero(np.abs(at - bound) <= 1e-12 * self.domain.size[edge.axis])
-        return np.asarray(found[np.argsort(self.origins[found, 1 - edge.axis])])
+        found = found[np.argsort(self.origins[found, 1 - edge.axis])]
+        middle = (self.origins + self.sizes / 2)[found, 1 - edge.axis]
+        return np.asarray(found[edge.covers(self.domain, middle)])
 
     def node_at(self, xi: tuple[float, float]) -> int:
         """Return the node at a point, or raise ValueError if there is none."""
@@ -287,24 +291,51 @@ def marked_coordinates(case: Case, axis: int) -> list[float]:
     return sorted(marks)
 
 
-def axis_lines(case: Case, axis: int, cells: int, exponent: float, ends: tuple[float, float] = (1.0, 1.0)) -> Array:
+def break_coordinates(case: Case, axis: int) -> list[float]:
+    """Return the coordinates at which parts of edges begin or end along an axis, or formulas have kinks."""
+    parts = (place for place in case.places.values() if isinstance(place, Edge) and 1 - place.axis == axis)
+    return sorted({*case.kinks[axis], *(at for part in parts if part.between for at in part.between)})
+
+
+Breaks = Mapping[float, float]  # coordinate -> exponent of the grading toward it
+Ends = tuple[tuple[float, float], tuple[float, float]]
+UNGRADED: Ends = ((1.0, 1.0), (1.0, 1.0))
+UNBROKEN: tuple[Breaks, Breaks] = ({}, {})
+
+
+def axis_lines(
+    case: Case,
+    axis: int,
+    cells: int,
+    exponent: float,
+    ends: tuple[float, float] = (1.0, 1.0),
+    breaks: Breaks = UNBROKEN[0],
+) -> Array:
     """Return the mesh lines of a coordinate.
 
-    The coordinate is divided at the singular points, toward which it is graded by `exponent`, as it is toward its
-    `ends` by theirs; each divided part counts as two halves if it is graded toward both ends or toward none. The
+    The coordinate is divided at the singular points, toward which it is graded by `exponent`, and where parts of edges
+    begin and end or formulas have kinks, toward which it is graded by the exponents of `breaks`, if they name them, as
+    it is toward its `ends` by theirs. Each divided part counts as two halves if it is graded toward both ends or
+    toward none. The
     longest of these gets `cells` cells, and shorter ones fewer, so that the cells on either side of a singular point
     are alike.
     """
     domain = case.surface.domain
     lower, upper = domain.lower[axis], domain.upper[axis]
     slack = SAME * domain.size[axis]
-    marks = marked_coordinates(case, axis)
+    graded = dict.fromkeys(marked_coordinates(case, axis), exponent)
+    for at in break_coordinates(case, axis):
+        near = next((mark for mark in graded if abs(mark - at) <= slack), at)
+        graded[near] = max(graded.get(near, 1.0), breaks.get(at, 1.0))
+    marks = sorted(graded)
     if domain.periodic[axis]:
+        if marks and marks[-1] - marks[0] >= domain.size[axis] - slack:  # both names of the seam
+            graded[marks[0]] = max(graded[marks[0]], graded[marks.pop()])
         stops = [*marks, marks[0] + domain.size[axis]] if marks else [lower, upper]
-        powers = [exponent if marks else 1.0] * len(stops)
+        powers = [*(graded[mark] for mark in marks), graded[marks[0]]] if marks else [1.0, 1.0]
     else:
         stops = [lower, *(m for m in marks if lower + slack < m < upper - slack), upper]
-        powers = [exponent if any(abs(m - stop) <= slack for m in marks) else 1.0 for stop in stops]
+        powers = [max((graded[m] for m in marks if abs(m - stop) <= slack), default=1.0) for stop in stops]
         powers[0], powers[-1] = max(powers[0], ends[0]), max(powers[-1], ends[1])
     toward = list(pairwise(powers))
     halves = [1 if (first > 1) != (second > 1) else 2 for first, second in toward]
@@ -317,11 +348,13 @@ def axis_lines(case: Case, axis: int, cells: int, exponent: float, ends: tuple[f
     return np.concatenate(lines)
 
 
-Ends = tuple[tuple[float, float], tuple[float, float]]
-UNGRADED: Ends = ((1.0, 1.0), (1.0, 1.0))
-
-
-def graded_mesh(case: Case, cells: tuple[int, int], exponent: float, ends: Ends = UNGRADED) -> TensorMesh:
+def graded_mesh(
+    case: Case,
+    cells: tuple[int, int],
+    exponent: float,
+    ends: Ends = UNGRADED,
+    breaks: tuple[Breaks, Breaks] = UNBROKEN,
+) -> TensorMesh:
     """Return a mesh with `cells` along each coordinate as `axis_lines` counts them."""
-    first, second = (axis_lines(case, axis, cells[axis], exponent, ends[axis]) for axis in (0, 1))
+    first, second = (axis_lines(case, a, cells[a], exponent, ends[a], breaks[a]) for a in (0, 1))
     return TensorMesh(case.surface.domain, (first, second))

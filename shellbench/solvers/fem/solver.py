@@ -10,7 +10,7 @@ from pydantic import Field, PositiveInt
 from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.solution import Beyond, ShellSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.solution import FemSolution, MotionSolution
@@ -66,8 +66,9 @@ class FemSolver(ShellSolver):
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
-    takes_varying_stiffness: ClassVar[bool] = True
-    takes_foundation: ClassVar[bool] = True
+    takes: ClassVar[frozenset[Beyond]] = frozenset(
+        {"varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads", "kinks"}
+    )
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, or None."""

@@ -18,8 +18,8 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
-from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
-from shellbench.solvers.fem.mesh import UNGRADED, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
+from shellbench.solvers.fem.mesh import UNBROKEN, UNGRADED, Breaks, Ends, graded_mesh, singular_points
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -46,6 +46,7 @@ FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
 FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
+Gradings = tuple[Ends, tuple[Breaks, Breaks]]  # toward edges, and toward ends of their parts
 OnMesh = Callable[[Cells], equilibrium.Equilibrium]
 
 
@@ -68,15 +69,16 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
     graded = case.linear and chosen.grading > 1 and not case.prescribed
-    ends, slowest = (edge_gradings(case), slowest_rate(case)) if graded else (UNGRADED, ASYMPTOTIC)
-    on_mesh, trials = _solves(case, chosen, ends, progress)
+    toward = (edge_gradings(case), break_gradings(case)) if graded else (UNGRADED, UNBROKEN)
+    slowest = slowest_rate(case) if graded else ASYMPTOTIC
+    on_mesh, trials = _solves(case, chosen, toward, progress)
     tolerance = chosen.tolerance or usual_tolerance(case)
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
     solution: FemSolution | None = None
     try:
-        meshes = _meshes(case, chosen, ends, trials)
+        meshes = _meshes(case, chosen, toward, trials)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
         for level in levels(case, meshes, on_mesh, _measured, forgiven, slowest):
             seconds = time.perf_counter() - began
@@ -117,7 +119,7 @@ def usual_tolerance(case: Case) -> float:
 
 
 def _solves(
-    case: Case, settings: FemSettings, ends: Ends, progress: ProgressCallback
+    case: Case, settings: FemSettings, toward: Gradings, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
     """Return how a case is solved on a mesh, and how trials are made that share out the cells.
 
@@ -126,7 +128,7 @@ def _solves(
 
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading, ends)
+            mesh = graded_mesh(of, cells, settings.grading, *toward)
             how = of.states, settings.quadrature_order, settings.direct_solver
             folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
             if folded is None:
@@ -178,12 +180,12 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         raise SolveFailure(str(error), partial=solution) from None
 
 
-def _meshes(case: Case, settings: FemSettings, ends: Ends, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
+def _meshes(case: Case, settings: FemSettings, toward: Gradings, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
     """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
     if settings.cells:
         yield settings.cells
         return
-    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, ends).node_count)
+    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, *toward).node_count)
     share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
         with contextlib.suppress(SolveFailure):

@@ -223,4 +223,4 @@ def _lengthened(spec: RuleSpec, axis: int, factor: float) -> RuleSpec:
 def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int = 0) -> RuleSpec:
     """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
     first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
-    return RuleSpec((first, second), order, grading, cuts)
+    return RuleSpec((first, second), order, grading, cuts, joints=case.kinks)

@@ -52,6 +52,8 @@ class RuleSpec:
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
         How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance.
+    joints
+        Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
     """
 
     panels: tuple[int, int]
@@ -60,6 +62,7 @@ class RuleSpec:
     cuts: int = 0
     layers: tuple[float, float] = (0.0, 0.0)
     corner_cuts: int = 0
+    joints: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
 
 
 def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
@@ -67,6 +70,13 @@ def panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpe
 
     Both bounds are ends of a panel even where the coordinate is periodic: a seam must not lie inside a panel.
     """
+    ends = _panel_ends(lower, upper, focal, spec, axis, periodic)
+    slack = MERGE * (upper - lower)
+    joints = [at for at in spec.joints[axis] if np.abs(ends - at).min() > slack]
+    return np.sort(np.concatenate([ends, joints])) if joints else ends
+
+
+def _panel_ends(lower: float, upper: float, focal: Sequence[float], spec: RuleSpec, axis: int, periodic: bool) -> Array:
     size = upper - lower
     if spec.layers[axis] and not periodic:
         return _layered_ends(lower, upper, spec.layers[axis], spec.panels[axis])
@@ -179,6 +189,11 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], spec: 
 
 
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:
-    """Return the rule along an edge; weights are those of the running coordinate."""
-    running, weights = side_rule(domain, focal, spec, 1 - edge.axis)
+    """Return the rule along an edge, or along a part of one; weights are those of the running coordinate."""
+    axis = 1 - edge.axis
+    values = [float(f) for f in focal[:, axis]]
+    ends = panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, domain.periodic[axis])
+    start, stop = edge.bounds(domain)
+    inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
+    running, weights = line_rule(np.array([start, *inside, stop]), spec.order)
     return Rule(edge.points(domain, running), weights)

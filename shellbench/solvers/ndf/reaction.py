@@ -139,7 +139,7 @@ def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edg
     InputError
         If both kinds meet at a corner: the reaction there belongs to both supports.
     """
-    edges = {place for place in case.places.values() if isinstance(place, Edge)}
+    edges = {place for place in case.places.values() if isinstance(place, Edge) and place.whole}
     everywhere = any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name)
     held = {"xyz".index(c) for c in support.held} if everywhere else set()
     result: list[tuple[set[Edge], set[Edge]]] = []

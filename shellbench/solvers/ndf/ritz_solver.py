@@ -10,7 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.solution import Beyond, ShellSolver, why_not_plain
 from shellbench.solvers.ndf.choices import (
     LARGEST_GAP,
     LAYER,
@@ -65,8 +65,9 @@ class RitzSolver(ShellSolver):
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
-    takes_varying_stiffness: ClassVar[bool] = True
-    takes_foundation: ClassVar[bool] = True
+    takes: ClassVar[frozenset[Beyond]] = frozenset(
+        {"varying stiffness", "foundation", "loaded parts", "local loads", "kinks"}
+    )
 
     def declines(self, case: Case) -> str | None:
         """Return why the usual field can't hold this case, as one clause, or None if it can."""
@@ -83,7 +84,7 @@ class RitzSolver(ShellSolver):
         from shellbench.solvers.ndf.declines import why_declined
         from shellbench.solvers.ndf.ritz import field_spec
 
-        return why_declined(case, field_spec(case, settings))
+        return why_not_plain(case, self.takes) or why_declined(case, field_spec(case, settings))
 
     def answer(
         self, case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback

@@ -246,12 +246,13 @@ def rule_of(case: Case, degree: int, points: float = POINTS) -> RuleSpec:
         if np.all(np.abs(_stiffness(case, RuleSpec((first, second), ORDER)) - exact) <= SPRING * exact):
             break
         first, second = first + 1, second + 1
-    return RuleSpec((first, second), ORDER)
+    return RuleSpec((first, second), ORDER, joints=case.kinks)
 
 
 def finer(spec: RuleSpec) -> RuleSpec:
     """Return the rule that another one is judged by."""
-    return RuleSpec((math.ceil(FINER * spec.panels[0]), math.ceil(FINER * spec.panels[1])), spec.order + 1)
+    panels = (math.ceil(FINER * spec.panels[0]), math.ceil(FINER * spec.panels[1]))
+    return replace(spec, panels=panels, order=spec.order + 1)
 
 
 def _stiffness(case: Case, spec: RuleSpec) -> Array:

@@ -150,7 +150,8 @@ def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
     for load in case.dead:
         match load:
             case AreaLoad():
-                force += case.evaluate(load.vector, xi, t)[0, 0]
+                given = case.evaluate(load.vector, xi, t)[0, 0]
+                force += given if load.frame == "global" else _from_local(case, given, xi, 0)
             case GravityLoad():
                 force += case.material.areal_density * case.evaluate(load.acceleration, xi, t)[0, 0]
             case PressureLoad():
@@ -159,6 +160,23 @@ def force_density(case: Case, points: ArrayLike, t: float = 1.0) -> Array:
                 normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
                 force += case.formula(load.value).derivatives(xi, 0, t)[0, 0][:, None] * normal
     return force
+
+
+def _from_local(case: Case, vectors: Array, points: Array, running: int, outward: Edge | None = None) -> Array:
+    """Return vectors (n, 3) of parts along a coordinate, across it within the surface and normal, as Cartesian ones.
+
+    Across is a3 x a_running, or away from the surface at an edge.
+    """
+    x = case.surface.derivatives(points, 1)
+    along, other = (x[1, 0], x[0, 1]) if running == 0 else (x[0, 1], x[1, 0])
+    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
+    inside = other - (other * along).sum(-1, keepdims=True) * along  # toward growing values of the other coordinate
+    inside /= np.linalg.norm(inside, axis=-1, keepdims=True)
+    normal = np.cross(along, inside) * (1.0 if running == 0 else -1.0)
+    across = np.cross(normal, along)
+    if outward is not None:
+        across = inside if outward.side == "max" else -inside
+    return np.asarray(vectors[:, :1] * along + vectors[:, 1:2] * across + vectors[:, 2:] * normal)
 
 
 def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0) -> tuple[Array, Array]:
@@ -176,7 +194,10 @@ def concentrated_forces(case: Case, spec: RuleSpec, focal: Array, t: float = 1.0
                 at = rule.points
                 tangent = case.surface.derivatives(at, 1)[(0, 1) if place.axis == 0 else (1, 0)]
                 lengths = rule.weights * np.linalg.norm(tangent, axis=-1)
-                forces.append(case.evaluate(load.vector, at, t)[0, 0] * lengths[:, None])
+                given = case.evaluate(load.vector, at, t)[0, 0]
+                if load.frame == "local":
+                    given = _from_local(case, given, at, 1 - place.axis, outward=place)
+                forces.append(given * lengths[:, None])
             points.append(at)
     return np.concatenate(points), np.concatenate(forces)
 

@@ -10,7 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolver, why_not_plain
+from shellbench.problems.shell.solution import Beyond, ShellSolver, why_not_plain
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
 
 if TYPE_CHECKING:
@@ -61,13 +61,13 @@ class NdfSolver(ShellSolver):
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
     uses_start: ClassVar[bool] = True
-    takes_varying_stiffness: ClassVar[bool] = True
+    takes: ClassVar[frozenset[Beyond]] = frozenset({"varying stiffness", "loaded parts", "local loads", "kinks"})
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         from shellbench.solvers.ndf.declines import why_declined
 
-        return why_not_plain(case, varying=True) or why_declined(case)
+        return why_not_plain(case, self.takes) or why_declined(case)
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""

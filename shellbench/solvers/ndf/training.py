@@ -139,7 +139,7 @@ class TrainingProblem:
         turns = [2.0 if p else 1.0 for p in self.ansatz.case.surface.domain.periodic]
         side = math.sqrt(count / (turns[0] * turns[1])) / order
         first, second = (max(2, round(side * turn)) + more for turn in turns)
-        return RuleSpec((first, second), order, GRADING if self.singular else 1.0)
+        return RuleSpec((first, second), order, GRADING if self.singular else 1.0, joints=self.ansatz.case.kinks)
 
     def sample(self, spec: RuleSpec) -> Sample:
         """Tabulate a rule."""

@@ -91,6 +91,11 @@ def test_a_pressure_follows_in_the_non_linear_theory_only():
     assert np.allclose(finite.pressure([[1.0, 2.0], [3.0, 4.0]], 0.5), 0.5)
 
 
+def _overlapping(data):
+    data["edge_parts"] = {"a": {"edge": "xi1_min", "between": [1, 2]}}
+    data["supports"].append({"name": "part", "on": ["a"]})
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -122,6 +127,13 @@ def test_a_pressure_follows_in_the_non_linear_theory_only():
         (lambda d: d["loads"].append({"kind": "edge", "on": ["centre"], "vector": [0, 0, 1]}), ["edge", "centre"]),
         (lambda d: d["points"].update(far=[1000, 0]), ["points.far", "outside"]),
         (lambda d: d["points"].update(xi1_min=[1, 1]), ["xi1_min", "edge"]),
+        (lambda d: d.update(edge_parts={"a": {"edge": "xi3_min", "between": [1, 2]}}), ["edge_parts.a", "xi3_min", "xi1_min"]),
+        (lambda d: d.update(edge_parts={"a": {"edge": "xi1_min", "between": [2, 1]}}), ["edge_parts.a", "[2.0, 1.0]", "xi2"]),
+        (lambda d: d.update(edge_parts={"a": {"edge": "xi1_min", "between": [1, 1000]}}), ["edge_parts.a", "bounds of xi2"]),
+        (lambda d: d.update(edge_parts={"a": {"edge": "xi1_min", "between": [1, 1]}}), ["edge_parts.a", "shorter"]),
+        (lambda d: d.update(edge_parts={"centre": {"edge": "xi1_min", "between": [1, 2]}}), ["edge_parts.centre", "another place"]),
+        (lambda d: d.update(edge_parts={"a": {"edge": "xi1_min", "from": 1}}), ["edge_parts.a"]),
+        (lambda d: _overlapping(d), ["component x", "'xi1_min' and 'a' overlap"]),
         (lambda d: d["quantities"].clear(), ["quantities"]),
         (lambda d: d["quantities"][0].update(primary=False), ["primary"]),
         (lambda d: d["quantities"][0].update(points=["xi1_min"]), ["centre_deflection", "'xi1_min' is none"]),

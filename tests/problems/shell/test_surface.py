@@ -1,10 +1,13 @@
 """Midsurfaces: derivatives, periodicity and the refusal of degenerate ones."""
 
+import re
+
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from shellbench.problems.shell.surface import SurfaceModel
+from shellbench.problems.formula_text import substituted
+from shellbench.problems.shell.surface import ExpressionSurface, SurfaceModel
 
 ADAPTER = TypeAdapter(SurfaceModel)
 
@@ -85,3 +88,35 @@ def test_a_degenerate_surface_is_refused(change, word):
 def test_a_closed_cylinder_spans_a_turn():
     with pytest.raises(ValidationError, match="close"):
         build(kind="cylinder", axis="y", radius=1, closed=True, xi1=[0, 180], xi2=[0, 1])
+
+
+POLES = {
+    # at the end of a coordinate, where cos(90 degrees) is not quite zero, and where sin(0) is
+    "north": ({"x": "cos(xi1)*cos(xi2)", "y": "sin(xi1)*cos(xi2)", "z": "sin(xi2)", "xi2": [0, 90]}, 90),
+    "south": ({"x": "cos(xi1)*sin(xi2)", "y": "sin(xi1)*sin(xi2)", "z": "cos(xi2)", "xi2": [0, 60]}, 0),
+    "disc": ({"x": "xi2*cos(xi1)", "y": "xi2*sin(xi1)", "z": "0", "xi2": [0, 90]}, 0),
+    # within it, at no point of any grid
+    "cone": ({"x": "(xi2 - 0.3)*cos(xi1)", "y": "(xi2 - 0.3)*sin(xi1)", "z": "xi2", "xi2": [-60, 60]}, 17.188734),
+    "double": ({"x": "sin(2.1*xi2)*cos(xi1)", "y": "sin(2.1*xi2)*sin(xi1)", "z": "xi2", "xi2": [50, 130]}, 85.714286),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", POLES)
+@pytest.mark.parametrize("exchanged", [False, True])
+def test_poles_are_refused_wherever_they_are(name, exchanged):
+    data, at = POLES[name]
+    data = {"kind": "expression", "xi1": [10, 200], "angles": ["xi1", "xi2"], **data}
+    if exchanged:
+        names = {"xi1": "xi2", "xi2": "xi1"}
+        data |= {c: substituted(data[c], names) for c in "xyz"} | {"xi1": data["xi2"], "xi2": data["xi1"]}
+    with pytest.raises(ValidationError, match="degenerate") as caught:
+        ExpressionSurface.model_validate(data)
+    found = re.search(r"= \(([^,]+), ([^)]+)\)", str(caught.value))
+    assert found is not None
+    assert float(found[1 if exchanged else 2]) == pytest.approx(at, abs=1e-3)
+
+
+@pytest.mark.parametrize("hole", [1.0, 0.01, 1e-5])
+def test_a_hole_of_any_size_is_no_pole(hole):
+    data = {"x": "xi2*cos(xi1)", "y": "xi2*sin(xi1)", "z": "0", "xi1": [0, 90], "xi2": [hole, 2], "angles": ["xi1"]}
+    assert ExpressionSurface.model_validate({"kind": "expression", **data}).domain.lower[1] == hole
