@@ -197,11 +197,30 @@ class Miss:
     changes
         By quantity, in its unit.
     energy
-        Energy gained, as a share of all energy.
+        Energy gained, as a share of the energy stored.
     """
 
     changes: Mapping[str, float]
     energy: float
+
+    def times(self, factor: float) -> Miss:
+        """Return a multiple."""
+        return Miss({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
+
+    def or_larger(self, other: Miss) -> Miss:
+        """Return the larger one in each figure."""
+        changes = {name: max(value, other.changes[name]) for name, value in self.changes.items()}
+        return Miss(changes, max(self.energy, other.energy))
+
+
+def tail(energies: tuple[float, float, float], steps: float) -> float:
+    """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
+
+    Gains shrink by the ratio of the two known ones, or not at all where these do not tell of it.
+    """
+    former, last = energies[0] - energies[1], energies[1] - energies[2]
+    ratio = last / former if 0 < last < former else 1.0
+    return steps if ratio == 1.0 else ratio * (1 - ratio**steps) / (1 - ratio)
 
 
 def uncertainties(

@@ -11,14 +11,16 @@ import torch
 from shellbench.bench.catalog import known_values, named_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.ndf import static
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
 from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, line_rule, panel_ends
-from shellbench.solvers.ndf.refinement import CORNER_CUTS, SAFETY, SETTLED, Miss, uncertainties, unsettled
+from shellbench.solvers.ndf.refinement import CORNER_CUTS, SAFETY, SETTLED, Miss, tail, uncertainties, unsettled
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.solve import JITTER
 from tests.solvers.ndf.shells import shell, support
 
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
@@ -95,6 +97,25 @@ def test_infinite_moments_at_corners_are_met():
     for name in ("centre_deflection", "off_centre_deflection", "strain_energy"):
         known = known_values("rhombic_plate_60").judge(name, solution.case.theory).value
         assert values[name] == pytest.approx(known, rel=1e-4)
+
+
+def test_uncertainties_tell_what_regularisation_takes(monkeypatch):
+    """A level of 1e-6 takes more than features of other kinds, as regularised, tell of."""
+    usual, steps = static.solve_part, static.STEPS_LEFT
+    monkeypatch.setattr(static, "solve_part", lambda *given, level=JITTER: usual(*given, level=1e6 * level))
+    known = known_values("scordelis_lo").judge("strain_energy", "kirchhoff-love-linear").value
+    for left, told in ((steps + 6, True), (0.0, False)):  # without steps, only challengers tell
+        monkeypatch.setattr(static, "STEPS_LEFT", left)
+        solution = solve("scordelis_lo")
+        error = abs(measure_all(solution)["strain_energy"] - known)
+        assert (error <= solution.uncertainty["strain_energy"]) == told
+
+
+def test_tails_follow_the_last_gains():
+    assert tail((8.0, 4.0, 2.0), 3) == pytest.approx(1 / 2 + 1 / 4 + 1 / 8)
+    assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
+    assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
+    assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
 
 
 def test_uncertainties_grow_with_what_was_missed():
