@@ -13,7 +13,14 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure, measure_all
-from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.quantities import (
+    CentreOfMass,
+    DisplacementQuantity,
+    MotionEnergy,
+    PositionQuantity,
+    QuantityModel,
+    ReactionQuantity,
+)
 from shellbench.problems.shell.solution import ShellSolution
 
 S = TypeVar("S", bound=ShellSolution)
@@ -118,3 +125,43 @@ def settled(levels: Iterable[tuple[S, float]], count: int, progress: ProgressCal
     last = steps[-1].quantities
     changes = {name: abs(last[name] - steps[-2].quantities[name]) for name in last} if len(steps) > 1 else {}
     return replace(solution, history=tuple(steps), uncertainty=changes)
+
+
+COMPONENT = 0.5  # of the largest component of a vector: in a plane, one direction in three sees less of it
+
+
+def moving_uncertainty(case: Case, values: Mapping[str, float], apart: Mapping[str, float]) -> dict[str, float]:
+    """Return how sure a motion is of its quantities, from how sure each of them seems by itself.
+
+    Two things are known beside that. A place errs by a vector, which turns as the shell moves: one component of it may
+    change little by chance. And what starts from rest keeps a total energy of zero: what it shows instead is an error.
+
+    Parameters
+    ----------
+    values
+        Of the quantities.
+    apart
+        How much each of them may be off, as its own changes tell.
+    """
+    known = {q.name: q for q in case.quantities if q.name in apart}
+    sure = dict(apart)
+    for name, quantity in known.items():
+        place = _place(quantity)
+        if place is not None:
+            beside = max(apart[other] for other, q in known.items() if _place(q) == place)
+            sure[name] = max(apart[name], COMPONENT * beside)
+        if isinstance(quantity, MotionEnergy) and quantity.kind == "total_energy":
+            sure[name] = max(apart[name], abs(values[name]))
+    return sure
+
+
+def _place(quantity: QuantityModel) -> tuple[object, ...] | None:
+    """Return what a quantity is a component of: a kind, where and when; None if it is no component."""
+    match quantity:
+        case DisplacementQuantity() | PositionQuantity():
+            return ("place", quantity.points, quantity.at)
+        case CentreOfMass():
+            return (quantity.kind, quantity.at)
+        case ReactionQuantity():
+            return (quantity.kind, quantity.support, quantity.at)
+    return None

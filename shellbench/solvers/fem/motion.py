@@ -19,6 +19,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.history import moving_uncertainty
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import (
@@ -213,7 +214,9 @@ def _finished(
     return replace(
         found,
         history=(*levels, *steps),
-        uncertainty={name: e.uncertainty for name, e in known.items()},
+        uncertainty=moving_uncertainty(
+            found.case, levels[-1].quantities, {name: e.uncertainty for name, e in known.items()}
+        ),
         extrapolated={name: e.extrapolated for name, e in known.items()},
         diagnostics={
             **found.diagnostics,

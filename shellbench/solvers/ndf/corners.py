@@ -7,7 +7,8 @@ exp(-mu_j s) come as near to exp(-mu s) as the product of abs(mu - mu_j) / (mu +
 four exponents. What they are multiplied by are harmonics of the angle in the tangent plane.
 
 How fast the boundary factors vanish decides which powers of F have finite energy. The normal displacement must go as
-r**(1 + mu) with mu > 0, the tangential one as r**mu.
+r**(1 + mu) with mu > 0, the tangential one as r**mu. Where no edge holds a tangential displacement, membrane forces are
+finite (Williams's exponents of a wedge with two free edges are 1 and more), and what is tangential has no powers.
 """
 
 from __future__ import annotations
@@ -64,11 +65,13 @@ def held_corners(case: Case) -> tuple[Corner, ...]:
             x = case.surface.derivatives(np.asarray(xi), 1)
             normal = np.cross(x[1, 0], x[0, 1])
             normal /= np.linalg.norm(normal)
-            slopes = any(s.slope for s in meeting)
+            slopes = any(s.tilted for s in meeting)  # their factor is the normal displacement's second one
             shifts = [
                 int(abs(normal[c]) > TANGENTIAL and not slopes) - sum(c in s.held for s in meeting) for c in range(3)
             ]
-            first, second, third = (shift == min(shifts) for shift in shifts)
+            stretches = any(abs(float(normal[c])) < 1 - TANGENTIAL for s in meeting for c in s.held)
+            singular = [stretches or abs(float(normal[c])) > TANGENTIAL for c in range(3)]
+            first, second, third = (s == min(shifts) and needed for s, needed in zip(shifts, singular, strict=True))
             corners.append(Corner(xi, min(shifts), (first, second, third)))
     return tuple(corners)
 

@@ -34,6 +34,7 @@ from scipy.integrate import DOP853
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.history import moving_uncertainty
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
 from shellbench.solvers.ndf.energy import exploits
@@ -161,7 +162,7 @@ def solve(
         if before is not None:
             change = distance(before, solution)
             moved = {name: abs(values[name] - earlier) for name, earlier in history[-2].quantities.items()}
-            solution = replace(solution, uncertainty=moved)
+            solution = replace(solution, uncertainty=moving_uncertainty(case, values, moved))
         before = solution
         if change is not None and change <= SETTLED and exploited is None:
             break

@@ -17,6 +17,8 @@ from shellbench.problems.shell.surface import Domain, Surface
 from shellbench.solvers.ndf.jets import Array
 
 CUT = 0.2  # of a panel at a focal point; for r^2 log r^2 the error per point is least between .15 and .25
+SOFTENED = 5  # power p of r = s**p at a corner: the least power of the distance there, mu = .1, becomes smooth
+FURTHER = 6  # more points along r than elsewhere, as what is smooth in r is of p times the degree in s
 MERGE = 1e-9  # breakpoints closer than this share of a side are one
 
 
@@ -51,7 +53,8 @@ class RuleSpec:
         Lengths in the coordinates of layers at both ends of a side that has no focal point inside: half of its panels
         are spread evenly over asinh(distance / length), the other half over the distance. Zero for a side without.
     corner_cuts
-        How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance.
+        How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance. In the
+        cells that remain at corners, points narrow toward these, too.
     joints
         Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
     """
@@ -176,16 +179,32 @@ def _corner_rule(first: tuple[float, float], second: tuple[float, float], spec: 
     """Return the rule on one cell at a corner, from the corner's coordinates and the cell's signed sides."""
     # A tensor rule that narrows toward both edges would put most of its points where nothing is singular. Here the cell
     # at the corner is cut into four, and of these the one at the corner again, and so on.
-    points, weights = [], []
-    for k in range(spec.corner_cuts + 1):
-        outer, inner = CUT**k, CUT ** (k + 1)
-        far, near, whole = (inner, outer), (0.0, inner), (0.0, outer)
-        for one, two in ((whole, whole),) if k == spec.corner_cuts else ((far, near), (near, far), (far, far)):
+    parts = []
+    for k in range(spec.corner_cuts):
+        far, near = (CUT ** (k + 1), CUT**k), (0.0, CUT ** (k + 1))
+        for one, two in ((far, near), (near, far), (far, far)):
             (x1, w1), (x2, w2) = (line_rule(np.array(interval), spec.order) for interval in (one, two))
-            local, weight = _tensor(x1, w1, x2, w2)
-            points.append(np.array([first[0], second[0]]) + local * [first[1], second[1]])
-            weights.append(weight * abs(first[1] * second[1]))
-    return Rule(np.concatenate(points), np.concatenate(weights))
+            parts.append(_tensor(x1, w1, x2, w2))
+    local, weights = _last_corner_rule(spec.order)
+    parts.append((CUT**spec.corner_cuts * local, CUT ** (2 * spec.corner_cuts) * weights))
+    points = np.array([first[0], second[0]]) + np.concatenate([p for p, _ in parts]) * [first[1], second[1]]
+    return Rule(points, np.concatenate([w for _, w in parts]) * abs(first[1] * second[1]))
+
+
+def _last_corner_rule(order: int) -> tuple[Array, Array]:
+    """Return points (n, 2) and weights (n,) on the unit square that integrate powers of the distance from its corner 0.
+
+    Energies of powers go as r**(2 mu - 2) with mu > 0 as small as 1 / (2 `SOFTENED`): no even points integrate them.
+    """
+    # The square is two triangles at the corner (Duffy 1982): x1 = r, x2 = r t, and the same exchanged, with the area
+    # r dr dt. With r = s**p, r**(2 mu - 2) r dr is p s**(2 mu p - 1) ds: no singularity, if p mu is 1/2 at least.
+    s, by_s = line_rule(np.array([0.0, 1.0]), order + FURTHER)
+    t, by_t = line_rule(np.array([0.0, 1.0]), order + FURTHER // 2)
+    r = np.repeat(s**SOFTENED, len(t))
+    across = r * np.tile(t, len(s))
+    weights = np.outer(SOFTENED * s ** (2 * SOFTENED - 1) * by_s, by_t).ravel()
+    both = [np.stack([r, across], axis=-1), np.stack([across, r], axis=-1)]
+    return np.concatenate(both), np.concatenate([weights, weights])
 
 
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:

@@ -24,6 +24,7 @@ from shellbench.problems.shell.quantities import (
 )
 from shellbench.problems.shell.solution import ShellSolution
 from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
+from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.field import Network, random_features
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.jets import Placement
@@ -35,6 +36,7 @@ NEGLIGIBLE = 1e-3  # part of the largest displacement below which a value's rela
 WIDTHS = (1.0, 2.0, 3.5)  # of each level, in units of the usual width
 CHALLENGERS = 0.25  # in units of the neurons they challenge
 SLENDER = 3.0  # ratio of the sides of a flat shell from which on its ends have layers of their own
+CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
 ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
@@ -121,7 +123,7 @@ def first_level(case: Case, usual: Resolution, given_width: bool = False, given_
     """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
     neurons = usual.neurons * (2 if not given_width and _is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
-    chosen = usual if given_rule else _with_layers(case, usual, cuts=2)
+    chosen = usual if given_rule else _with_layers(case, usual)
     return Level(chosen, _challengers(usual.neurons), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
 
 
@@ -141,8 +143,8 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
         scale=old.scale * plain,
         edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
         stretched_scale=old.stretched_scale * stretched,
-        rule=_finer(first.resolution.rule, growth, 4),
-        fine=_finer(first.resolution.fine, growth, 5),
+        rule=_finer(first.resolution.rule, growth),
+        fine=_finer(first.resolution.fine, growth),
     )
     return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
 
@@ -169,19 +171,21 @@ def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
     return (2 * panels[0], panels[1]) if first > second else (panels[0], 2 * panels[1])
 
 
-def _with_layers(case: Case, usual: Resolution, cuts: int) -> Resolution:
-    layers = edge_layers(case, flat=True)
-    if foci(case) or layers is None:
+def _with_layers(case: Case, usual: Resolution) -> Resolution:
+    """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
+    layers, rule, fine = edge_layers(case, flat=True), usual.rule, usual.fine
+    if not foci(case) and layers is not None:
+        rule, fine = (replace(spec, layers=layers) for spec in (rule, fine))
+        if _is_slender(case):
+            rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
+    if foci(case) and not held_corners(case):
         return usual
-    rule, fine = (replace(spec, layers=layers) for spec in (usual.rule, usual.fine))
-    if _is_slender(case):
-        rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
-    return replace(usual, rule=replace(rule, corner_cuts=cuts), fine=replace(fine, corner_cuts=cuts + 1))
+    return replace(usual, rule=replace(rule, corner_cuts=CORNER_CUTS), fine=replace(fine, corner_cuts=CORNER_CUTS + 1))
 
 
-def _finer(spec: RuleSpec, growth: float, cuts: int) -> RuleSpec:
+def _finer(spec: RuleSpec, growth: float) -> RuleSpec:
     first, second = (math.ceil(growth * number) for number in spec.panels)
-    return replace(spec, panels=(first, second), corner_cuts=cuts if spec.corner_cuts else 0)
+    return replace(spec, panels=(first, second))
 
 
 @dataclass(frozen=True)
@@ -193,11 +197,30 @@ class Miss:
     changes
         By quantity, in its unit.
     energy
-        Energy gained, as a share of all energy.
+        Energy gained, as a share of the energy stored.
     """
 
     changes: Mapping[str, float]
     energy: float
+
+    def times(self, factor: float) -> Miss:
+        """Return a multiple."""
+        return Miss({name: factor * value for name, value in self.changes.items()}, factor * self.energy)
+
+    def or_larger(self, other: Miss) -> Miss:
+        """Return the larger one in each figure."""
+        changes = {name: max(value, other.changes[name]) for name, value in self.changes.items()}
+        return Miss(changes, max(self.energy, other.energy))
+
+
+def tail(energies: tuple[float, float, float], steps: float) -> float:
+    """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
+
+    Gains shrink by the ratio of the two known ones, or not at all where these do not tell of it.
+    """
+    former, last = energies[0] - energies[1], energies[1] - energies[2]
+    ratio = last / former if 0 < last < former else 1.0
+    return steps if ratio == 1.0 else ratio * (1 - ratio**steps) / (1 - ratio)
 
 
 def uncertainties(

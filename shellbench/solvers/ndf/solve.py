@@ -137,11 +137,13 @@ class OutputLayer:
     unbalanced: float
 
 
-def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float) -> OutputLayer:
+def solve_output(
+    equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float = JITTER
+) -> OutputLayer:
     """Minimise the energy subject to `constraints` (k, 3 M) w = `targets` (k,), metres.
 
     `stiffness` (N/m) weighs the constraints in the matrix, where they only serve its definiteness: they are held
-    exactly by Lagrange multipliers.
+    exactly by Lagrange multipliers. `level` is that of the regularised inverse.
 
     Raises
     ------
@@ -161,7 +163,7 @@ def solve_output(equations: NormalEquations, constraints: Tensor, targets: Tenso
     if not bool(torch.isfinite(matrix).all()):
         raise SolveFailure("the energy of the features is not finite")
     try:
-        inverse = RegularisedInverse.from_matrix(matrix, JITTER)
+        inverse = RegularisedInverse.from_matrix(matrix, level)
     except IndefiniteError:
         raise SolveFailure("the normal matrix of the output layer is not positive definite") from None
     weights = (inverse @ load[:, None])[:, 0]
@@ -182,7 +184,9 @@ def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
     return float(0.5 * weights @ (equations.stiffness @ weights) - equations.load @ weights) + equations.constant
 
 
-def solve_part(ansatz: Ansatz, features: Features, equations: NormalEquations, part: Array) -> OutputLayer:
+def solve_part(
+    ansatz: Ansatz, features: Features, equations: NormalEquations, part: Array, level: float = JITTER
+) -> OutputLayer:
     """Solve for the weights of some features, by their numbers (n,); all others are zero."""
     # One matrix serves all bases whose features are among its own.
     kept = torch.as_tensor(features.pairs(part), device=equations.load.device)
@@ -190,7 +194,7 @@ def solve_part(ansatz: Ansatz, features: Features, equations: NormalEquations, p
     within = NormalEquations(
         equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
     )
-    solved = solve_output(within, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness)
+    solved = solve_output(within, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness, level)
     weights = torch.zeros_like(equations.load)
     weights[kept] = solved.weights
     reactions = solved.reactions[: len(point_supports(ansatz.case, ansatz.t))]

@@ -46,6 +46,7 @@ from shellbench.solvers.ndf.refinement import (
     first_level,
     next_level,
     scale,
+    tail,
     uncertainties,
     unsettled,
 )
@@ -56,6 +57,8 @@ from shellbench.solvers.ndf.solution import NdfSolution
 from shellbench.solvers.ndf.solve import JITTER, potential_energy, solve_part
 from shellbench.solvers.ndf.supports import check_balance, point_supports
 
+STRONGER = 10.0  # times the usual regularisation: of answers that tell what the usual one takes
+STEPS_LEFT = math.log(JITTER / np.finfo(float).eps) / math.log(STRONGER)  # from the usual one down to rounding: 3.7
 PENALTY = 1e4  # supports give by 1e-5 of the deflection and less, and rounding takes less than 1e-3 of the energy
 NESTED = (0.25, 0.5, 1.0)  # shares of the width whose nested fields make the convergence curve
 
@@ -70,8 +73,8 @@ class Answer:
         Without how it came about.
     potential
         Certified potential energy, J.
-    magnitude
-        Of the energies that it is made of, J.
+    stored
+        What shell and springs store, or rounding, J.
     signs
         Whether it is an answer at all.
     values
@@ -82,15 +85,17 @@ class Answer:
 
     solution: NdfSolution
     potential: float
-    magnitude: float
+    stored: float
     signs: Signs
     values: dict[str, float]
     step: Step
 
     def missed(self, finer: Answer) -> Miss:
         """Return what it has missed at least, as a finer answer tells."""
+        # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
+        # change by this share.
         changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
-        return Miss(changes, abs(self.potential - finer.potential) / finer.magnitude)
+        return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,8 @@ class Solved:
         Answers with parts of the usual features, for the convergence curve.
     first, challenged
         With the usual features, and with those of the challengers.
+    stiffer
+        As the last, regularised by `STRONGER` times as much, and by that much again before it.
     energies
         Gives the potential energy on the training rule when one kind of challenger joins, J, by kind.
     """
@@ -111,7 +118,17 @@ class Solved:
     narrower: tuple[Answer, ...]
     first: Answer
     challenged: Answer
+    stiffer: tuple[Answer, Answer]
     energies: Callable[[], dict[str, float]]
+
+    def missed(self) -> Miss:
+        """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
+        # Combinations of features that are softer than rounding stay out of reach. No challenger tells of them, as it
+        # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding.
+        stiffest, stiffer = self.stiffer
+        energies = stiffest.potential, stiffer.potential, self.challenged.potential
+        softer = stiffer.missed(self.challenged).times(tail(energies, STEPS_LEFT))
+        return self.first.missed(self.challenged).or_larger(softer)
 
 
 def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
@@ -124,7 +141,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     """
     # 1. One basis for two answers: the usual features, and those with challengers of other kinds.
     # 2. What the second answer changes is what the first one had missed at least, and so was the change since the last
-    #    level. The uncertainty of each quantity follows from them.
+    #    level. What regularisation takes is told by regularising more. The uncertainty of each quantity follows.
     # 3. Not settled: the next level is wider, on a finer rule, and of the kind of challenger that has gained most.
     # A level that exploits its quadrature has no answer, but the next one may have.
     # Where settings fix width or panels, the first answer stands, and challengers only tell how sure it is.
@@ -150,8 +167,8 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         if reason is not None and before is not None:
             break
         steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
-        challenge = solved.first.missed(solved.challenged)
-        misses.append(challenge if before is None else _larger(challenge, before.missed(last)))
+        missed = solved.missed()
+        misses.append(missed if before is None else missed.or_larger(before.missed(last)))
         answer = _stated(last, solved, tuple(steps), misses)
         exploited = replace(
             last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
@@ -184,11 +201,6 @@ def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     features = replace(field.features, network=field.features.network.narrowed(width))
     output = torch.cat([field.output[:, :width], field.output[:, total:]], dim=1)
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
-
-
-def _larger(one: Miss, other: Miss) -> Miss:
-    changes = {name: max(value, other.changes[name]) for name, value in one.changes.items()}
-    return Miss(changes, max(one.energy, other.energy))
 
 
 def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[Miss]) -> NdfSolution:
@@ -235,6 +247,10 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
     parts.append(np.arange(features.count))
     layers = [solve_part(ansatz, features, equations, part) for part in parts]
+    parts += [parts[-1]] * 2
+    layers += [
+        solve_part(ansatz, features, equations, parts[-1], level=times * JITTER) for times in (STRONGER**2, STRONGER)
+    ]
     outputs = [layer.weights.view(3, -1) for layer in layers]
     fine = area_rule(case.surface.domain, focal, chosen.fine)
     certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
@@ -248,7 +264,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         potential = potential_energy(equations, layer.weights)
         gap = energy_gap(potential, energies, moved, rounding)
         share = 1.0 if moved else energies.best
-        membrane, bending, work = energies.parts(share)
+        membrane, bending, _ = energies.parts(share)
         field = Field(ansatz, features, share * output, output.new_zeros(6))
         solution = NdfSolution(
             case=case,
@@ -261,7 +277,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
             parameters=len(features.pairs(part)),
             point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
         )
-        judged = len(answers) >= len(parts) - 2
+        judged = len(answers) >= len(parts) - 4 and len(answers) != len(parts) - 2
         signs = Signs(
             gap=gap,
             taken_up=1.0 if moved else taken_up(equations),
@@ -295,7 +311,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
             Answer(
                 solution=replace(solution, diagnostics=diagnostics),
                 potential=energies.potential(share),
-                magnitude=membrane + bending + energies.spring_energy(share) + abs(work) + rounding,
+                stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
                 values=dict(measure_all(solution)) if judged else {},
                 step=step,
@@ -307,7 +323,8 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
         return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
 
-    return Solved(level, tuple(answers[:-2]), answers[-2], answers[-1], reached)
+    *narrower, alone, challenged, stiffest, stiffer = answers
+    return Solved(level, tuple(narrower), alone, challenged, (stiffest, stiffer), reached)
 
 
 def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:
