@@ -31,4 +31,4 @@ class RopePortrait(Portrait):
         if self.problem.rope is None:
             return None
         length = float(sum(self.problem.rope.link_lengths))
-        return Scene((length, 0.0), 1.0, True, None, VIEW, "z", ((0, "min"),), ())
+        return Scene((length, 0.0), 1.0, True, None, VIEW, "z", ((0, "min"),), (), ())
