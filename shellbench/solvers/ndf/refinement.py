@@ -9,7 +9,7 @@ wider, and of the kind of challenger that has gained most energy.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,6 +40,7 @@ CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
 ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
 
 
 @dataclass(frozen=True)
@@ -223,23 +224,28 @@ def tail(energies: tuple[float, float, float], steps: float) -> float:
     return steps if ratio == 1.0 else ratio * (1 - ratio**steps) / (1 - ratio)
 
 
-def uncertainties(
-    misses: Sequence[Miss], gap: float, values: Mapping[str, float], scales: Mapping[str, float]
-) -> dict[str, float]:
-    """Return how sure an answer is of each quantity, from what the answers before it have missed, in order.
+def still_missed(last: float, former: float) -> float:
+    """Return what an answer misses still, in units of its change since the level before.
 
-    The largest of: its last changes, the energy gained and the gap of the two quadratures as shares of its scale; times
-    the tail of a geometric series, if energy is gained slowly; times `SAFETY`.
+    The tail of a geometric series, from the shares of energy that this change and the one before have gained; but
+    `LEAST_TAIL` at least.
+    """
+    ratio = min(last / former, SLOWEST) if former > 0 else 0.0
+    return max(LEAST_TAIL, ratio / (1 - ratio))
+
+
+def uncertainties(
+    missed: Miss, gap: float, values: Mapping[str, float], scales: Mapping[str, float]
+) -> dict[str, float]:
+    """Return how sure an answer is of each quantity, from what it misses.
+
+    The largest of the change, and as shares of the quantity's scale the energy and `gap`, of the two quadratures and of
+    what regularisation leaves unbalanced; times `SAFETY`.
     """
     # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
     # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.
-    last = misses[-1]
-    ratio = 0.0
-    if len(misses) > 1 and misses[-2].energy > 0:
-        ratio = min(last.energy / misses[-2].energy, SLOWEST)
-    tail = max(1.0, ratio / (1 - ratio))
-    share = {name: (last.energy + gap + ROUNDING) * scales[name] for name in values}
-    return {name: SAFETY * tail * max(last.changes[name], share[name]) for name in values}
+    share = missed.energy + gap + ROUNDING
+    return {name: SAFETY * max(missed.changes[name], share * scales[name]) for name in values}
 
 
 def scale(solution: ShellSolution, quantity: object, value: float, rounding: float) -> float:

@@ -46,6 +46,7 @@ from shellbench.solvers.ndf.refinement import (
     first_level,
     next_level,
     scale,
+    still_missed,
     tail,
     uncertainties,
     unsettled,
@@ -150,7 +151,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     fixed = given_width or given_rule
     first = first_level(case, usual, given_width, given_rule)
     level: Level | None = first
-    misses: list[Miss] = []
+    former: Miss | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
     before: Answer | None = None
@@ -160,16 +161,18 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
-        if (
-            reason is not None and alone is None
-        ):  # the challengers alone exploit the rule, and are no part of the answer
+        if reason is not None and alone is None:
+            # The challengers alone exploit the rule, and are no part of the answer.
             last, reason = solved.first, None
         if reason is not None and before is not None:
             break
         steps += [a.step for a in (*solved.narrower, solved.first, *(() if last is solved.first else (last,)))]
         missed = solved.missed()
-        misses.append(missed if before is None else missed.or_larger(before.missed(last)))
-        answer = _stated(last, solved, tuple(steps), misses)
+        if before is not None and former is not None:
+            since = before.missed(last)
+            left = still_missed(since.energy, former.energy)
+            missed = missed.times(max(1.0, left)).or_larger(since.times(left))
+        answer = _stated(last, solved, tuple(steps), missed)
         exploited = replace(
             last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
         )
@@ -183,9 +186,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             reached = solved.energies()
             winner = min(reached, key=reached.__getitem__)
         if reason is None:
-            before = last
-        else:
-            misses.clear()
+            before, former = last, missed
         level = next_level(first, level, winner, settings.most_neurons)
     assert answer is not None
     if fixed:
@@ -203,14 +204,14 @@ def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
 
 
-def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[Miss]) -> NdfSolution:
+def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss) -> NdfSolution:
     """Return an answer with its history and with what is known of its uncertainty."""
     solution = last.solution
     area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
-    gap = max(solved.first.signs.gap, solved.challenged.signs.gap)
-    uncertainty = uncertainties(misses, gap, last.values, scales)
+    gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
+    uncertainty = uncertainties(missed, gap, last.values, scales)
     numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))
     return replace(
         solution,
@@ -220,7 +221,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], misses: list[
         diagnostics={
             **solution.diagnostics,
             "level": solved.level.number,
-            "challenge_gain": misses[-1].energy,
+            "challenge_gain": missed.energy,
             "challengers": len(solved.level.kinds) * solved.level.challengers,
         },
     )

@@ -18,7 +18,18 @@ from shellbench.solvers.ndf.energy import concentrated, normal_equations
 from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, line_rule, panel_ends
-from shellbench.solvers.ndf.refinement import CORNER_CUTS, SAFETY, SETTLED, Miss, tail, uncertainties, unsettled
+from shellbench.solvers.ndf.refinement import (
+    CORNER_CUTS,
+    LEAST_TAIL,
+    SAFETY,
+    SETTLED,
+    SLOWEST,
+    Miss,
+    still_missed,
+    tail,
+    uncertainties,
+    unsettled,
+)
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.solve import JITTER
 from tests.solvers.ndf.shells import shell, support
@@ -107,11 +118,16 @@ def test_uncertainties_tell_what_regularisation_takes(monkeypatch):
     for left, told in ((steps + 6, True), (0.0, False)):  # without steps, only challengers tell
         monkeypatch.setattr(static, "STEPS_LEFT", left)
         solution = solve("scordelis_lo")
-        error = abs(measure_all(solution)["strain_energy"] - known)
-        assert (error <= solution.uncertainty["strain_energy"]) == told
+        missed = abs(measure_all(solution)["strain_energy"] / known - 1)
+        assert (missed <= SAFETY * solution.diagnostics["challenge_gain"]) == told
+        assert missed <= solution.uncertainty["strain_energy"] / known  # what it leaves unbalanced tells, too
 
 
 def test_tails_follow_the_last_gains():
+    assert still_missed(3e-6, 4e-6) == pytest.approx(3)  # 3/4 + 9/16 + ...
+    assert still_missed(1e-9, 1e-3) == LEAST_TAIL
+    assert still_missed(1.0, 1e-3) == pytest.approx(SLOWEST / (1 - SLOWEST))
+    assert still_missed(0.0, 0.0) == LEAST_TAIL
     assert tail((8.0, 4.0, 2.0), 3) == pytest.approx(1 / 2 + 1 / 4 + 1 / 8)
     assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
     assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
@@ -120,14 +136,14 @@ def test_tails_follow_the_last_gains():
 
 def test_uncertainties_grow_with_what_was_missed():
     values, scales = {"w": 2.0}, {"w": 2.0}
-    small = uncertainties([Miss({"w": 1e-4}, 1e-6)], 0.0, values, scales)["w"]
+    small = uncertainties(Miss({"w": 1e-4}, 1e-6), 0.0, values, scales)["w"]
     assert small == pytest.approx(SAFETY * 1e-4)
-    by_chance = uncertainties([Miss({"w": 0.0}, 1e-3)], 0.0, values, scales)["w"]
+    by_chance = uncertainties(Miss({"w": 0.0}, 1e-3), 0.0, values, scales)["w"]
     assert by_chance == pytest.approx(SAFETY * 2e-3, rel=1e-4)
-    gaping = uncertainties([Miss({"w": 0.0}, 0.0)], 1e-3, values, scales)["w"]
+    gaping = uncertainties(Miss({"w": 0.0}, 0.0), 1e-3, values, scales)["w"]
     assert gaping == pytest.approx(SAFETY * 2e-3, rel=1e-4)
-    slow = uncertainties([Miss({"w": 1e-4}, 4e-6), Miss({"w": 1e-4}, 3e-6)], 0.0, values, scales)["w"]
-    assert slow == pytest.approx(3 * small)  # 3/4 + 9/16 + ... = 3
+    twice = Miss({"w": 1e-4}, 1e-6).times(2).or_larger(Miss({"w": 1e-5}, 1.0))
+    assert twice == Miss({"w": 2e-4}, 1.0)
     assert unsettled({"w": 1.9e-3}, scales) is None
     assert "w may be off" in str(unsettled({"w": 2.1e-3}, scales))
     assert unsettled({"w": math.nan}, scales) is not None
