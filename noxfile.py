@@ -245,7 +245,7 @@ def paper(session: nox.Session) -> None:
 @nox.session
 def tests(session: nox.Session) -> None:
     """Run the quick tests, in parallel."""
-    install(session, "test", *engines_here())
+    install(session, "test", "compiled", *engines_here())
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True, success_codes=range(256))  # else tests say so
     # Work is stolen from the end: tests of one file stay together, and what they share is made once.
@@ -255,7 +255,7 @@ def tests(session: nox.Session) -> None:
 @nox.session
 def long(session: nox.Session) -> None:
     """Run the tests that take more than a few seconds each: accuracy, injected faults, killed runs."""
-    install(session, "test", *engines_here())
+    install(session, "test", "compiled", *engines_here())
     session.run("pytest", "-n", "2", "--dist", "worksteal", "-m", "long", *session.posargs)
 
 
@@ -272,7 +272,7 @@ def mutation(session: nox.Session) -> None:
 @nox.session
 def bench(session: nox.Session) -> None:
     """Measure costs side by side in one run: ratios are what counts."""
-    install(session, "test")
+    install(session, "test", "compiled")
     session.run("pytest", "tests/benchmarks", "--benchmark-enable", "--benchmark-only", *session.posargs)
 
 

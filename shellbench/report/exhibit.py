@@ -32,11 +32,11 @@ if TYPE_CHECKING:  # a table of text draws nothing
 
 OKABE_ITO = ("#E69F00", "#56B4E9", "#000000", "#CC79A7", "#009E73", "#D55E00", "#0072B2")
 """Colours that the colour-blind can tell apart (Okabe & Ito 2008); its yellow is too pale for lines on white."""
-FURTHER = ("#882255", "#332288", "#9600FF", "#4B2D00", "#9678FF", "#E1004B")
+FURTHER = ("#882255", "#332288", "#9600FF", "#4B2D00", "#9678FF", "#E1004B", "#D2B469", "#2D003C")
 """More for when these are taken; the first two are of the muted scheme of Tol (2021). In CIELAB, of normal and of
 colour-blind eyes (Machado et al. 2009), each is farther from all others than the nearest two of Okabe & Ito are."""
 COLOURS = (*OKABE_ITO, *FURTHER)
-MARKERS = ("P", "v", "X", "D", "^", "s", "o", "*", "<", ">", "p", "h", "d")
+MARKERS = ("P", "v", "X", "D", "^", "s", "o", "*", "<", ">", "p", "h", "d", "H", "8")
 LAST: Study = "engines"  # its solvers came after the others, whose colours stay what they were
 Dashes = str | tuple[float, tuple[float, ...]]
 DASHES: tuple[Dashes, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (5, 1.5, 1, 1.5)))
@@ -129,10 +129,15 @@ def dashes_of(solutions: Iterable[str]) -> dict[str, Dashes]:
 
 
 def declared_solvers() -> tuple[str, ...]:
-    """Return the solvers of the suites, those of comparisons before those of studies, those of engines last."""
+    """Return the solvers of the suites, those of comparisons before those of studies, and those of engines.
+
+    Last come peers that are only swept: each run of theirs has a label.
+    """
     found = map(catalog.find_suite, catalog.suite_names())
     suites = sorted(found, key=lambda suite: (suite.study is not None, suite.study == LAST))
-    return tuple(dict.fromkeys(run.solver for suite in suites for run in suite.runs))
+    runs = [run for suite in suites for run in suite.runs]
+    compared = {run.solver for run in runs if not run.label}
+    return tuple(dict.fromkeys(run.solver for run in sorted(runs, key=lambda run: run.solver not in compared)))
 
 
 @dataclass(frozen=True)

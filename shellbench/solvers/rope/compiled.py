@@ -153,9 +153,9 @@ def stepped(
     Parameters
     ----------
     places, velocities
-        (m, C, 3), m and m/s.
+        (C, m, 3), m and m/s: chains first, unlike everywhere else.
     lengths, masses
-        (m, C), m and kg.
+        (C, m), m and kg.
     root, later
         (3, C, 3): position, velocity and acceleration of the roots before and after the step.
     wind
@@ -166,14 +166,14 @@ def stepped(
         Whether tensions are the printed ones, nodes turn rather than being projected, impulses are applied again.
     """
     (step, gravity, drag, room), (printed, turns, again) = numbers, choices
-    m, chains = lengths.shape
+    chains, m = lengths.shape
     e, found, external = np.empty((m, 3)), np.empty(m), np.empty((m, 3))
     rows, T = np.empty((4, m)), np.empty(m)
     taut, active = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     x, v, halfway = np.empty((m, 3)), np.empty((m, 3)), np.empty(3)
     for c in range(chains):
-        L, M = lengths[:, c], masses[:, c]
-        x[:], v[:] = places[:, c], velocities[:, c]
+        L, M = lengths[c], masses[c]
+        x[:], v[:] = places[c], velocities[c]
         for k in range(3):
             halfway[k] = root[1, c, k] + 0.5 * step * root[2, c, k]
         for half in range(2):
@@ -214,7 +214,7 @@ def stepped(
             _pulled(v, e, M, T, 0.5 * step)
             after = halfway if half == 0 else later[1, c]
             _impelled(x, v, moves[0, c], after, L, M, room, e, found, rows, T, taut, active)
-        places[:, c], velocities[:, c] = x, v
+        places[c], velocities[c] = x, v
 
 
 @fast

@@ -212,15 +212,17 @@ class Stepper:
         from shellbench.solvers.rope.compiled import stepped
 
         chains, scheme = self.chains, self.scheme
-        places, velocities = moving.places.copy(), moving.velocities.copy()
-        still = np.zeros_like(places[0])
+        # chains first, so that all of a chain lies together; what is returned is a view, from which this copy is quick
+        places, velocities = (np.array(each.swapaxes(0, 1), order="C") for each in (moving.places, moving.velocities))
+        lengths, masses = (np.ascontiguousarray(each.T) for each in (chains.lengths, chains.masses))
+        still = np.zeros_like(places[:, 0])
         before, after = (np.ascontiguousarray([part + still for part in parts]) for parts in (root, later))
         room = scheme.taut * chains.gravity * self.step**2
         numbers = (self.step, float(chains.gravity), float(chains.drag), float(room))
         wind = np.zeros(3) if chains.wind is None else np.asarray(chains.wind, dtype=float)
         choices = (scheme.printed, scheme.placing == "rotation", scheme.again)
-        stepped(places, velocities, chains.lengths, chains.masses, before, after, wind, numbers, choices)
-        return Moving(moving.time + self.step, places, velocities)
+        stepped(places, velocities, lengths, masses, before, after, wind, numbers, choices)
+        return Moving(moving.time + self.step, places.swapaxes(0, 1), velocities.swapaxes(0, 1))
 
     def met(
         self, moving: Moving, places: Array, velocities: Array, root: Array

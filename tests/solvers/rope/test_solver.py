@@ -121,3 +121,15 @@ def test_the_printed_tensions_are_the_exact_ones_for_equal_masses_only():
             for solver in (ExactSolver, PrintedSolver)
         ]
         assert np.allclose(*tensions, rtol=1e-9) == same
+
+
+@pytest.mark.parametrize("solver", ALL)
+def test_frames_are_at_the_same_times_whatever_the_steps(solver):
+    """A frame each sixtieth of a second; between two steps on a straight line."""
+    solution = solver().solve(catalog.named_case("rope_pendulum"), None)
+    case = solution.case
+    assert np.diff(solution.frame_times) == pytest.approx(max(1 / 60, case.states[-1] / 120))
+    assert len(solution.frames) == len(solution.frame_times) == 121
+    lengths = np.linalg.norm(np.diff(solution.frames, axis=1), axis=-1)
+    assert lengths == pytest.approx(1.0, abs=1e-3)
+    assert solution.frames[-1] == pytest.approx(solution.kept[-1].nodes, abs=1e-3)

@@ -1,0 +1,72 @@
+"""Section "Ropes": curves of what a suite sweeps, laws of what falls, ribbons of frames, and its page."""
+
+import numpy as np
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.bench.kinds import portrait_of_named
+from shellbench.bench.row import Row
+from shellbench.report.fields import BREADTH, read_ribbon
+from shellbench.report.ropes import curves, law, side_by_side
+
+KNOWN = -0.5
+
+
+def row(solver, value, label="", **settings):
+    return Row(
+        case="rope_nine_links", suite=None, solver=solver, settings={"rate": 60, "again": False} | settings, seed=None,
+        quantity="tip_x", primary=True, at=1.0, value=value, status="ok", reference=KNOWN, seconds=1.0, label=label,
+        overrides=settings, default_settings=not settings, unit="m", run_id=f"{solver} {settings}",
+    )  # fmt: skip
+
+
+def swept(errors, solver="one", **others):
+    return [
+        row(solver, KNOWN + error, f"word, rate {60 * 2**i}", rate=60 * 2**i, **others)
+        for i, error in enumerate(errors)
+    ]
+
+
+def test_runs_that_differ_in_one_number_are_a_curve():
+    rows = swept([0.04, 0.01, 0.0025]) + swept([0.1, 0.1, 0.1], again=True) + swept([0.1, 0.2], "two")
+    one, other = curves(rows)
+    assert (one.solver, one.setting, one.values, one.others) == ("one", "rate", (60, 120, 240), "word")
+    assert one.errors == pytest.approx([0.08, 0.02, 0.005])
+    assert other.errors == pytest.approx([0.2] * 3)
+
+
+def test_only_what_falls_has_a_law():
+    falls, levels, crosses = (
+        curves(swept(errors))[0] for errors in ([0.04, 0.01, 0.0025], [0.1] * 3, [0.1, 0.01, 0.05])
+    )
+    assert law(falls).slope == pytest.approx(-2)
+    assert law(levels) is law(crosses) is None
+
+
+def test_solvers_stand_beside_what_is_known():
+    table = side_by_side([row("one", -0.51), row("two", -0.49), *swept([0.1, 0.2, 0.3])])
+    (line,) = table.data.to_dict("records")
+    assert (line["known"], line["one"], line["two"]) == (KNOWN, -0.51, -0.49)
+    assert "-0.51" in table.write("csv")
+
+
+def test_a_ribbon_is_the_chain_frame_by_frame(tmp_path):
+    case = portrait_of_named(catalog.named_case("rope_nine_links"))
+    frames = np.random.default_rng(0).normal(size=(4, 10, 3))
+    np.savez(tmp_path / "kept.npz", frame_times=np.arange(4.0), frames=frames)
+
+    class Kept:
+        fields_file = "kept.npz"
+
+    ribbon = read_ribbon(Kept(), tmp_path, case)
+    assert ribbon.marks == pytest.approx(np.arange(4.0))
+    middle = (ribbon.position + ribbon.displacements).mean(axis=2)
+    assert middle == pytest.approx(frames)
+    length = np.linalg.norm(np.diff(frames[0], axis=0), axis=1).sum()
+    assert np.ptp(ribbon.position, axis=1) == pytest.approx(np.tile([0, 2 * BREADTH * length, 0], (10, 1)))
+
+
+def test_loose_masses_and_chains_at_rest_have_no_frames():
+    for name in ("rope_ball", "hanging_chain"):
+        assert portrait_of_named(catalog.named_case(name)).frames is None
+    assert not portrait_of_named(catalog.named_case("hanging_chain")).steps_in_time
