@@ -139,17 +139,17 @@ class Expression:
     @property
     def switches(self) -> tuple[Expression, ...]:
         """Differences at whose changes of sign the formula may have a kink or jump."""
-        pairs: list[tuple[ast.expr, ast.expr]] = []
+        pairs: list[tuple[ast.expr, ast.expr | None]] = []
         for node in ast.walk(self._tree):
             match node:
                 case ast.Call(func=ast.Name(id="abs"), args=[argument]):
-                    pairs.append((argument, ast.Constant(0)))
+                    pairs.append((argument, None))
                 case ast.Call(func=ast.Name(id="min" | "max"), args=arguments):
                     pairs += combinations(arguments, 2)
                 case ast.Compare(left=left, comparators=[right]):
                     pairs.append((left, right))
-        texts = (f"{ast.unparse(left)} - ({ast.unparse(right)})" for left, right in pairs)
-        return tuple(Expression(text, self._variables, self._constants, piecewise=True) for text in texts)
+        trees = (left if right is None else ast.BinOp(left, ast.Sub(), right) for left, right in pairs)
+        return tuple(Expression(ast.unparse(tree), self._variables, self._constants, piecewise=True) for tree in trees)
 
     def _check(self, node: ast.AST, depth: int) -> None:
         if depth > MAX_DEPTH:

@@ -12,7 +12,7 @@ from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.rigid import free_motions, rigid_modes
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.assembly import Quadrature
-from shellbench.solvers.fem.constraints import local_axes
+from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver

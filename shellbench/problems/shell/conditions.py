@@ -16,8 +16,7 @@ from shellbench.model import Finite, Model, Name, Positive, Vector
 from shellbench.problems.expression import Expression
 
 Component = Literal["x", "y", "z"]
-LocalComponent = Literal["along", "across", "normal"]
-LOCAL: tuple[LocalComponent, LocalComponent, LocalComponent] = ("along", "across", "normal")
+LOCAL: tuple[Literal["along"], Literal["across"], Literal["normal"]] = ("along", "across", "normal")
 AnyComponent = Literal["x", "y", "z", "along", "across", "normal"]
 Frame = Literal["global", "local"]
 COMPONENTS: tuple[Component, Component, Component] = ("x", "y", "z")

@@ -29,6 +29,7 @@ from shellbench.problems.shell.conditions import COMPONENTS, LOCAL, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
+from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.mesh import KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
@@ -172,29 +173,6 @@ def _held_locally(
             rows.append(row)
             values.append(value)
     return np.stack(rows, axis=1), np.stack(values, axis=1)
-
-
-def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
-    """Return unit vectors (n, 3, 3) along an edge, across it and normal, and their derivatives along the edge.
-
-    Without an edge along xi1. `x` are derivatives (n, 3) of the position up to order 2.
-    """
-    running: Derivative = (0, 1) if edge is not None and edge.axis == 0 else (1, 0)
-    twice = (2 * running[0], 2 * running[1])
-    first, second = (x[1, 1], x[0, 2]) if running == (0, 1) else (x[2, 0], x[1, 1])  # of a1 and a2 along the edge
-    along, along_t = _unit(x[running], x[twice])
-    normal, normal_t = _unit(np.cross(x[1, 0], x[0, 1]), np.cross(first, x[0, 1]) + np.cross(x[1, 0], second))
-    across, across_t = np.cross(normal, along), np.cross(normal_t, along) + np.cross(normal, along_t)
-    if edge is not None and (edge.axis == 0) == (edge.side == "max"):
-        across, across_t = -across, -across_t
-    return np.stack([along, across, normal], axis=1), np.stack([along_t, across_t, normal_t], axis=1)
-
-
-def _unit(vector: Array, rate: Array) -> tuple[Array, Array]:
-    """Return vectors (n, 3) over their lengths, and the derivative of that."""
-    length = np.linalg.norm(vector, axis=-1, keepdims=True)
-    unit = vector / length
-    return unit, (rate - np.sum(unit * rate, axis=-1, keepdims=True) * unit) / length
 
 
 def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:

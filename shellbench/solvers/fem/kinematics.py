@@ -37,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.fem.mesh import Derivative
 
@@ -80,6 +81,29 @@ class Midsurface:
     def contravariant_metric(self) -> Array:
         """a^ab (n, 2, 2)."""
         return np.asarray(np.linalg.inv(self.base @ np.swapaxes(self.base, -1, -2)), dtype=float)
+
+
+def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
+    """Return unit vectors (n, 3, 3) along an edge, across it and normal, and their derivatives along the edge.
+
+    Without an edge along xi1. `x` are derivatives (n, 3) of the position up to order 2.
+    """
+    running: Derivative = (0, 1) if edge is not None and edge.axis == 0 else (1, 0)
+    twice = (2 * running[0], 2 * running[1])
+    first, second = (x[1, 1], x[0, 2]) if running == (0, 1) else (x[2, 0], x[1, 1])  # of a1 and a2 along the edge
+    along, along_t = _unit(x[running], x[twice])
+    normal, normal_t = _unit(np.cross(x[1, 0], x[0, 1]), np.cross(first, x[0, 1]) + np.cross(x[1, 0], second))
+    across, across_t = np.cross(normal, along), np.cross(normal_t, along) + np.cross(normal, along_t)
+    if edge is not None and (edge.axis == 0) == (edge.side == "max"):
+        across, across_t = -across, -across_t
+    return np.stack([along, across, normal], axis=1), np.stack([along_t, across_t, normal_t], axis=1)
+
+
+def _unit(vector: Array, rate: Array) -> tuple[Array, Array]:
+    """Return vectors (n, 3) over their lengths, and the derivative of that."""
+    length = np.linalg.norm(vector, axis=-1, keepdims=True)
+    unit = vector / length
+    return unit, (rate - np.sum(unit * rate, axis=-1, keepdims=True) * unit) / length
 
 
 def strain_operator(surface: Midsurface) -> Array:

@@ -4,7 +4,8 @@ A plain coordinate is scaled to [-1, 1]; a periodic one becomes (cos, sin), or i
 field is then even about the seam: it closes, but can't tell the two sides apart) or a plain coordinate (the field then
 answers for a slit shell); at an edge that holds the slope of free components it is bent so that its derivative vanishes
 there. Distances from points that carry a force, and from the edges of curved shells, enter once more, stretched as
-asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer.
+asinh(d / l) / asinh(reach / l): there the solution varies within the length l of a bending layer. So do distances from
+lines along which loads or stiffnesses have kinks.
 
 These lengths come first. A shell bends within layers of the length sqrt(h R), R the smallest radius of curvature, far
 below its size, around points that carry a force and along edges.
@@ -245,7 +246,7 @@ class Inputs:
     def from_edges(self) -> tuple[bool, ...]:
         """For each input, whether it is stretched toward an edge."""
         flags = [flag for _, flag in self._columns(np.asarray([self.case.surface.domain.lower]), Placement())]
-        last = flags.index(True) + len(self._stretched_edges()) if any(flags) else 0
+        last = flags.index(True) + len(self._stretched_lines()) if any(flags) else 0
         return tuple(flags[k] and k < last for k in self.kept)
 
     @property
@@ -272,7 +273,7 @@ class Inputs:
                 centred = 2 * t
                 centred[VALUE] -= 1
                 columns.append((centred, False))
-        columns += [(self._from_edge(axis, bound, unit[axis]), True) for axis, bound in self._stretched_edges()]
+        columns += [(self._from_line(axis, start, unit[axis]), True) for axis, start in self._stretched_lines()]
         if not self.foci:
             return columns
         chords = not any(flag for side in self.even for flag in side) and not (
@@ -293,16 +294,21 @@ class Inputs:
                 columns.append((column, True))
         return columns
 
-    def _stretched_edges(self) -> list[tuple[int, int]]:
-        """Return axis and bound (0 or 1) of each edge toward which coordinates are stretched."""
-        periodic = self.case.surface.domain.periodic
-        sides = [(axis, bound) for axis in (0, 1) for bound in (0, 1)]
-        return [(a, b) for a, b in sides if self.edges and not periodic[a] and not self.even[a][b]]
-
-    def _from_edge(self, axis: int, bound: int, unit: Tensor) -> Tensor:
-        assert self.edges is not None
+    def _stretched_lines(self) -> list[tuple[int, float]]:
+        """Return axis and coordinate of each edge toward which coordinates are stretched, and of each kink."""
         domain = self.case.surface.domain
-        return self._stretched_along(axis, (domain.lower, domain.upper)[bound][axis], self.edges[axis], unit)
+        open_axes = [axis for axis in (0, 1) if self.edges and not domain.periodic[axis]]
+        edges = [
+            (a, (domain.lower, domain.upper)[bound][a])
+            for a in open_axes
+            for bound in (0, 1)
+            if not self.even[a][bound]
+        ]
+        return edges + [(a, at) for a in open_axes for at in self.case.kinks[a]]
+
+    def _from_line(self, axis: int, start: float, unit: Tensor) -> Tensor:
+        assert self.edges is not None
+        return self._stretched_along(axis, start, self.edges[axis], unit)
 
     def _stretched_along(self, axis: int, start: float, layer: float, unit: Tensor) -> Tensor:
         """Return the stretched distance from a value of one coordinate; even where that coordinate is."""
