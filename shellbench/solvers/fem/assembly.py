@@ -22,7 +22,17 @@ from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
-from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import (
+    CORNERS,
+    CUBIC,
+    FUNCTIONS,
+    KINDS,
+    Derivative,
+    TensorMesh,
+    kind_scales,
+    present_functions,
+    tabulate,
+)
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -61,6 +71,59 @@ class BlockMatrix:
             rows = np.flatnonzero(self.columns[:, slot] >= 0)
             result[rows] += self.blocks[rows, slot] @ vector[self.columns[rows, slot]]
         return result
+
+
+@dataclass(frozen=True)
+class CellMatrices:
+    """A symmetric matrix as a sum over cells, of a mesh of degree p > 3.
+
+    Attributes
+    ----------
+    blocks
+        (cells, f, f) with f = 3 (p + 1)^2, by component (slow) and by those functions of a cell that are present.
+    dofs
+        (cells, f) numbers of these degrees of freedom among all of the nodes, (nodes, 3 (p - 1)^2) flattened.
+    present
+        ((p + 1)^2,) see `present_functions`.
+    count
+        Degrees of freedom of all of the nodes.
+    """
+
+    blocks: Array
+    dofs: Integers
+    present: Integers
+    count: int
+
+    def __matmul__(self, vector: Array) -> Array:
+        """Multiply vectors (nodes, 3 (p - 1)^2, n)."""
+        flat = vector.reshape(-1, vector.shape[-1])
+        products = (self.blocks @ flat[self.dofs]).reshape(-1, flat.shape[1])
+        places = self.dofs.ravel()
+        columns = [np.bincount(places, weights=column, minlength=len(flat)) for column in products.T]
+        return np.stack(columns, axis=-1).reshape(vector.shape)
+
+    def to_csr(self) -> sp.csr_matrix:
+        """Return the matrix of all of the nodes' degrees of freedom that a cell has; 1 on the diagonal of the others."""
+        rows, columns = (np.broadcast_to(d, self.blocks.shape).ravel() for d in (self.dofs[..., None], self.dofs[:, None]))
+        lonely = np.setdiff1d(np.arange(self.count), self.dofs)
+        rows, columns = (np.concatenate([places, lonely]) for places in (rows, columns))
+        values = np.concatenate([self.blocks.ravel(), np.ones(len(lonely))])
+        return sp.csr_matrix((values, (rows, columns)), shape=(self.count, self.count))
+
+    def add(self, cells: Integers, matrices: Array) -> None:
+        """Add matrices (c, 3, 4, (p - 1)^2, 3, 4, (p - 1)^2) of different cells, in place."""
+        functions = matrices.shape[-1] * len(CORNERS)
+        flat = matrices.reshape(len(cells), COMPONENTS, functions, COMPONENTS, functions)
+        there = flat[:, :, self.present][..., self.present]
+        self.blocks[cells] += there.reshape(len(cells), *self.blocks.shape[1:])
+
+
+def cell_dofs(mesh: TensorMesh) -> Integers:
+    """Return the numbers (cells, 3 (p + 1)^2) of the cells' degrees of freedom among all of the nodes."""
+    kinds = len(mesh.kinds)
+    corner, kind = np.divmod(present_functions(mesh.degree), kinds)
+    scalar = mesh.nodes[:, corner] * COMPONENTS * kinds + kind
+    return np.asarray((scalar[:, None] + np.arange(COMPONENTS)[:, None] * kinds).reshape(len(scalar), -1))
 
 
 def neighbour_columns(mesh: TensorMesh) -> Integers:
@@ -146,8 +209,8 @@ def chunks(mesh: TensorMesh) -> Iterator[slice]:
 
 
 def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
-    """Return the factors (cells, 4, 4) from the unit cell's basis to that of the scaled degrees of freedom."""
-    return kind_scales(mesh.sizes[cells])[:, None] / mesh.node_scales[mesh.nodes[cells]]
+    """Return the factors (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom."""
+    return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
 
 
 def derivative_on_cells(
@@ -155,14 +218,16 @@ def derivative_on_cells(
 ) -> Array:
     """Return a derivative (points, 3, n) at the Gauss points of cells of fields with coefficients (nodes, 3, 4, n)."""
     sizes = mesh.sizes[cells]
-    factors = kind_scales(sizes) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
-    table = tabulate(quadrature.points, order).reshape(len(quadrature.points), -1)
+    factors = kind_scales(sizes, mesh.degree) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
+    table = tabulate(quadrature.points, order, mesh.degree).reshape(len(quadrature.points), -1)
     local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * factors[:, None, :, None, None]
     values = table @ local.reshape(len(local), table.shape[-1], -1)
     return np.asarray(values.reshape(-1, COMPONENTS, coefficients.shape[-1]))
 
 
-def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> BlockMatrix:
+def stiffness(
+    mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature
+) -> BlockMatrix | CellMatrices:
     """Assemble the stiffness matrix of the linear shell.
 
     Parameters
@@ -170,18 +235,24 @@ def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature
     mesh, surface, material
         What it is assembled for.
     quadrature
-        Gauss points of a cell; four a direction are enough.
+        Gauss points of a cell; p + 1 a direction are enough.
 
     Returns
     -------
-    BlockMatrix
-        In the scaled degrees of freedom, no support applied.
+    BlockMatrix or CellMatrices
+        In the scaled degrees of freedom, no support applied; by cells where the degree is more than 3.
     """
-    table = np.stack([tabulate(quadrature.points, d).reshape(-1, len(CORNERS) * len(KINDS)) for d in DERIVATIVES], 1)
+    present = present_functions(mesh.degree)
+    unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
+    table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
+    if mesh.degree > CUBIC:
+        parts = [_cell_matrices(mesh, cells, surface, material, quadrature, table) for cells in chunks(mesh)]
+        return CellMatrices(np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
+    shape = (COMPONENTS, len(CORNERS), len(KINDS))
     for cells in chunks(mesh):
         matrices = _cell_matrices(mesh, cells, surface, material, quadrature, table)
-        add_cell_matrices(blocks, mesh.nodes[cells], matrices)
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
     return BlockMatrix(blocks, neighbour_columns(mesh))
 
 
@@ -199,8 +270,9 @@ class InternalForces:
 
     def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
         self.mesh = mesh
-        tables = [tabulate(quadrature.points, d).reshape(len(quadrature.points), FUNCTIONS) for d in DERIVATIVES]
-        self._table = np.stack(tables, axis=1).reshape(-1, FUNCTIONS)
+        self._functions = len(CORNERS) * len(mesh.kinds)
+        tables = [tabulate(quadrature.points, d, mesh.degree).reshape(-1, self._functions) for d in DERIVATIVES]
+        self._table = np.stack(tables, axis=1).reshape(-1, self._functions)
         self._portions = [
             (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
             for cells in chunks(mesh)
@@ -208,23 +280,24 @@ class InternalForces:
 
     def __call__(self, q: Array) -> Array:
         """Return the nodal forces (nodes, 12, n) of displacements (nodes, 12, n)."""
-        result, count = np.zeros_like(q), q.shape[-1]
-        nodal = q.reshape(-1, COMPONENTS, len(KINDS), count)
+        result, count, functions = np.zeros_like(q), q.shape[-1], self._functions
+        kinds = len(self.mesh.kinds)
+        nodal = q.reshape(-1, COMPONENTS, kinds, count)
         for cells, operator, scales in self._portions:
             nodes = self.mesh.nodes[cells]
-            weights = scales.reshape(len(nodes), FUNCTIONS, 1, 1)
-            local = np.swapaxes(nodal[nodes], 2, 3).reshape(len(nodes), FUNCTIONS, COMPONENTS, count) * weights
-            gradients = (self._table @ local.reshape(len(nodes), FUNCTIONS, -1)).reshape(
+            weights = scales.reshape(len(nodes), functions, 1, 1)
+            local = np.swapaxes(nodal[nodes], 2, 3).reshape(len(nodes), functions, COMPONENTS, count) * weights
+            gradients = (self._table @ local.reshape(len(nodes), functions, -1)).reshape(
                 -1, len(DERIVATIVES), COMPONENTS, count
             )
             flat = operator.reshape(len(gradients), 6, -1)
             strains = flat @ np.swapaxes(gradients, 1, 2).reshape(len(gradients), -1, count)
             work = (np.swapaxes(flat, 1, 2) @ strains).reshape(-1, COMPONENTS, len(DERIVATIVES), count)
             spread = np.swapaxes(work, 1, 2).reshape(len(nodes), len(self._table), -1)
-            forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), len(KINDS), COMPONENTS, count)
-            forces *= weights.reshape(len(nodes), len(CORNERS), len(KINDS), 1, 1)
+            forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), kinds, COMPONENTS, count)
+            forces *= weights.reshape(len(nodes), len(CORNERS), kinds, 1, 1)
             for corner in range(len(CORNERS)):
-                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(len(nodes), NODE_DOFS, count)
+                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(len(nodes), COMPONENTS * kinds, count)
         return result
 
 
@@ -242,7 +315,7 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
 def _cell_matrices(
     mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature, table: Array
 ) -> Array:
-    """Return (cells, 3, 4, 4, 3, 4, 4): component, corner and kind of the row, then of the column."""
+    """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
     # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
     # 2. G times the root of a point's share of the area, on the derivatives of the unit cell.
     # 3. Times the basis functions: a tall matrix of all points of a cell.
@@ -255,11 +328,10 @@ def _cell_matrices(
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
         roots[:, q] = (operator[:, q] @ table[q]).reshape(count, 6, COMPONENTS, -1)
-    roots *= basis_scales(mesh, cells).reshape(count, 1, 1, 1, -1)
+    scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.degree)]
+    roots *= scales[:, None, None, None]
     flat = roots.reshape(count, per_cell * 6, -1)
-    matrices = np.swapaxes(flat, -1, -2) @ flat
-    shape = (COMPONENTS, len(CORNERS), len(KINDS))
-    return matrices.reshape(count, *shape, *shape)
+    return np.asarray(np.swapaxes(flat, -1, -2) @ flat)
 
 
 def _root_operator(

@@ -28,13 +28,15 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
-from shellbench.solvers.fem.mesh import KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.assembly import NEIGHBOURS, BlockMatrix, CellMatrices
+from shellbench.solvers.fem.bubbles import fitted_bubbles, moment_points
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
@@ -80,14 +82,21 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
             motion = _motion(case, support, place, mesh.domain, points, states)
-            rows, values = _held(support, place, motion)
+            rows, values = _held(support, place, motion, len(mesh.kinds))
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
                 turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
-                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion, turn)
+                slope = (
+                    _mirror(edge, x, support, len(mesh.kinds))
+                    if support.symmetry
+                    else _slope(edge, x, support, motion, turn, len(mesh.kinds))
+                )
                 slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
                 rows = np.concatenate([rows, slope[0]], axis=1)
                 values = np.concatenate([values, slope[1]], axis=1)
+            if edge is not None and mesh.degree > CUBIC:
+                more = bubble_conditions(case, mesh, support, edge, states)
+                rows, values = (np.concatenate(pair, axis=1) for pair in zip((rows, values), more, strict=True))
             # Unit rows in scaled degrees of freedom: only so does the rank of conditions from different supports mean
             # anything.
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
@@ -96,9 +105,9 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             rows, values = rows / lengths, values / lengths
             acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
             if edge is not None and support.clamped:
-                across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
                 # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
-                acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
+                slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
+                acting[:, np.tile(slopes, len(COMPONENTS))] = True
             yield Conditions(number, nodes, rows, values, acting)
 
 
@@ -113,6 +122,64 @@ def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
             return np.arange(mesh.node_count)
 
 
+def bubble_conditions(
+    case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
+) -> tuple[Array, Array]:
+    """Return rows (n, r, dofs) and values (n, r, states) on the bubbles along an edge, by nodes where cells begin.
+
+    Held components have the bubbles of the prescribed motion, and a plane of symmetry lets none be across it. A clamp
+    holds bubbles of the slope where the normal keeps its direction; where it turns, Nitsche's terms alone do.
+    """
+    running, domain = 1 - edge.axis, mesh.domain
+    line = mesh.lines[running]
+    inside = line[:-1, None] + np.diff(line)[:, None] * moment_points()
+    at = [edge.points(domain, places.ravel()) for places in (line, inside)]
+    at_ends, at_inside = (_motion(case, support, edge, domain, domain.wrap(points), states) for points in at)
+    steps = np.diff(line)[:, None, None]
+    along, across = (((0, 1), (1, 0)) if edge.axis == 0 else ((1, 0), (0, 1)))
+
+    def bubbles(value: Derivative, slope: Derivative) -> Array:
+        values, slopes = at_ends[value], at_ends[slope]
+        sides = [np.stack([values[s], slopes[s] * steps], axis=1) for s in (slice(None, -1), slice(1, None))]
+        return fitted_bubbles(
+            mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *values.shape[1:])
+        )
+
+    normals = np.zeros((0, 3))
+    if support.clamped:
+        x = case.surface.derivatives(domain.wrap(np.concatenate(at)), order=1)
+        normals = np.cross(x[1, 0], x[0, 1])
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        normals = normals[:1] if np.ptp(normals, axis=0).max() <= STRAIGHT else normals[:0]
+    held = np.array([[float(c == name) for c in COMPONENTS] for name in support.held])
+    if support.symmetry:
+        normals = np.eye(3)[[c not in support.held for c in COMPONENTS]]
+    directions = [(direction, 0) for direction in held] + [(direction, 1) for direction in normals]
+    nodes, kinds = len(support_nodes(mesh, edge)), len(mesh.kinds)
+    rows = np.zeros((nodes, len(directions), mesh.degree - CUBIC, len(COMPONENTS), kinds))
+    values = np.zeros((nodes, len(directions), mesh.degree - CUBIC, len(states)))
+    for row, (direction, slope) in enumerate(directions):
+        found = bubbles(*((across, (1, 1)) if slope else ((0, 0), along)))
+        values[: len(found), row] = np.einsum("c,nbcs->nbs", direction, found)
+        for number in range(mesh.degree - CUBIC):
+            kind = (slope, number + 2) if edge.axis == 0 else (number + 2, slope)
+            rows[:, row, number, :, mesh.kinds.index(kind)] = direction
+    return rows.reshape(nodes, -1, len(COMPONENTS) * kinds), values.reshape(nodes, -1, len(states))
+
+
+def tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
+    """Yield those degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
+    carried = {kind: number for number, kind in enumerate(kinds)}
+    most = max(k for k, _ in kinds)
+    groups = [list(KINDS)]
+    for b in range(2, most + 1):
+        groups += [[(0, b), (1, b)], [(b, 0), (b, 1)]]
+    groups += [[(k, m)] for k, m in kinds if min(k, m) > 1]
+    for group in groups:
+        numbers = np.array([carried[kind] for kind in group])
+        yield (np.arange(len(COMPONENTS))[:, None] * len(kinds) + numbers).ravel()
+
+
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
 
 
@@ -123,11 +190,11 @@ def _motion(
     return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
 
 
-def _dof(component: int, kind: Derivative) -> int:
-    return component * len(KINDS) + KINDS.index(kind)
+def _dof(component: int, kind: Derivative, kinds: int) -> int:
+    return component * kinds + KINDS.index(kind)
 
 
-def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
+def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
     """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
     # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
     # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
@@ -138,15 +205,15 @@ def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]
         kinds = list(KINDS)
     chosen = [(COMPONENTS.index(c), kind) for c in support.held for kind in kinds]
     count, _, states = motion[0, 0].shape
-    rows = np.zeros((count, len(chosen), NODE_DOFS))
+    rows = np.zeros((count, len(chosen), len(COMPONENTS) * carried))
     values = np.zeros((count, len(chosen), states))
     for row, (component, kind) in enumerate(chosen):
-        rows[:, row, _dof(component, kind)] = 1.0
+        rows[:, row, _dof(component, kind, carried)] = 1.0
         values[:, row] = motion[kind][:, component]
     return rows, values
 
 
-def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:
+def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
     """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
 
     That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
@@ -164,14 +231,14 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tupl
             " angles in its coordinates"
         )
     inside = [c for c in range(len(COMPONENTS)) if c != across]
-    rows = np.zeros((len(x[0, 0]), 2 * len(inside), NODE_DOFS))
+    rows = np.zeros((len(x[0, 0]), 2 * len(inside), len(COMPONENTS) * carried))
     for row, (component, kind) in enumerate((c, kind) for c in inside for kind in (fixed, (1, 1))):
-        rows[:, row, _dof(component, kind)] = 1.0
+        rows[:, row, _dof(component, kind, carried)] = 1.0
     return rows, np.zeros(1)
 
 
 def _slope(
-    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array
+    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
@@ -208,12 +275,12 @@ def _slope(
             " without holding the displacement along the normal: fem can't state that at its nodes"
         )
     count, _, states = motion[0, 0].shape
-    rows, values = np.zeros((count, 2, NODE_DOFS)), np.zeros((count, 2, states))
+    rows, values = np.zeros((count, 2, len(COMPONENTS) * carried)), np.zeros((count, 2, states))
     for row, terms in functional.items():
         for kind, factor in terms.items():
             if kind in KINDS:
                 for component in range(len(COMPONENTS)):
-                    rows[:, row, _dof(component, kind)] = factor[:, component]
+                    rows[:, row, _dof(component, kind, carried)] = factor[:, component]
                 values[:, row] += np.einsum("nc,ncs->ns", factor, motion[kind])
             # the second derivative along the edge is the motion's own on both sides, and drops out
     return rows, values
@@ -267,25 +334,33 @@ class Ties:
             at = np.searchsorted(nodes, condition.nodes)
             starts.append(counts[at].copy())
             counts[at] += condition.rows.shape[1]
-        most = max(int(counts.max(initial=0)), NODE_DOFS)
-        rows = np.zeros((len(nodes), most, NODE_DOFS))
+        carried = len(COMPONENTS) * len(mesh.kinds)
+        most = int(counts.max(initial=0))
+        rows = np.zeros((len(nodes), most, carried))
         values = np.zeros((len(nodes), most, len(states)))
-        holders = np.zeros((len(nodes), len(case.supports), NODE_DOFS), dtype=bool)
+        holders = np.zeros((len(nodes), len(case.supports), carried), dtype=bool)
         for condition, start in zip(stated, starts, strict=True):
             at = np.searchsorted(nodes, condition.nodes)
             place = start[:, None] + np.arange(condition.rows.shape[1])
             rows[at[:, None], place] = condition.rows
             values[at[:, None], place] = condition.values
             holders[at, condition.support] |= condition.acting
-        free = np.ones((mesh.node_count, NODE_DOFS), dtype=bool)
-        particular = np.zeros((mesh.node_count, NODE_DOFS, len(states)))
-        left, singular, right = np.linalg.svd(rows)
-        bound = singular > RANK_TOLERANCE
-        inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
-        known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, :NODE_DOFS] @ values)
-        basis = np.swapaxes(right, -1, -2)
-        free[nodes] = ~bound
-        particular[nodes] = basis @ known
+        free = np.tile(mesh.carried, len(COMPONENTS))
+        particular = np.zeros((mesh.node_count, carried, len(states)))
+        basis = np.zeros((len(nodes), carried, carried))
+        for group in tied_together(mesh.kinds):
+            stating = np.flatnonzero(np.any(rows[:, :, group], axis=(0, 2)))
+            several = max(len(stating), len(group))
+            part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
+            part[:, : len(stating)], asked[:, : len(stating)] = rows[:, stating][..., group], values[:, stating]
+            left, singular, right = np.linalg.svd(part)
+            bound = singular > RANK_TOLERANCE
+            inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
+            known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, : len(group)] @ asked)
+            turned = np.swapaxes(right, -1, -2)
+            basis[:, group[:, None], group] = turned
+            free[nodes[:, None], group] &= ~bound
+            particular[nodes[:, None], group] = turned @ known
         misfit = np.abs(rows @ particular[nodes] - values)
         if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
             node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
@@ -322,11 +397,35 @@ class Ties:
         result[self.nodes] = self.basis @ unknowns[self.nodes]
         return result
 
+    def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
+        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
+        # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
+        blocks, dofs = matrix.blocks.copy(), matrix.dofs
+        carried = self.free.shape[1]
+        place = np.full(len(self.free), -1)
+        place[self.nodes] = np.arange(len(self.nodes))
+        node, dof = np.divmod(dofs, carried)
+        tied = np.flatnonzero(np.any(place[node] >= 0, axis=1))
+        for cell in tied:
+            at, own = place[node[cell]], dof[cell]
+            turned = np.where(
+                at[:, None] >= 0, self.basis[at[:, None], own[:, None], own], own[:, None] == own
+            ) * (node[cell][:, None] == node[cell])
+            blocks[cell] = turned.T @ blocks[cell] @ turned
+        free = self.free.ravel()[dofs]
+        partly = np.flatnonzero(~free.all(axis=1))
+        blocks[partly] *= free[partly][:, :, None] & free[partly][:, None]
+        cell, row = np.nonzero(~free)
+        blocks[cell, row, row] = 1.0
+        return replace(matrix, blocks=blocks)
+
     def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
         """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""
         # 1. B^T K B, block by block: the pattern stays, since conditions tie degrees of freedom of one node only.
         # 2. Zero the rows and columns that are not free, and put ones on their diagonal.
         # Textbooks strike them out. Kept, all nodes have 12 unknowns, and the dissection's blocks stay alike.
+        if isinstance(matrix, CellMatrices):
+            return self.reduce_cells(matrix)
         blocks = matrix.blocks.copy()
         blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
         # The additional entry is that of the neighbour -1 beyond the mesh's end: it is tied to nothing.

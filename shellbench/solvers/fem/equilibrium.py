@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,16 +23,18 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     BlockMatrix,
+    CellMatrices,
     InternalForces,
     Quadrature,
     spring_matrix,
     stiffness,
 )
+from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import determinate_pins, mean_rigid_motion, nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import Method
@@ -81,7 +83,11 @@ class Answer:
 
 
 def solve_reduced(
-    matrix: BlockMatrix, right: Array, mesh: TensorMesh, method: Method, residual: Solve | None = None
+    matrix: BlockMatrix | CellMatrices,
+    right: Array,
+    mesh: TensorMesh,
+    method: Method,
+    residual: Solve | None = None,
 ) -> Answer:
     """Solve K z = f.
 
@@ -184,11 +190,13 @@ def _ratio(part: Array, whole: Array) -> float:
     return float(np.abs(part).max()) / largest if largest else 0.0
 
 
-def _dissection(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+def _dissection(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
+    if isinstance(matrix, CellMatrices):
+        return factorise_cells(matrix, dissect_cells(mesh)).solve
     return factorise(matrix, Dissection.from_shape(mesh.shape, mesh.domain.periodic)).solve
 
 
-def _superlu(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+def _superlu(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     options = {"SymmetricMode": True}
     try:
         # symmetric: the rows of a compressed row matrix are the columns of the compressed column one
@@ -199,7 +207,7 @@ def _superlu(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
     return lambda right: lu.solve(right.reshape(-1, right.shape[-1])).reshape(right.shape)
 
 
-def _pardiso(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
+def _pardiso(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh) -> Solve:
     try:
         from pypardiso import PyPardisoSolver
         from pypardiso.pardiso_wrapper import PyPardisoError
@@ -222,7 +230,7 @@ def _pardiso(matrix: BlockMatrix, mesh: TensorMesh) -> Solve:
     return backward
 
 
-_FACTORISATIONS: dict[Method, Callable[[BlockMatrix, TensorMesh], Solve]] = {
+_FACTORISATIONS: dict[Method, Callable[[BlockMatrix | CellMatrices, TensorMesh], Solve]] = {
     "auto": _dissection,
     "dissection": _dissection,
     "superlu": _superlu,
@@ -277,9 +285,9 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
 
     elastic = matrix = stiffness(mesh, case.surface, case.material, quadrature)
     if case.springs:
-        matrix = BlockMatrix(elastic.blocks + spring_matrix(case, mesh).blocks, elastic.columns)
+        matrix = replace(elastic, blocks=elastic.blocks + spring_matrix(case, mesh).blocks)
     clamps = list(clamped_edges(case, mesh, states))
-    system = BlockMatrix(matrix.blocks.copy(), matrix.columns) if clamps else matrix
+    system = replace(matrix, blocks=matrix.blocks.copy()) if clamps else matrix
     forces = loading.nodal
     for clamp in clamps:
         clamp.add_to(system)
@@ -307,7 +315,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     unbalanced = internal - loading.nodal + sum(clamp.gap_forces(q) for clamp in clamps)
     reactions = unbalanced[ties.nodes]
     scales = mesh.node_scales[:, None, :, None]
-    shape = (COMPONENTS, len(KINDS), len(states))
+    shape = (COMPONENTS, len(mesh.kinds), len(states))
     coefficients, shares = q.reshape(-1, *shape) / scales, ties.shares(reactions)
     if loose.size:
         coefficients = coefficients - mean_rigid_motion(case, mesh, quadrature, coefficients, loose)

@@ -33,6 +33,9 @@ class FemSettings(Settings):
     grading
         Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. Unless
         it is 1, meshes of the linear theory grade toward singular corners besides, as their exponents ask.
+    degree
+        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. Motions, the non-linear
+        theory, springs and fields that are prescribed everywhere always take 3.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
@@ -51,6 +54,7 @@ class FemSettings(Settings):
     max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
     grading: float = Field(2.0, ge=1, le=3)
+    degree: Literal[3, 4, 5] = 3
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
     symmetry: bool = True

@@ -19,7 +19,7 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
-from shellbench.solvers.fem.mesh import UNGRADED, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.mesh import CUBIC, UNGRADED, Ends, graded_mesh, singular_points
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -125,10 +125,13 @@ def _solves(
     """
 
     def linear(of: Case) -> OnMesh:
+        degree = settings.degree if case.linear and not case.springs else CUBIC
+
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading, ends)
-            how = of.states, settings.quadrature_order, settings.direct_solver
-            folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
+            mesh = graded_mesh(of, cells, settings.grading, ends, degree)
+            order = max(settings.quadrature_order, 2 * degree + 1)
+            folded = FoldedMesh.from_case(of, mesh, order) if settings.symmetry else None
+            how = of.states, order, settings.direct_solver
             if folded is None:
                 return equilibrium.solve(of, mesh, *how)
             return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
