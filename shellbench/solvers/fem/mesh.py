@@ -197,6 +197,11 @@ class TensorMesh:
         """Number of nodes."""
         return self.shape[0] * self.shape[1]
 
+    @property
+    def dof_count(self) -> int:
+        """Number of degrees of freedom of the nodes."""
+        return 3 * len(self.kinds) * self.node_count
+
     @cached_property
     def grid(self) -> MeshQuad:
         """scikit-fem's mesh, before it is closed."""

@@ -35,7 +35,6 @@ from shellbench.problems.shell.quantities import (
     LoadQuantity,
     QuantityModel,
 )
-from shellbench.solvers.fem.assembly import NODE_DOFS
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution
@@ -141,7 +140,6 @@ BASE = 8  # cells a side of level 0
 COARSEST = -4  # level of the least mesh
 FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
-ENERGY_RATE = 4  # order of the element's energy error in the mesh size, twice that of its second derivatives
 IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
@@ -160,20 +158,24 @@ def level_cells(level: int, share: int) -> Cells:
     return first, second
 
 
-def first_level(nodes: Callable[[Cells], int]) -> int:
-    """Return the level to begin with: 0, or lower if many points are graded toward. `nodes` counts a mesh's nodes."""
-    level = 0
-    while level > COARSEST and NODE_DOFS * nodes(level_cells(level, 0)) > FIRST_UNKNOWNS:
+def first_level(dofs: Callable[[Cells], int], degree: int = 3) -> int:
+    """Return the level to begin with: 0 of cubics, lower of higher degrees by what their cells hold more.
+
+    It is lower yet if that is many; `dofs` counts a mesh's degrees of freedom.
+    """
+    level = 3 - degree
+    while level > COARSEST and dofs(level_cells(level, 0)) > FIRST_UNKNOWNS:
         level -= 1
     return level
 
 
-def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
+def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, rate: int = 4) -> int:
     """Return the share at which both coordinates contribute alike to the error of the energy.
 
     With an energy error C1 n1**-p + C2 n2**-p a given number of cells n1 n2 is used best where both terms are equal.
     Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
-    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials.
+    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials, `rate` the
+    order p of the element's energy error, twice that of its second derivatives.
     """
     # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
     # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
@@ -186,8 +188,8 @@ def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
         return 0
     # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
     # would get no cells: its ratio is bounded, and so is the share.
-    least = 2.0 ** (-ENERGY_RATE * MOST_UNEVEN) * max(first, second)
-    return round(math.log2(max(first, least) / max(second, least)) / ENERGY_RATE)
+    least = 2.0 ** (-rate * MOST_UNEVEN) * max(first, second)
+    return round(math.log2(max(first, least) / max(second, least)) / rate)
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from shellbench.problems.shell.solution import (
     time_reached,
 )
 from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
+from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     Deformation,
@@ -33,7 +34,7 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import CUBIC, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -168,6 +169,16 @@ class FemSolution(ShellSolution):
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
 
+    @cached_property
+    def _support_positions(self) -> Array:
+        """(k, kinds, 3) the midsurface in the basis, at nodes with supports."""
+        wrap, surface = self.mesh.domain.wrap, self.case.surface
+        if self.mesh.degree > CUBIC:
+            found = interpolated(self.mesh, lambda points: surface.derivatives(wrap(points), order=2))
+            return np.swapaxes(found[self.support_nodes], 1, 2)
+        x = surface.derivatives(wrap(self.mesh.node_points[self.support_nodes]), order=2)
+        return np.stack([x[kind] for kind in KINDS], axis=1)
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
@@ -175,9 +186,8 @@ class FemSolution(ShellSolution):
         one in linear theory, of the deformed one in the non-linear theory.
         """
         forces = self.support_forces[number, ..., self.state(at)]
-        points = self.mesh.domain.wrap(self.mesh.node_points[self.support_nodes])
-        x = self.case.surface.derivatives(points, order=2)
-        arms = np.stack([x[0, 0] - centre, x[1, 0], x[0, 1], x[1, 1]], axis=1)
+        arms = self._support_positions.copy()
+        arms[:, 0] -= centre
         if not self.case.linear:
             arms = arms + np.swapaxes(self.coefficients[self.support_nodes, ..., self.state(at)], 1, 2)
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))

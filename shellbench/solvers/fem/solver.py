@@ -31,7 +31,8 @@ class FemSettings(Settings):
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.
     grading
-        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. Unless
+        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. None: 2, or
+        2.5 in degree 5. Unless
         it is 1, meshes of the linear theory grade toward singular corners besides, as their exponents ask.
     degree
         Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. Motions, the non-linear
@@ -53,7 +54,7 @@ class FemSettings(Settings):
     tolerance: float | None = Field(None, gt=0, lt=1)
     max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
-    grading: float = Field(2.0, ge=1, le=3)
+    grading: float | None = Field(None, ge=1, le=3)
     degree: Literal[3, 4, 5] = 3
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"

@@ -19,7 +19,7 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.corners import edge_gradings, slowest_rate
-from shellbench.solvers.fem.mesh import CUBIC, UNGRADED, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.mesh import CUBIC, UNGRADED, Degree, Ends, TensorMesh, graded_mesh, singular_points
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -39,6 +39,7 @@ SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections unde
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
+GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
@@ -60,14 +61,14 @@ def solve(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSol
 
 def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
     scheme = Scheme(chosen.spectral_radius)
-    mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading, chosen.quadrature_order)
+    mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading or GRADING[CUBIC], chosen.quadrature_order)
     return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
 
 
 def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution:
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
-    graded = case.linear and chosen.grading > 1 and not case.prescribed
+    graded = case.linear and chosen.grading != 1 and not case.prescribed
     ends, slowest = (edge_gradings(case), slowest_rate(case)) if graded else (UNGRADED, ASYMPTOTIC)
     on_mesh, trials = _solves(case, chosen, ends, progress)
     tolerance = chosen.tolerance or usual_tolerance(case)
@@ -116,6 +117,15 @@ def usual_tolerance(case: Case) -> float:
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
+def case_degree(case: Case, settings: FemSettings) -> Degree:
+    """Return the degree of the basis that a case is solved in."""
+    return CUBIC if not case.linear or case.prescribed or case.springs else settings.degree
+
+
+def _mesh(case: Case, cells: Cells, settings: FemSettings, degree: Degree, ends: Ends = UNGRADED) -> TensorMesh:
+    return graded_mesh(case, cells, settings.grading or GRADING[degree], ends, degree)
+
+
 def _solves(
     case: Case, settings: FemSettings, ends: Ends, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
@@ -123,13 +133,12 @@ def _solves(
 
     Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
     """
+    degree = case_degree(case, settings)
 
     def linear(of: Case) -> OnMesh:
-        degree = settings.degree if case.linear and not case.springs else CUBIC
-
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading, ends, degree)
-            order = max(settings.quadrature_order, 2 * degree + 1)
+            mesh = _mesh(of, cells, settings, degree, ends)
+            order = max(settings.quadrature_order, 2 * mesh.degree + 1)
             folded = FoldedMesh.from_case(of, mesh, order) if settings.symmetry else None
             how = of.states, order, settings.direct_solver
             if folded is None:
@@ -141,7 +150,7 @@ def _solves(
     if case.prescribed:
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(case, cells, settings.grading)
+            mesh = _mesh(case, cells, settings, degree)
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
         return interpolate, (interpolate,)
@@ -154,7 +163,7 @@ def _solves(
 
         def follow(cells: Cells) -> equilibrium.Equilibrium:
             nonlocal trail
-            mesh = graded_mesh(of, cells, settings.grading)
+            mesh = _mesh(of, cells, settings, degree)
 
             def tell(t: float) -> None:
                 progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
@@ -186,11 +195,12 @@ def _meshes(case: Case, settings: FemSettings, ends: Ends, trials: tuple[OnMesh,
     if settings.cells:
         yield settings.cells
         return
-    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, ends).node_count)
+    degree = case_degree(case, settings)
+    first = first_level(lambda cells: _mesh(case, cells, settings, degree, ends).dof_count, degree)
     share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
         with contextlib.suppress(SolveFailure):
-            share = balanced_share(trial, first - 1)
+            share = balanced_share(trial, first - 1, 2 * degree - 2)
             break
     for level in itertools.count(first):
         yield level_cells(level, share)
