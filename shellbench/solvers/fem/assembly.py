@@ -104,7 +104,9 @@ class CellMatrices:
 
     def to_csr(self) -> sp.csr_matrix:
         """Return the matrix of all of the nodes' degrees of freedom that a cell has; 1 on the diagonal of the others."""
-        rows, columns = (np.broadcast_to(d, self.blocks.shape).ravel() for d in (self.dofs[..., None], self.dofs[:, None]))
+        rows, columns = (
+            np.broadcast_to(d, self.blocks.shape).ravel() for d in (self.dofs[..., None], self.dofs[:, None])
+        )
         lonely = np.setdiff1d(np.arange(self.count), self.dofs)
         rows, columns = (np.concatenate([places, lonely]) for places in (rows, columns))
         values = np.concatenate([self.blocks.ravel(), np.ones(len(lonely))])
@@ -247,7 +249,9 @@ def stiffness(
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     if mesh.degree > CUBIC:
         parts = [_cell_matrices(mesh, cells, surface, material, quadrature, table) for cells in chunks(mesh)]
-        return CellMatrices(np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
+        return CellMatrices(
+            np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds)
+        )
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
     for cells in chunks(mesh):
@@ -297,7 +301,9 @@ class InternalForces:
             forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), kinds, COMPONENTS, count)
             forces *= weights.reshape(len(nodes), len(CORNERS), kinds, 1, 1)
             for corner in range(len(CORNERS)):
-                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(len(nodes), COMPONENTS * kinds, count)
+                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(
+                    len(nodes), COMPONENTS * kinds, count
+                )
         return result
 
 

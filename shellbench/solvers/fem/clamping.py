@@ -38,7 +38,14 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, CellMatrices, EdgeRule, add_cell_matrices
+from shellbench.solvers.fem.assembly import (
+    COMPONENTS,
+    NODE_DOFS,
+    BlockMatrix,
+    CellMatrices,
+    EdgeRule,
+    add_cell_matrices,
+)
 from shellbench.solvers.fem.constraints import STRAIGHT
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,

@@ -136,7 +136,7 @@ def bubble_conditions(
     at = [edge.points(domain, places.ravel()) for places in (line, inside)]
     at_ends, at_inside = (_motion(case, support, edge, domain, domain.wrap(points), states) for points in at)
     steps = np.diff(line)[:, None, None]
-    along, across = (((0, 1), (1, 0)) if edge.axis == 0 else ((1, 0), (0, 1)))
+    along, across = ((0, 1), (1, 0)) if edge.axis == 0 else ((1, 0), (0, 1))
 
     def bubbles(value: Derivative, slope: Derivative) -> Array:
         values, slopes = at_ends[value], at_ends[slope]
@@ -408,9 +408,9 @@ class Ties:
         tied = np.flatnonzero(np.any(place[node] >= 0, axis=1))
         for cell in tied:
             at, own = place[node[cell]], dof[cell]
-            turned = np.where(
-                at[:, None] >= 0, self.basis[at[:, None], own[:, None], own], own[:, None] == own
-            ) * (node[cell][:, None] == node[cell])
+            turned = np.where(at[:, None] >= 0, self.basis[at[:, None], own[:, None], own], own[:, None] == own) * (
+                node[cell][:, None] == node[cell]
+            )
             blocks[cell] = turned.T @ blocks[cell] @ turned
         free = self.free.ravel()[dofs]
         partly = np.flatnonzero(~free.all(axis=1))

@@ -55,7 +55,7 @@ class FemSettings(Settings):
     max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
     grading: float | None = Field(None, ge=1, le=3)
-    degree: Literal[3, 4, 5] = 3
+    degree: Literal[3, 4, 5] = 5
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
     symmetry: bool = True
