@@ -40,7 +40,7 @@ def times_to_errors(rungs):
     """Return by error the seconds of the first mesh from which on errors stay below it, or None."""
     times = {}
     for bound in ERRORS:
-        good = list(itertools.takewhile(lambda rung: rung[1] <= bound, reversed(rungs)))
+        good = list(itertools.takewhile(lambda rung, bound=bound: rung[1] <= bound, reversed(rungs)))
         times[bound] = good[-1][0] if good else None
     return times
 

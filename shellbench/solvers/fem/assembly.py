@@ -21,7 +21,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
+from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
+from shellbench.solvers.fem.mesh import COMPONENTS as COMPONENTS
 from shellbench.solvers.fem.mesh import (
     CORNERS,
     CUBIC,
@@ -37,7 +39,6 @@ from shellbench.solvers.fem.mesh import (
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-COMPONENTS = 3
 NODE_DOFS = COMPONENTS * len(KINDS)
 NEIGHBOURS: tuple[tuple[int, int], ...] = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
 CHUNK = 512  # cells that are integrated at once: bounds the memory, and stays in the cache
@@ -71,61 +72,6 @@ class BlockMatrix:
             rows = np.flatnonzero(self.columns[:, slot] >= 0)
             result[rows] += self.blocks[rows, slot] @ vector[self.columns[rows, slot]]
         return result
-
-
-@dataclass(frozen=True)
-class CellMatrices:
-    """A symmetric matrix as a sum over cells, of a mesh of degree p > 3.
-
-    Attributes
-    ----------
-    blocks
-        (cells, f, f) with f = 3 (p + 1)^2, by component (slow) and by those functions of a cell that are present.
-    dofs
-        (cells, f) numbers of these degrees of freedom among all of the nodes, (nodes, 3 (p - 1)^2) flattened.
-    present
-        ((p + 1)^2,) see `present_functions`.
-    count
-        Degrees of freedom of all of the nodes.
-    """
-
-    blocks: Array
-    dofs: Integers
-    present: Integers
-    count: int
-
-    def __matmul__(self, vector: Array) -> Array:
-        """Multiply vectors (nodes, 3 (p - 1)^2, n)."""
-        flat = vector.reshape(-1, vector.shape[-1])
-        products = (self.blocks @ flat[self.dofs]).reshape(-1, flat.shape[1])
-        places = self.dofs.ravel()
-        columns = [np.bincount(places, weights=column, minlength=len(flat)) for column in products.T]
-        return np.stack(columns, axis=-1).reshape(vector.shape)
-
-    def to_csr(self) -> sp.csr_matrix:
-        """Return the matrix of all of the nodes' degrees of freedom that a cell has; 1 on the diagonal of the others."""
-        rows, columns = (
-            np.broadcast_to(d, self.blocks.shape).ravel() for d in (self.dofs[..., None], self.dofs[:, None])
-        )
-        lonely = np.setdiff1d(np.arange(self.count), self.dofs)
-        rows, columns = (np.concatenate([places, lonely]) for places in (rows, columns))
-        values = np.concatenate([self.blocks.ravel(), np.ones(len(lonely))])
-        return sp.csr_matrix((values, (rows, columns)), shape=(self.count, self.count))
-
-    def add(self, cells: Integers, matrices: Array) -> None:
-        """Add matrices (c, 3, 4, (p - 1)^2, 3, 4, (p - 1)^2) of different cells, in place."""
-        functions = matrices.shape[-1] * len(CORNERS)
-        flat = matrices.reshape(len(cells), COMPONENTS, functions, COMPONENTS, functions)
-        there = flat[:, :, self.present][..., self.present]
-        self.blocks[cells] += there.reshape(len(cells), *self.blocks.shape[1:])
-
-
-def cell_dofs(mesh: TensorMesh) -> Integers:
-    """Return the numbers (cells, 3 (p + 1)^2) of the cells' degrees of freedom among all of the nodes."""
-    kinds = len(mesh.kinds)
-    corner, kind = np.divmod(present_functions(mesh.degree), kinds)
-    scalar = mesh.nodes[:, corner] * COMPONENTS * kinds + kind
-    return np.asarray((scalar[:, None] + np.arange(COMPONENTS)[:, None] * kinds).reshape(len(scalar), -1))
 
 
 def neighbour_columns(mesh: TensorMesh) -> Integers:

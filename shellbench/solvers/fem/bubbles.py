@@ -48,7 +48,7 @@ def fitted_bubbles(degree: Degree, ends: Array, inside: Array) -> Array:
     left = inside - np.einsum("gek,cek...->cg...", table[..., :2], ends)
     powers = points ** np.arange(degree - 3)[:, None] * weights
     moments = powers / np.sum(powers * table[:, 0, 2:].T, axis=1, keepdims=True)
-    return np.einsum("bg,cg...->cb...", moments, left)
+    return np.asarray(np.einsum("bg,cg...->cb...", moments, left))
 
 
 def interpolated(mesh: TensorMesh, derivatives: Derivatives) -> Array:

@@ -13,8 +13,9 @@ from itertools import product
 
 import numpy as np
 
-from shellbench.solvers.fem.assembly import COMPONENTS, CellMatrices
-from shellbench.solvers.fem.dissection import Dissection, Factor, Front, Integers, Part
+from shellbench.solvers.fem.assembly import COMPONENTS
+from shellbench.solvers.fem.cell_matrices import CellMatrices
+from shellbench.solvers.fem.dissection import Array, Dissection, Factor, Front, Integers, Part
 from shellbench.solvers.fem.mesh import TensorMesh
 
 HALVES = 2  # lines of the fine grid a cell
@@ -28,18 +29,14 @@ def dissect_cells(mesh: TensorMesh) -> Dissection:
     first, second = (HALVES * n - (not seam) for n, seam in zip(mesh.shape, closed, strict=True))
     grid = Dissection.from_shape((first, second), closed, every=HALVES)
     kinds = mesh.kinds
-    carried = {
-        halves: [number for number, kind in enumerate(kinds) if tuple(int(k > 1) for k in kind) == halves]
-        for halves in product((0, 1), repeat=2)
-    }
-    local = {
-        halves: (np.arange(COMPONENTS)[:, None] * len(kinds) + np.array(numbers)).ravel()
-        for halves, numbers in carried.items()
-    }
     i, j = np.divmod(grid.order, second)
     bases = ((i // HALVES) * mesh.shape[1] + j // HALVES) * COMPONENTS * len(kinds)
-    dofs = [base + local[halves] for base, *halves_ in zip(bases, i % HALVES, j % HALVES, strict=True)
-            for halves in [tuple(int(h) for h in halves_)]]  # fmt: skip
+    local = {}  # by whether there is a bubble along either coordinate
+    for halves in product((False, True), repeat=2):
+        numbers = np.array([n for n, (k, m) in enumerate(kinds) if (k > 1, m > 1) == halves])
+        local[halves] = (np.arange(COMPONENTS)[:, None] * len(kinds) + numbers).ravel()
+    between = zip(i % HALVES > 0, j % HALVES > 0, strict=True)
+    dofs = [base + local[bool(k), bool(m)] for base, (k, m) in zip(bases, between, strict=True)]
     starts = np.concatenate([[0], np.cumsum([len(d) for d in dofs])])
     parts = []
     for part in grid.parts:
@@ -66,7 +63,8 @@ def factorise_cells(matrix: CellMatrices, dissection: Dissection) -> Factor:
     entering: dict[int, list[int]] = {}
     for cell, owner in enumerate(owners):
         entering.setdefault(int(owner), []).append(cell)
-    schur, pivots, coupling = {}, [], []
+    schur: dict[int, Array] = {}
+    pivots, coupling = [], []
     for number, part in enumerate(dissection.parts):
         front = Front(part, 1)
         if number in entering:

@@ -42,11 +42,11 @@ from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     NODE_DOFS,
     BlockMatrix,
-    CellMatrices,
     EdgeRule,
     add_cell_matrices,
 )
-from shellbench.solvers.fem.constraints import STRAIGHT
+from shellbench.solvers.fem.bubble_conditions import STRAIGHT
+from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -158,7 +158,7 @@ class ClampedEdge:
     @property
     def kinds(self) -> int:
         """Numbers that a node carries of each component."""
-        return self.tilt.shape[-1] // (COMPONENTS * len(CORNERS))
+        return int(self.tilt.shape[-1]) // (COMPONENTS * len(CORNERS))
 
     def right_hand_side(self, node_count: int) -> Array:
         """Return the nodal forces (nodes, 12, states) of the prescribed rotation."""

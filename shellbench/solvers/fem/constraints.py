@@ -27,16 +27,15 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.problems.shell.surface import Domain
-from shellbench.solvers.fem.assembly import NEIGHBOURS, BlockMatrix, CellMatrices
-from shellbench.solvers.fem.bubbles import fitted_bubbles, moment_points
+from shellbench.solvers.fem.assembly import NEIGHBOURS, BlockMatrix
+from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, motion_at, tied_together
+from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
@@ -81,7 +80,7 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             edge = place if isinstance(place, Edge) else None
             nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
-            motion = _motion(case, support, place, mesh.domain, points, states)
+            motion = motion_at(case, support, place, mesh.domain, points, states)
             rows, values = _held(support, place, motion, len(mesh.kinds))
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
@@ -120,74 +119,6 @@ def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
             return np.array([mesh.node_at(place.xi)])
         case _:
             return np.arange(mesh.node_count)
-
-
-def bubble_conditions(
-    case: Case, mesh: TensorMesh, support: Support, edge: Edge, states: Sequence[float]
-) -> tuple[Array, Array]:
-    """Return rows (n, r, dofs) and values (n, r, states) on the bubbles along an edge, by nodes where cells begin.
-
-    Held components have the bubbles of the prescribed motion, and a plane of symmetry lets none be across it. A clamp
-    holds bubbles of the slope where the normal keeps its direction; where it turns, Nitsche's terms alone do.
-    """
-    running, domain = 1 - edge.axis, mesh.domain
-    line = mesh.lines[running]
-    inside = line[:-1, None] + np.diff(line)[:, None] * moment_points()
-    at = [edge.points(domain, places.ravel()) for places in (line, inside)]
-    at_ends, at_inside = (_motion(case, support, edge, domain, domain.wrap(points), states) for points in at)
-    steps = np.diff(line)[:, None, None]
-    along, across = ((0, 1), (1, 0)) if edge.axis == 0 else ((1, 0), (0, 1))
-
-    def bubbles(value: Derivative, slope: Derivative) -> Array:
-        values, slopes = at_ends[value], at_ends[slope]
-        sides = [np.stack([values[s], slopes[s] * steps], axis=1) for s in (slice(None, -1), slice(1, None))]
-        return fitted_bubbles(
-            mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *values.shape[1:])
-        )
-
-    normals = np.zeros((0, 3))
-    if support.clamped:
-        x = case.surface.derivatives(domain.wrap(np.concatenate(at)), order=1)
-        normals = np.cross(x[1, 0], x[0, 1])
-        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        normals = normals[:1] if np.ptp(normals, axis=0).max() <= STRAIGHT else normals[:0]
-    held = np.array([[float(c == name) for c in COMPONENTS] for name in support.held])
-    if support.symmetry:
-        normals = np.eye(3)[[c not in support.held for c in COMPONENTS]]
-    directions = [(direction, 0) for direction in held] + [(direction, 1) for direction in normals]
-    nodes, kinds = len(support_nodes(mesh, edge)), len(mesh.kinds)
-    rows = np.zeros((nodes, len(directions), mesh.degree - CUBIC, len(COMPONENTS), kinds))
-    values = np.zeros((nodes, len(directions), mesh.degree - CUBIC, len(states)))
-    for row, (direction, slope) in enumerate(directions):
-        found = bubbles(*((across, (1, 1)) if slope else ((0, 0), along)))
-        values[: len(found), row] = np.einsum("c,nbcs->nbs", direction, found)
-        for number in range(mesh.degree - CUBIC):
-            kind = (slope, number + 2) if edge.axis == 0 else (number + 2, slope)
-            rows[:, row, number, :, mesh.kinds.index(kind)] = direction
-    return rows.reshape(nodes, -1, len(COMPONENTS) * kinds), values.reshape(nodes, -1, len(states))
-
-
-def tied_together(kinds: Sequence[tuple[int, int]]) -> Iterator[Integers]:
-    """Yield those degrees of freedom of a node that conditions may tie: of the vertex, and of each bubble on a side."""
-    carried = {kind: number for number, kind in enumerate(kinds)}
-    most = max(k for k, _ in kinds)
-    groups = [list(KINDS)]
-    for b in range(2, most + 1):
-        groups += [[(0, b), (1, b)], [(b, 0), (b, 1)]]
-    groups += [[(k, m)] for k, m in kinds if min(k, m) > 1]
-    for group in groups:
-        numbers = np.array([carried[kind] for kind in group])
-        yield (np.arange(len(COMPONENTS))[:, None] * len(kinds) + numbers).ravel()
-
-
-Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
-
-
-def _motion(
-    case: Case, support: Support, place: Place, domain: Domain, points: Array, states: Sequence[float]
-) -> Motion:
-    at = [case.motion(support, place, domain.wrap(points), t, order=2) for t in states]
-    return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
 
 
 def _dof(component: int, kind: Derivative, kinds: int) -> int:
@@ -405,13 +336,11 @@ class Ties:
         place = np.full(len(self.free), -1)
         place[self.nodes] = np.arange(len(self.nodes))
         node, dof = np.divmod(dofs, carried)
-        tied = np.flatnonzero(np.any(place[node] >= 0, axis=1))
-        for cell in tied:
-            at, own = place[node[cell]], dof[cell]
-            turned = np.where(at[:, None] >= 0, self.basis[at[:, None], own[:, None], own], own[:, None] == own) * (
-                node[cell][:, None] == node[cell]
-            )
-            blocks[cell] = turned.T @ blocks[cell] @ turned
+        for number in np.flatnonzero(np.any(place[node] >= 0, axis=1)):
+            at, own = place[node[number]], dof[number]
+            known = self.basis[at[:, None], own[:, None], own]
+            turn = np.where(at[:, None] >= 0, known, own[:, None] == own) * (node[number][:, None] == node[number])
+            blocks[number] = turn.T @ blocks[number] @ turn
         free = self.free.ravel()[dofs]
         partly = np.flatnonzero(~free.all(axis=1))
         blocks[partly] *= free[partly][:, :, None] & free[partly][:, None]
@@ -424,8 +353,6 @@ class Ties:
         # 1. B^T K B, block by block: the pattern stays, since conditions tie degrees of freedom of one node only.
         # 2. Zero the rows and columns that are not free, and put ones on their diagonal.
         # Textbooks strike them out. Kept, all nodes have 12 unknowns, and the dissection's blocks stay alike.
-        if isinstance(matrix, CellMatrices):
-            return self.reduce_cells(matrix)
         blocks = matrix.blocks.copy()
         blocks[self.nodes] = np.swapaxes(self.basis, -1, -2)[:, None] @ blocks[self.nodes]
         # The additional entry is that of the neighbour -1 beyond the mesh's end: it is tied to nothing.

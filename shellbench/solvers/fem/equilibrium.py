@@ -23,13 +23,13 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
     BlockMatrix,
-    CellMatrices,
     InternalForces,
     Quadrature,
     spring_matrix,
     stiffness,
 )
 from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
+from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
@@ -307,7 +307,8 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         return ties.to_free(forces - internal_forces(nodal) - held)
 
     right = ties.to_free(forces - system @ ties.particular)
-    answer = solve_reduced(ties.reduce(system), right, mesh, method, residual)
+    reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
+    answer = solve_reduced(reduced, right, mesh, method, residual)
     q = ties.to_nodal(answer.unknowns) + ties.particular
 
     internal = internal_forces(q)

@@ -39,6 +39,7 @@ from shellbench.problems.shell.surface import Domain
 Array = NDArray[np.float64]
 Derivative = tuple[int, int]
 
+COMPONENTS = 3  # of a displacement
 KINDS: tuple[Derivative, ...] = ((0, 0), (1, 0), (0, 1), (1, 1))  # derivatives of u that a node carries
 CORNERS: tuple[Derivative, ...] = ((0, 0), (0, 1), (1, 1), (1, 0))  # of a cell, as MeshQuad.init_tensor orders them
 FUNCTIONS = len(CORNERS) * len(KINDS)  # of one component on a cell
@@ -200,7 +201,7 @@ class TensorMesh:
     @property
     def dof_count(self) -> int:
         """Number of degrees of freedom of the nodes."""
-        return 3 * len(self.kinds) * self.node_count
+        return COMPONENTS * len(self.kinds) * self.node_count
 
     @cached_property
     def grid(self) -> MeshQuad:

@@ -31,9 +31,9 @@ class FemSettings(Settings):
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.
     grading
-        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. None: 2, or
-        2.5 in degree 5. Unless
-        it is 1, meshes of the linear theory grade toward singular corners besides, as their exponents ask.
+        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. None:
+        2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade toward singular corners besides, as
+        their exponents ask.
     degree
         Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. Motions, the non-linear
         theory, springs and fields that are prescribed everywhere always take 3.
