@@ -27,7 +27,6 @@ from shellbench.solvers.fem.mesh import COMPONENTS as COMPONENTS
 from shellbench.solvers.fem.mesh import (
     CORNERS,
     CUBIC,
-    FUNCTIONS,
     KINDS,
     Derivative,
     TensorMesh,
@@ -307,7 +306,7 @@ SPRING_ORDER = 19  # degree to which springs are integrated: an elastic pin may 
 
 
 def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density) -> BlockMatrix:
-    """Return the matrix of the integrals over the area of w_c u_c v_c, summed over components.
+    """Return the matrix of the integrals over the area of w_c u_c v_c, summed over components, of a cubic mesh.
 
     Parameters
     ----------
@@ -321,23 +320,32 @@ def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature
     BlockMatrix
         In the scaled degrees of freedom.
     """
-    table = tabulate(quadrature.points, (0, 0)).reshape(len(quadrature.points), FUNCTIONS)
+    blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
+    shape = (COMPONENTS, len(CORNERS), len(KINDS))
+    for cells, matrices in _cell_products(mesh, surface, quadrature, density):
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
+    return BlockMatrix(blocks, neighbour_columns(mesh))
+
+
+def _cell_products(
+    mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density
+) -> Iterator[tuple[slice, Array]]:
+    """Yield cells in portions and their matrices (cells, f, f), as `_cell_matrices` orders them."""
+    present = present_functions(mesh.degree)
+    table = tabulate(quadrature.points, (0, 0), mesh.degree).reshape(len(quadrature.points), -1)[:, present]
     products = np.einsum("qi,qj->qij", table, table).reshape(len(table), -1)
-    blocks = np.zeros((mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
-    shape = (len(CORNERS), len(KINDS))
     for cells in chunks(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
         area = Midsurface.at(surface.derivatives(flat, order=2)).area * weights.ravel()
         share = (density(flat) * area[:, None]).reshape(*weights.shape, COMPONENTS)
-        scales = basis_scales(mesh, cells).reshape(-1, FUNCTIONS)
-        scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, FUNCTIONS, FUNCTIONS)
+        scales = basis_scales(mesh, cells).reshape(len(weights), -1)[:, present]
+        scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, len(present), len(present))
         scalar *= scales[:, None, :, None] * scales[:, None, None, :]
-        matrices = np.zeros((len(scales), COMPONENTS, FUNCTIONS, COMPONENTS, FUNCTIONS))
+        matrices = np.zeros((len(scales), COMPONENTS, len(present), COMPONENTS, len(present)))
         for c in range(COMPONENTS):
             matrices[:, c, :, c] = scalar[:, c]
-        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, COMPONENTS, *shape, COMPONENTS, *shape))
-    return BlockMatrix(blocks, neighbour_columns(mesh))
+        yield cells, matrices.reshape(len(scales), COMPONENTS * len(present), -1)
 
 
 def mass_matrix(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> BlockMatrix:
@@ -349,3 +357,11 @@ def mass_matrix(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> BlockMa
 def spring_matrix(case: Case, mesh: TensorMesh) -> BlockMatrix:
     """Return the stiffness of the springs, N/m."""
     return weighted_products(mesh, case.surface, Quadrature.of_order(mesh, SPRING_ORDER), case.spring_stiffness)
+
+
+def spring_blocks(case: Case, mesh: TensorMesh) -> Array:
+    """Return the blocks that springs add to those of `stiffness`, N/m."""
+    if mesh.degree == CUBIC:
+        return spring_matrix(case, mesh).blocks
+    quadrature = Quadrature.of_order(mesh, SPRING_ORDER)
+    return np.concatenate([m for _, m in _cell_products(mesh, case.surface, quadrature, case.spring_stiffness)])

@@ -44,7 +44,7 @@ class CellMatrices:
         return np.asarray(np.stack(columns, axis=-1).reshape(vector.shape), dtype=float)
 
     def to_csr(self) -> sp.csr_matrix:
-        """Return the matrix of all of the nodes' degrees of freedom that a cell has; 1 on the diagonal of the others."""
+        """Return the matrix of all degrees of freedom of the nodes; those that no cell has get a 1."""
         rows, columns = (
             np.broadcast_to(d, self.blocks.shape).ravel() for d in (self.dofs[..., None], self.dofs[:, None])
         )

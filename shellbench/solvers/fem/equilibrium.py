@@ -25,7 +25,7 @@ from shellbench.solvers.fem.assembly import (
     BlockMatrix,
     InternalForces,
     Quadrature,
-    spring_matrix,
+    spring_blocks,
     stiffness,
 )
 from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cells
@@ -285,7 +285,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
 
     elastic = matrix = stiffness(mesh, case.surface, case.material, quadrature)
     if case.springs:
-        matrix = replace(elastic, blocks=elastic.blocks + spring_matrix(case, mesh).blocks)
+        matrix = replace(elastic, blocks=elastic.blocks + spring_blocks(case, mesh))
     clamps = list(clamped_edges(case, mesh, states))
     system = replace(matrix, blocks=matrix.blocks.copy()) if clamps else matrix
     forces = loading.nodal

@@ -35,8 +35,8 @@ class FemSettings(Settings):
         2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade toward singular corners besides, as
         their exponents ask.
     degree
-        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. Motions, the non-linear
-        theory, springs and fields that are prescribed everywhere always take 3.
+        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 in the
+        non-linear theory, of motions and of fields that are prescribed everywhere, which take no other.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
@@ -55,7 +55,7 @@ class FemSettings(Settings):
     max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
     grading: float | None = Field(None, ge=1, le=3)
-    degree: Literal[3, 4, 5] = 5
+    degree: Literal[3, 4, 5] | None = None
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
     symmetry: bool = True
@@ -64,11 +64,11 @@ class FemSettings(Settings):
 
 
 class FemSolver(ShellSolver):
-    """Bogner-Fox-Schmit finite elements on a tensor mesh with the exact geometry."""
+    """C1 finite elements on a tensor mesh with the exact geometry: Bogner, Fox & Schmit's, and bubbles on its cells."""
 
     name: ClassVar[str] = "fem"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements, exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
     takes_varying_stiffness: ClassVar[bool] = True
@@ -87,6 +87,12 @@ class FemSolver(ShellSolver):
         from shellbench.solvers.fem import large_displacement
 
         return large_displacement.declined(case)
+
+    def declines_with(self, case: Case, settings: FemSettings) -> str | None:
+        """Return why the solver can't take this case with these settings, or None."""
+        if settings.degree in (4, 5) and not takes_bubbles(case):
+            return f"degree {settings.degree} is for the linear theory, at rest, of fields that are not prescribed"
+        return self.declines(case)
 
     def answer(
         self, case: Case, settings: FemSettings, start: Solution | Path | None, progress: ProgressCallback
@@ -121,6 +127,11 @@ class FemSolver(ShellSolver):
             return FemSolution if case.dynamics is None else MotionSolution
 
         return read_solution(path, FORMATS, kind)
+
+
+def takes_bubbles(case: Case) -> bool:
+    """Return whether a case can be solved in degree 4 and 5."""
+    return case.linear and case.dynamics is None and not case.prescribed
 
 
 Method = Literal["auto", "dissection", "superlu", "pardiso"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.errors import InputError
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.assembly import Quadrature, stiffness
 from shellbench.solvers.fem.bubbles import interpolated
@@ -171,6 +172,23 @@ def test_superlu_and_the_dissection_agree(degree):
             for how in ("dissection", "superlu")
         ]
         assert np.allclose(*found, rtol=0, atol=1e-8 * np.abs(found[1]).max())
+
+
+@pytest.mark.parametrize("degree", HIGHER)
+def test_springs_hold_as_with_cubics(degree):
+    bed = {"name": "bed", "stiffness": "5*(2 + xi1)", "components": ["x", "y", "z"]}
+    data = {"springs": [bed], "loads": [PRESSURE], "remove_rigid_motions": []}
+    ours, theirs = (solved(shell("hypar", **data), cells=c, degree=d) for d, c in ((degree, (8, 8)), (3, (32, 32))))
+    points = ours.case.surface.domain.grid(7, 7)
+    size = np.abs(theirs.displacement(points)).max()
+    assert np.abs(ours.displacement(points) - theirs.displacement(points)).max() <= 1e-4 * size
+
+
+def test_higher_degrees_are_declined_where_they_are_not_built():
+    case = catalog.named_case("scordelis_lo_nonlinear")
+    assert FemSolver().declines_with(case, FemSettings()) is None
+    with pytest.raises(InputError, match="degree 5 is for the linear theory"):
+        solved(case, degree=5)
 
 
 @pytest.mark.parametrize("degree", HIGHER)
