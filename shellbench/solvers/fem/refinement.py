@@ -151,10 +151,14 @@ SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
-def level_cells(level: int, share: int) -> Cells:
-    """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product."""
+def level_cells(level: int, share: int, degree: int = 3) -> Cells:
+    """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product.
+
+    They are even in degree 4 and 5, so that closed coordinates have quarters to fold.
+    """
     # The product of both counts doubles from level to level, whatever the share.
-    first, second = (max(FEWEST, round(BASE * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
+    pace = 1 if degree == 3 else 2
+    first, second = (max(FEWEST, pace * round(BASE / pace * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
     return first, second
 
 
@@ -169,16 +173,17 @@ def first_level(dofs: Callable[[Cells], int], degree: int = 3) -> int:
     return level
 
 
-def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, rate: int = 4) -> int:
+def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, degree: int = 3) -> int:
     """Return the share at which both coordinates contribute alike to the error of the energy.
 
     With an energy error C1 n1**-p + C2 n2**-p a given number of cells n1 n2 is used best where both terms are equal.
     Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
-    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials, `rate` the
-    order p of the element's energy error, twice that of its second derivatives.
+    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials;
+    the order of the element's energy error is twice that of its second derivatives, 2 (degree - 1).
     """
     # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
     # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
+    rate = 2 * (degree - 1)
     n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
     found = solve((n, n))
     even = found.potential_energy

@@ -22,8 +22,8 @@ class FemSettings(Settings):
     Attributes
     ----------
     tolerance
-        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
-        force acts at a point; in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
+        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 5e-6 where a
+        force acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
     max_unknowns
         No mesh is tried on which more degrees of freedom are solved for. None: 165,000, or 40,000 in the non-linear
         theory. A motion is bounded by its cells and steps instead.

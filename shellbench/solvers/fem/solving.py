@@ -36,6 +36,7 @@ from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
+HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
@@ -72,7 +73,7 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     ends, slowest = (edge_gradings(case), slowest_rate(case)) if graded else (UNGRADED, ASYMPTOTIC)
     on_mesh, trials = _solves(case, chosen, ends, progress)
-    tolerance = chosen.tolerance or usual_tolerance(case)
+    tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
@@ -111,10 +112,11 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     return solution
 
 
-def usual_tolerance(case: Case) -> float:
+def usual_tolerance(case: Case, degree: Degree) -> float:
     """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
     if case.linear:
-        return SINGULAR_TOLERANCE if singular_points(case) else SMOOTH_TOLERANCE
+        singular = SINGULAR_TOLERANCE if degree == CUBIC else HIGHER_SINGULAR_TOLERANCE
+        return singular if singular_points(case) else SMOOTH_TOLERANCE
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
 
 
@@ -201,10 +203,10 @@ def _meshes(case: Case, settings: FemSettings, ends: Ends, trials: tuple[OnMesh,
     share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
         with contextlib.suppress(SolveFailure):
-            share = balanced_share(trial, first - 1, 2 * degree - 2)
+            share = balanced_share(trial, first - 1, degree)
             break
     for level in itertools.count(first):
-        yield level_cells(level, share)
+        yield level_cells(level, share, degree)
 
 
 def _finished(
