@@ -1,1 +1,1 @@
-"""The classical reference: C1 Bogner-Fox-Schmit finite elements for Kirchhoff-Love shells."""
+"""The classical reference: C1 finite elements for Kirchhoff-Love shells."""

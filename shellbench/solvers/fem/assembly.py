@@ -21,13 +21,23 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Surface
+from shellbench.solvers.fem.cell_matrices import CellMatrices, cell_dofs
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Midsurface, stiffness_moduli, stress_root_operator
-from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import COMPONENTS as COMPONENTS
+from shellbench.solvers.fem.mesh import (
+    CORNERS,
+    CUBIC,
+    KINDS,
+    Derivative,
+    TensorMesh,
+    kind_scales,
+    present_functions,
+    tabulate,
+)
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-COMPONENTS = 3
 NODE_DOFS = COMPONENTS * len(KINDS)
 NEIGHBOURS: tuple[tuple[int, int], ...] = tuple((i, j) for i in (-1, 0, 1) for j in (-1, 0, 1))
 CHUNK = 512  # cells that are integrated at once: bounds the memory, and stays in the cache
@@ -146,8 +156,8 @@ def chunks(mesh: TensorMesh) -> Iterator[slice]:
 
 
 def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
-    """Return the factors (cells, 4, 4) from the unit cell's basis to that of the scaled degrees of freedom."""
-    return kind_scales(mesh.sizes[cells])[:, None] / mesh.node_scales[mesh.nodes[cells]]
+    """Return the factors (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom."""
+    return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
 
 
 def derivative_on_cells(
@@ -155,14 +165,16 @@ def derivative_on_cells(
 ) -> Array:
     """Return a derivative (points, 3, n) at the Gauss points of cells of fields with coefficients (nodes, 3, 4, n)."""
     sizes = mesh.sizes[cells]
-    factors = kind_scales(sizes) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
-    table = tabulate(quadrature.points, order).reshape(len(quadrature.points), -1)
+    factors = kind_scales(sizes, mesh.degree) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
+    table = tabulate(quadrature.points, order, mesh.degree).reshape(len(quadrature.points), -1)
     local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * factors[:, None, :, None, None]
     values = table @ local.reshape(len(local), table.shape[-1], -1)
     return np.asarray(values.reshape(-1, COMPONENTS, coefficients.shape[-1]))
 
 
-def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> BlockMatrix:
+def stiffness(
+    mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature
+) -> BlockMatrix | CellMatrices:
     """Assemble the stiffness matrix of the linear shell.
 
     Parameters
@@ -170,18 +182,26 @@ def stiffness(mesh: TensorMesh, surface: Surface, material: Material, quadrature
     mesh, surface, material
         What it is assembled for.
     quadrature
-        Gauss points of a cell; four a direction are enough.
+        Gauss points of a cell; p + 1 a direction are enough.
 
     Returns
     -------
-    BlockMatrix
-        In the scaled degrees of freedom, no support applied.
+    BlockMatrix or CellMatrices
+        In the scaled degrees of freedom, no support applied; by cells where the degree is more than 3.
     """
-    table = np.stack([tabulate(quadrature.points, d).reshape(-1, len(CORNERS) * len(KINDS)) for d in DERIVATIVES], 1)
+    present = present_functions(mesh.degree)
+    unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
+    table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
+    if mesh.degree > CUBIC:
+        parts = [_cell_matrices(mesh, cells, surface, material, quadrature, table) for cells in chunks(mesh)]
+        return CellMatrices(
+            np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds)
+        )
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
+    shape = (COMPONENTS, len(CORNERS), len(KINDS))
     for cells in chunks(mesh):
         matrices = _cell_matrices(mesh, cells, surface, material, quadrature, table)
-        add_cell_matrices(blocks, mesh.nodes[cells], matrices)
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
     return BlockMatrix(blocks, neighbour_columns(mesh))
 
 
@@ -199,8 +219,9 @@ class InternalForces:
 
     def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
         self.mesh = mesh
-        tables = [tabulate(quadrature.points, d).reshape(len(quadrature.points), FUNCTIONS) for d in DERIVATIVES]
-        self._table = np.stack(tables, axis=1).reshape(-1, FUNCTIONS)
+        self._functions = len(CORNERS) * len(mesh.kinds)
+        tables = [tabulate(quadrature.points, d, mesh.degree).reshape(-1, self._functions) for d in DERIVATIVES]
+        self._table = np.stack(tables, axis=1).reshape(-1, self._functions)
         self._portions = [
             (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
             for cells in chunks(mesh)
@@ -208,23 +229,26 @@ class InternalForces:
 
     def __call__(self, q: Array) -> Array:
         """Return the nodal forces (nodes, 12, n) of displacements (nodes, 12, n)."""
-        result, count = np.zeros_like(q), q.shape[-1]
-        nodal = q.reshape(-1, COMPONENTS, len(KINDS), count)
+        result, count, functions = np.zeros_like(q), q.shape[-1], self._functions
+        kinds = len(self.mesh.kinds)
+        nodal = q.reshape(-1, COMPONENTS, kinds, count)
         for cells, operator, scales in self._portions:
             nodes = self.mesh.nodes[cells]
-            weights = scales.reshape(len(nodes), FUNCTIONS, 1, 1)
-            local = np.swapaxes(nodal[nodes], 2, 3).reshape(len(nodes), FUNCTIONS, COMPONENTS, count) * weights
-            gradients = (self._table @ local.reshape(len(nodes), FUNCTIONS, -1)).reshape(
+            weights = scales.reshape(len(nodes), functions, 1, 1)
+            local = np.swapaxes(nodal[nodes], 2, 3).reshape(len(nodes), functions, COMPONENTS, count) * weights
+            gradients = (self._table @ local.reshape(len(nodes), functions, -1)).reshape(
                 -1, len(DERIVATIVES), COMPONENTS, count
             )
             flat = operator.reshape(len(gradients), 6, -1)
             strains = flat @ np.swapaxes(gradients, 1, 2).reshape(len(gradients), -1, count)
             work = (np.swapaxes(flat, 1, 2) @ strains).reshape(-1, COMPONENTS, len(DERIVATIVES), count)
             spread = np.swapaxes(work, 1, 2).reshape(len(nodes), len(self._table), -1)
-            forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), len(KINDS), COMPONENTS, count)
-            forces *= weights.reshape(len(nodes), len(CORNERS), len(KINDS), 1, 1)
+            forces = (self._table.T @ spread).reshape(len(nodes), len(CORNERS), kinds, COMPONENTS, count)
+            forces *= weights.reshape(len(nodes), len(CORNERS), kinds, 1, 1)
             for corner in range(len(CORNERS)):
-                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(len(nodes), NODE_DOFS, count)
+                result[nodes[:, corner]] += np.swapaxes(forces[:, corner], 1, 2).reshape(
+                    len(nodes), COMPONENTS * kinds, count
+                )
         return result
 
 
@@ -242,7 +266,7 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
 def _cell_matrices(
     mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature, table: Array
 ) -> Array:
-    """Return (cells, 3, 4, 4, 3, 4, 4): component, corner and kind of the row, then of the column."""
+    """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
     # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
     # 2. G times the root of a point's share of the area, on the derivatives of the unit cell.
     # 3. Times the basis functions: a tall matrix of all points of a cell.
@@ -255,11 +279,10 @@ def _cell_matrices(
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
         roots[:, q] = (operator[:, q] @ table[q]).reshape(count, 6, COMPONENTS, -1)
-    roots *= basis_scales(mesh, cells).reshape(count, 1, 1, 1, -1)
+    scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.degree)]
+    roots *= scales[:, None, None, None]
     flat = roots.reshape(count, per_cell * 6, -1)
-    matrices = np.swapaxes(flat, -1, -2) @ flat
-    shape = (COMPONENTS, len(CORNERS), len(KINDS))
-    return matrices.reshape(count, *shape, *shape)
+    return np.asarray(np.swapaxes(flat, -1, -2) @ flat)
 
 
 def _root_operator(
@@ -283,7 +306,7 @@ SPRING_ORDER = 19  # degree to which springs are integrated: an elastic pin may 
 
 
 def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density) -> BlockMatrix:
-    """Return the matrix of the integrals over the area of w_c u_c v_c, summed over components.
+    """Return the matrix of the integrals over the area of w_c u_c v_c, summed over components, of a cubic mesh.
 
     Parameters
     ----------
@@ -297,23 +320,32 @@ def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature
     BlockMatrix
         In the scaled degrees of freedom.
     """
-    table = tabulate(quadrature.points, (0, 0)).reshape(len(quadrature.points), FUNCTIONS)
+    blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
+    shape = (COMPONENTS, len(CORNERS), len(KINDS))
+    for cells, matrices in _cell_products(mesh, surface, quadrature, density):
+        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
+    return BlockMatrix(blocks, neighbour_columns(mesh))
+
+
+def _cell_products(
+    mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density
+) -> Iterator[tuple[slice, Array]]:
+    """Yield cells in portions and their matrices (cells, f, f), as `_cell_matrices` orders them."""
+    present = present_functions(mesh.degree)
+    table = tabulate(quadrature.points, (0, 0), mesh.degree).reshape(len(quadrature.points), -1)[:, present]
     products = np.einsum("qi,qj->qij", table, table).reshape(len(table), -1)
-    blocks = np.zeros((mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
-    shape = (len(CORNERS), len(KINDS))
     for cells in chunks(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
         area = Midsurface.at(surface.derivatives(flat, order=2)).area * weights.ravel()
         share = (density(flat) * area[:, None]).reshape(*weights.shape, COMPONENTS)
-        scales = basis_scales(mesh, cells).reshape(-1, FUNCTIONS)
-        scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, FUNCTIONS, FUNCTIONS)
+        scales = basis_scales(mesh, cells).reshape(len(weights), -1)[:, present]
+        scalar = (np.swapaxes(share, 1, 2) @ products).reshape(-1, COMPONENTS, len(present), len(present))
         scalar *= scales[:, None, :, None] * scales[:, None, None, :]
-        matrices = np.zeros((len(scales), COMPONENTS, FUNCTIONS, COMPONENTS, FUNCTIONS))
+        matrices = np.zeros((len(scales), COMPONENTS, len(present), COMPONENTS, len(present)))
         for c in range(COMPONENTS):
             matrices[:, c, :, c] = scalar[:, c]
-        add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, COMPONENTS, *shape, COMPONENTS, *shape))
-    return BlockMatrix(blocks, neighbour_columns(mesh))
+        yield cells, matrices.reshape(len(scales), COMPONENTS * len(present), -1)
 
 
 def mass_matrix(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> BlockMatrix:
@@ -325,3 +357,11 @@ def mass_matrix(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> BlockMa
 def spring_matrix(case: Case, mesh: TensorMesh) -> BlockMatrix:
     """Return the stiffness of the springs, N/m."""
     return weighted_products(mesh, case.surface, Quadrature.of_order(mesh, SPRING_ORDER), case.spring_stiffness)
+
+
+def spring_blocks(case: Case, mesh: TensorMesh) -> Array:
+    """Return the blocks that springs add to those of `stiffness`, N/m."""
+    if mesh.degree == CUBIC:
+        return spring_matrix(case, mesh).blocks
+    quadrature = Quadrature.of_order(mesh, SPRING_ORDER)
+    return np.concatenate([m for _, m in _cell_products(mesh, case.surface, quadrature, case.spring_stiffness)])

@@ -38,7 +38,15 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Support
 from shellbench.problems.shell.places import Edge
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, EdgeRule, add_cell_matrices
+from shellbench.solvers.fem.assembly import (
+    COMPONENTS,
+    NODE_DOFS,
+    BlockMatrix,
+    EdgeRule,
+    add_cell_matrices,
+)
+from shellbench.solvers.fem.bubble_conditions import STRAIGHT
+from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     GRADIENT,
@@ -56,7 +64,6 @@ Integers = NDArray[np.int64]
 FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 GAUSS_POINTS = 6  # a cell's side
 GAMMA = 20.0  # above 4, the inverse inequality of a moment that is linear across the cell, with room to spare
-STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 
 
 @dataclass(frozen=True)
@@ -129,19 +136,29 @@ class ClampedEdge:
             moment=_on_cells(mesh, rule, moments),
             target=np.stack(target, axis=-1).reshape(*per_cell, -1),
             weights=lengths * rule.weights / 2 * rule.sizes[:, 1 - edge.axis, None],
-            spring=GAMMA * bent.reshape(per_cell).max(axis=1, keepdims=True) / height[:, None],
+            spring=GAMMA
+            * ((mesh.degree - 1) / 2) ** 2
+            * bent.reshape(per_cell).max(axis=1, keepdims=True)
+            / height[:, None],
         )
 
-    def add_to(self, matrix: BlockMatrix) -> None:
+    def add_to(self, matrix: BlockMatrix | CellMatrices) -> None:
         """Add the terms to a stiffness matrix, in place."""
         # The bilinear form m(u) theta(v) + theta(u) m(v) + k theta(u) theta(v): symmetric, as Cholesky needs.
         weighted = self.tilt * self.weights[..., None]
         crossed = np.swapaxes(self.moment, 1, 2) @ weighted
         held = np.swapaxes(self.tilt, 1, 2) @ (weighted * self.spring[..., None])
-        shape = (COMPONENTS, len(CORNERS), len(KINDS))
-        add_cell_matrices(
-            matrix.blocks, self.nodes, (crossed + np.swapaxes(crossed, 1, 2) + held).reshape(-1, *shape, *shape)
-        )
+        shape = (COMPONENTS, len(CORNERS), self.kinds)
+        terms = (crossed + np.swapaxes(crossed, 1, 2) + held).reshape(-1, *shape, *shape)
+        if isinstance(matrix, CellMatrices):
+            matrix.add(self.cells, terms)
+        else:
+            add_cell_matrices(matrix.blocks, self.nodes, terms)
+
+    @property
+    def kinds(self) -> int:
+        """Numbers that a node carries of each component."""
+        return int(self.tilt.shape[-1]) // (COMPONENTS * len(CORNERS))
 
     def right_hand_side(self, node_count: int) -> Array:
         """Return the nodal forces (nodes, 12, states) of the prescribed rotation."""
@@ -151,17 +168,18 @@ class ClampedEdge:
 
     def gap_forces(self, q: Array) -> Array:
         """Return the nodal forces (nodes, 12, states) of the moments in what is left of theta - theta0."""
-        local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, len(KINDS), -1)
+        local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, self.kinds, -1)
         # The clamp exerts m and k times the gap. The term m(v) gap is no force of it, and must not count as a reaction.
         gap = self.tilt @ np.swapaxes(local, 1, 2).reshape(len(self.nodes), self.tilt.shape[-1], -1) - self.target
         return self._scattered(self.moment, gap, len(q))
 
     def _scattered(self, rows: Array, values: Array, node_count: int) -> Array:
         work = np.swapaxes(rows, 1, 2) @ (values * self.weights[..., None])
-        local = work.reshape(len(self.nodes), COMPONENTS, len(CORNERS), len(KINDS), -1)
-        result = np.zeros((node_count, NODE_DOFS, values.shape[-1]))
+        local = work.reshape(len(self.nodes), COMPONENTS, len(CORNERS), self.kinds, -1)
+        carried = COMPONENTS * self.kinds
+        result = np.zeros((node_count, carried, values.shape[-1]))
         for corner in range(len(CORNERS)):
-            result[self.nodes[:, corner]] += local[:, :, corner].reshape(len(local), NODE_DOFS, -1)
+            result[self.nodes[:, corner]] += local[:, :, corner].reshape(len(local), carried, -1)
         return result
 
 
@@ -193,9 +211,9 @@ def _tables(mesh: TensorMesh, rule: EdgeRule) -> tuple[Array, Array, Array]:
     the factors (c, 4, 4) that make the cells' degrees of freedom the nodes' scaled ones.
     """
     # The nodes' are the same for neighbouring cells of other sizes.
-    table = np.stack([tabulate(rule.unit, d) for d in DERIVATIVES], axis=1)
+    table = np.stack([tabulate(rule.unit, d, mesh.degree) for d in DERIVATIVES], axis=1)
     powers = np.stack([rule.sizes[:, 0] ** i * rule.sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
-    return table, powers, kind_scales(rule.sizes)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
+    return table, powers, kind_scales(rule.sizes, mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[rule.cells]]
 
 
 def _on_cells(mesh: TensorMesh, rule: EdgeRule, rows: Array) -> Array:

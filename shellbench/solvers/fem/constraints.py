@@ -27,10 +27,11 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, LOCAL, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
-from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
+from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, motion_at, tied_together
+from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import local_axes
-from shellbench.solvers.fem.mesh import KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -80,19 +81,26 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             edge = place if isinstance(place, Edge) else None
             nodes = support_nodes(mesh, place)
             points = mesh.node_points[nodes]
-            motion = _motion(case, support, place, mesh.domain, points, states)
+            motion = motion_at(case, support, place, mesh.domain, points, states)
             rows, values = (
                 _held_locally(case, support, edge, mesh.domain.wrap(points), motion)
                 if support.local
-                else _held(support, place, motion)
+                else _held(support, place, motion, len(mesh.kinds))
             )
             if edge is not None and support.holds_slope:
                 x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
                 turn = case.turn(support, states[-1])  # at finite strain there is one state at a time
-                slope = _mirror(edge, x, support) if support.symmetry else _slope(edge, x, support, motion, turn)
+                slope = (
+                    _mirror(edge, x, support, len(mesh.kinds))
+                    if support.symmetry
+                    else _slope(edge, x, support, motion, turn, len(mesh.kinds))
+                )
                 slope = slope[0], np.broadcast_to(slope[1], (*slope[0].shape[:2], len(states)))
                 rows = np.concatenate([rows, slope[0]], axis=1)
                 values = np.concatenate([values, slope[1]], axis=1)
+            if edge is not None and mesh.degree > CUBIC:
+                more = bubble_conditions(case, mesh, support, edge, states)
+                rows, values = (np.concatenate(pair, axis=1) for pair in zip((rows, values), more, strict=True))
             # Unit rows in scaled degrees of freedom: only so does the rank of conditions from different supports mean
             # anything.
             scales = np.tile(mesh.node_scales[nodes], len(COMPONENTS))
@@ -101,9 +109,9 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
             rows, values = rows / lengths, values / lengths
             acting = np.any(np.abs(rows) > RANK_TOLERANCE, axis=1)
             if edge is not None and support.clamped:
-                across: Derivative = (1, 0) if edge.axis == 0 else (0, 1)
                 # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
-                acting[:, [_dof(c, kind) for c in range(len(COMPONENTS)) for kind in (across, (1, 1))]] = True
+                slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
+                acting[:, np.tile(slopes, len(COMPONENTS))] = True
             yield Conditions(number, nodes, rows, values, acting)
 
 
@@ -118,21 +126,11 @@ def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
             return np.arange(mesh.node_count)
 
 
-Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
+def _dof(component: int, kind: Derivative, kinds: int) -> int:
+    return component * kinds + KINDS.index(kind)
 
 
-def _motion(
-    case: Case, support: Support, place: Place, domain: Domain, points: Array, states: Sequence[float]
-) -> Motion:
-    at = [case.motion(support, place, domain.wrap(points), t, order=2) for t in states]
-    return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
-
-
-def _dof(component: int, kind: Derivative) -> int:
-    return component * len(KINDS) + KINDS.index(kind)
-
-
-def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]:
+def _held(support: Support, place: Place, motion: Motion, carried: int) -> tuple[Array, Array]:
     """Prescribe the held components, along an edge with their tangential derivative, and everywhere with all."""
     # A Lagrange element holds values only. The Hermite trace needs the slope along the edge too, or the edge bulges
     # between the nodes. The slopes across are left free: to hold them all would clamp, and stop membrane shear.
@@ -143,10 +141,10 @@ def _held(support: Support, place: Place, motion: Motion) -> tuple[Array, Array]
         kinds = list(KINDS)
     chosen = [(COMPONENTS.index(c), kind) for c in support.held for kind in kinds]
     count, _, states = motion[0, 0].shape
-    rows = np.zeros((count, len(chosen), NODE_DOFS))
+    rows = np.zeros((count, len(chosen), len(COMPONENTS) * carried))
     values = np.zeros((count, len(chosen), states))
     for row, (component, kind) in enumerate(chosen):
-        rows[:, row, _dof(component, kind)] = 1.0
+        rows[:, row, _dof(component, kind, carried)] = 1.0
         values[:, row] = motion[kind][:, component]
     return rows, values
 
@@ -168,14 +166,14 @@ def _held_locally(
         for terms in conditions:
             row, value = np.zeros((count, NODE_DOFS)), np.zeros((count, states))
             for kind, factor in terms.items():
-                row[:, [_dof(c, kind) for c in range(len(COMPONENTS))]] = factor
+                row[:, [_dof(c, kind, len(KINDS)) for c in range(len(COMPONENTS))]] = factor
                 value += np.einsum("nc,ncs->ns", factor, motion[kind])
             rows.append(row)
             values.append(value)
     return np.stack(rows, axis=1), np.stack(values, axis=1)
 
 
-def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tuple[Array, Array]:
+def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:
     """Let a field be its own mirror image: what lies in the plane of symmetry does not change across it.
 
     That holds the slope and is the natural condition of the membrane shear besides, so that a part of a symmetric
@@ -193,14 +191,14 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support) -> tupl
             " angles in its coordinates"
         )
     inside = [c for c in range(len(COMPONENTS)) if c != across]
-    rows = np.zeros((len(x[0, 0]), 2 * len(inside), NODE_DOFS))
+    rows = np.zeros((len(x[0, 0]), 2 * len(inside), len(COMPONENTS) * carried))
     for row, (component, kind) in enumerate((c, kind) for c in inside for kind in (fixed, (1, 1))):
-        rows[:, row, _dof(component, kind)] = 1.0
+        rows[:, row, _dof(component, kind, carried)] = 1.0
     return rows, np.zeros(1)
 
 
 def _slope(
-    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array
+    edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
     """Prescribe the rotation about an edge, and its derivative along the edge; `turn` carries its normal along."""
     fixed, running = ((1, 0), (0, 1)) if edge.axis == 0 else ((0, 1), (1, 0))
@@ -241,12 +239,12 @@ def _slope(
             " without holding the displacement along the normal: fem can't state that at its nodes"
         )
     count, _, states = motion[0, 0].shape
-    rows, values = np.zeros((count, 2, NODE_DOFS)), np.zeros((count, 2, states))
+    rows, values = np.zeros((count, 2, len(COMPONENTS) * carried)), np.zeros((count, 2, states))
     for row, terms in functional.items():
         for kind, factor in terms.items():
             if kind in KINDS:
                 for component in range(len(COMPONENTS)):
-                    rows[:, row, _dof(component, kind)] = factor[:, component]
+                    rows[:, row, _dof(component, kind, carried)] = factor[:, component]
                 values[:, row] += np.einsum("nc,ncs->ns", factor, motion[kind])
             # the second derivative along the edge is the motion's own on both sides, and drops out
     return rows, values
@@ -300,25 +298,33 @@ class Ties:
             at = np.searchsorted(nodes, condition.nodes)
             starts.append(counts[at].copy())
             counts[at] += condition.rows.shape[1]
-        most = max(int(counts.max(initial=0)), NODE_DOFS)
-        rows = np.zeros((len(nodes), most, NODE_DOFS))
+        carried = len(COMPONENTS) * len(mesh.kinds)
+        most = int(counts.max(initial=0))
+        rows = np.zeros((len(nodes), most, carried))
         values = np.zeros((len(nodes), most, len(states)))
-        holders = np.zeros((len(nodes), len(case.supports), NODE_DOFS), dtype=bool)
+        holders = np.zeros((len(nodes), len(case.supports), carried), dtype=bool)
         for condition, start in zip(stated, starts, strict=True):
             at = np.searchsorted(nodes, condition.nodes)
             place = start[:, None] + np.arange(condition.rows.shape[1])
             rows[at[:, None], place] = condition.rows
             values[at[:, None], place] = condition.values
             holders[at, condition.support] |= condition.acting
-        free = np.ones((mesh.node_count, NODE_DOFS), dtype=bool)
-        particular = np.zeros((mesh.node_count, NODE_DOFS, len(states)))
-        left, singular, right = np.linalg.svd(rows)
-        bound = singular > RANK_TOLERANCE
-        inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
-        known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, :NODE_DOFS] @ values)
-        basis = np.swapaxes(right, -1, -2)
-        free[nodes] = ~bound
-        particular[nodes] = basis @ known
+        free = np.tile(mesh.carried, len(COMPONENTS))
+        particular = np.zeros((mesh.node_count, carried, len(states)))
+        basis = np.zeros((len(nodes), carried, carried))
+        for group in tied_together(mesh.kinds):
+            stating = np.flatnonzero(np.any(rows[:, :, group], axis=(0, 2)))
+            several = max(len(stating), len(group))
+            part, asked = np.zeros((len(nodes), several, len(group))), np.zeros((len(nodes), several, len(states)))
+            part[:, : len(stating)], asked[:, : len(stating)] = rows[:, stating][..., group], values[:, stating]
+            left, singular, right = np.linalg.svd(part)
+            bound = singular > RANK_TOLERANCE
+            inverse = np.where(bound, 1.0 / np.where(bound, singular, 1.0), 0.0)
+            known = inverse[..., None] * (np.swapaxes(left, -1, -2)[:, : len(group)] @ asked)
+            turned = np.swapaxes(right, -1, -2)
+            basis[:, group[:, None], group] = turned
+            free[nodes[:, None], group] &= ~bound
+            particular[nodes[:, None], group] = turned @ known
         misfit = np.abs(rows @ particular[nodes] - values)
         if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
             node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
@@ -354,6 +360,26 @@ class Ties:
         result = unknowns.copy()
         result[self.nodes] = self.basis @ unknowns[self.nodes]
         return result
+
+    def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
+        """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
+        # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
+        blocks, dofs = matrix.blocks.copy(), matrix.dofs
+        carried = self.free.shape[1]
+        place = np.full(len(self.free), -1)
+        place[self.nodes] = np.arange(len(self.nodes))
+        node, dof = np.divmod(dofs, carried)
+        for number in np.flatnonzero(np.any(place[node] >= 0, axis=1)):
+            at, own = place[node[number]], dof[number]
+            known = self.basis[at[:, None], own[:, None], own]
+            turn = np.where(at[:, None] >= 0, known, own[:, None] == own) * (node[number][:, None] == node[number])
+            blocks[number] = turn.T @ blocks[number] @ turn
+        free = self.free.ravel()[dofs]
+        partly = np.flatnonzero(~free.all(axis=1))
+        blocks[partly] *= free[partly][:, :, None] & free[partly][:, None]
+        cell, row = np.nonzero(~free)
+        blocks[cell, row, row] = 1.0
+        return replace(matrix, blocks=blocks)
 
     def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
         """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""

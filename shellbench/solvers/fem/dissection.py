@@ -73,13 +73,13 @@ class Dissection:
     parts: tuple[Part, ...]
 
     @classmethod
-    def from_shape(cls, shape: tuple[int, int], periodic: tuple[bool, bool]) -> Dissection:
-        """Dissect a mesh with this many nodes along each coordinate."""
+    def from_shape(cls, shape: tuple[int, int], periodic: tuple[bool, bool], every: int = 1) -> Dissection:
+        """Dissect a mesh with this many nodes along each coordinate; of its lines each `every`-th one may cut."""
         # 1. Halve the rectangle; the regions come in postorder, so that children stand before their parent.
         # 2. Number the nodes in that order: `rank` inverts `order`.
         # 3. Give each region its ring, and the open parts on the stack as its children.
         # This is symbolic only: it reads the mesh's shape, no number of the matrix.
-        regions = list(_halve((0, shape[0]), (0, shape[1]), periodic))
+        regions = list(_halve((0, shape[0]), (0, shape[1]), periodic, every))
         numbers = np.arange(shape[0] * shape[1]).reshape(shape)
         order = np.concatenate([region.own(numbers) for region in regions])
         rank = np.empty(len(order), dtype=np.int64)
@@ -129,7 +129,7 @@ class _Region:
         return numbers[np.ix_(*index)].ravel()
 
 
-def _halve(first: Range, second: Range, seams: tuple[bool, bool]) -> Iterator[_Region]:
+def _halve(first: Range, second: Range, seams: tuple[bool, bool], every: int) -> Iterator[_Region]:
     """Yield the parts of a rectangle, inside before separating lines; seams of closed coordinates are cut first."""
     lengths = (first[1] - first[0], second[1] - second[0])
     # George halves a rectangle. A closed coordinate has no ends, so its seam is cut first and eliminated last.
@@ -137,21 +137,21 @@ def _halve(first: Range, second: Range, seams: tuple[bool, bool]) -> Iterator[_R
     if any(seams):
         lines = tuple((axis, 0) for axis in (0, 1) if seams[axis])
         inner = [(start + seam, stop) for (start, stop), seam in zip((first, second), seams, strict=True)]
-        yield from _halve(inner[0], inner[1], (False, False))
+        yield from _halve(inner[0], inner[1], (False, False), every)
         yield _Region(first, second, lines, children=1)
     # George goes on to single nodes. A few nodes of 12 unknowns each are already a block that suits LAPACK.
-    elif lengths[0] * lengths[1] <= LEAF_NODES or max(lengths) < 3:
+    elif lengths[0] * lengths[1] <= LEAF_NODES * every or max(lengths) < 2 * every + (every < 2):
         yield _Region(first, second, (), children=0)
     # The line runs across the longer side: it is the shortest separator, and the largest fronts stay small.
     elif lengths[0] >= lengths[1]:
-        middle = sum(first) // 2
-        yield from _halve((first[0], middle), second, seams)
-        yield from _halve((middle + 1, first[1]), second, seams)
+        middle = sum(first) // 2 // every * every
+        yield from _halve((first[0], middle), second, seams, every)
+        yield from _halve((middle + 1, first[1]), second, seams, every)
         yield _Region(first, second, ((0, middle),), children=2)
     else:
-        middle = sum(second) // 2
-        yield from _halve(first, (second[0], middle), seams)
-        yield from _halve(first, (middle + 1, second[1]), seams)
+        middle = sum(second) // 2 // every * every
+        yield from _halve(first, (second[0], middle), seams, every)
+        yield from _halve(first, (middle + 1, second[1]), seams, every)
         yield _Region(first, second, ((1, middle),), children=2)
 
 
@@ -255,7 +255,7 @@ class Factor:
         # R^T S R x = b, front by front. A part has the pivot block A = P^T S P and the coupling C = P^-T B.
         # 1. Upwards: y = S P^-T b on its own nodes, then b -= C^T y on its ring.
         # 2. Downwards: x = P^-1 (y - S C x_ring), its ring being known by then.
-        x = np.ascontiguousarray(right[self.dissection.order]).reshape(-1, self.block, columns)
+        x = right.reshape(-1, self.block, columns)[self.dissection.order]
         parts = list(zip(self.dissection.parts, self.pivots, self.coupling, strict=True))
         for part, pivot, coupling in parts:
             own = x[slice(*part.own)].reshape(-1, columns)
@@ -265,8 +265,8 @@ class Factor:
             own = x[slice(*part.own)].reshape(-1, columns)
             own -= pivot.signed(coupling @ x[part.ring].reshape(-1, columns))
             own[...] = pivot.backward(own)
-        result = np.empty_like(x)
-        result[self.dissection.order] = x
+        result = np.zeros_like(right)
+        result.reshape(-1, self.block, columns)[self.dissection.order] = x
         return result
 
 
@@ -304,7 +304,7 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
     schur: dict[int, Array] = {}
     pivots, coupling = [], []
     for number, part in enumerate(dissection.parts):
-        front = _Front(part, block)
+        front = Front(part, block)
         nodes = dissection.order[slice(*part.own)]
         front.add_rows(matrix.blocks[nodes], columns[slice(*part.own)])
         for child in part.children:
@@ -315,7 +315,7 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
     return Factor(dissection, tuple(pivots), tuple(coupling), block)
 
 
-class _Front:
+class Front:
     """The dense matrix of a part: only its upper triangle means anything."""
 
     def __init__(self, part: Part, block: int) -> None:

@@ -29,7 +29,6 @@ from shellbench.problems.shell.places import Edge, Point
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
-    NODE_DOFS,
     BlockMatrix,
     EdgeRule,
     Quadrature,
@@ -39,7 +38,7 @@ from shellbench.solvers.fem.assembly import (
 )
 from shellbench.solvers.fem.clamping import outward_conormal
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
-from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 
 Array = NDArray[np.float64]
@@ -61,7 +60,7 @@ class EdgeMoment:
     nodes
         (c, 4) corners of the cells.
     slopes
-        (c, g, 2, 16) derivatives of the cells' scaled basis in xi1 and xi2.
+        (c, g, 2, f) derivatives of the cells' scaled basis in xi1 and xi2.
     reference
         Geometry at the points.
     lengths
@@ -83,8 +82,8 @@ class EdgeMoment:
         reference = Midsurface.at(case.surface.derivatives(rule.points, order=2))
         running = 1 - edge.axis
         speed = np.linalg.norm(reference.base[:, running], axis=-1)
-        table = np.stack([tabulate(rule.unit, d).reshape(-1, FUNCTIONS) for d in SLOPES], axis=1)
-        scales = basis_scales(mesh, slice(None))[rule.cells].reshape(len(rule.cells), 1, 1, FUNCTIONS)
+        table = np.stack([tabulate(rule.unit, d, mesh.degree).reshape(len(rule.unit), -1) for d in SLOPES], axis=1)
+        scales = basis_scales(mesh, slice(None))[rule.cells].reshape(len(rule.cells), 1, 1, -1)
         return cls(
             case=case,
             load=load,
@@ -106,8 +105,8 @@ class EdgeMoment:
 
     def deformation(self, q: Array) -> Deformation:
         """Return how a displacement (nodes, 12) deforms the edge; second derivatives do not count and are left out."""
-        local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, len(KINDS))
-        local = np.swapaxes(local, 2, 3).reshape(len(self.nodes), 1, FUNCTIONS, COMPONENTS)
+        local = q[self.nodes].reshape(len(self.nodes), len(CORNERS), COMPONENTS, -1)
+        local = np.swapaxes(local, 2, 3).reshape(len(self.nodes), 1, -1, COMPONENTS)
         gradients = np.zeros((len(self.points), len(DERIVATIVES), COMPONENTS))
         gradients[:, :2] = (self.slopes @ local).reshape(-1, 2, COMPONENTS)
         return Deformation.from_gradients(self.reference, gradients)
@@ -127,12 +126,12 @@ class EdgeMoment:
     def forces(self, q: Array, t: float) -> Array:
         """Return the nodal forces (nodes, 12)."""
         rows = self._angle_rows(self.deformation(q)) * self.moments(t)[:, None]
-        forces = np.zeros((len(q), NODE_DOFS))
+        forces = np.zeros(q.shape)
         per_cell = rows.reshape(len(self.nodes), -1, 2, COMPONENTS)
         local = np.einsum("egac,egaf->efc", per_cell, self.slopes)
-        local = local.reshape(-1, len(CORNERS), len(KINDS), COMPONENTS)
+        local = local.reshape(len(local), len(CORNERS), -1, COMPONENTS)
         for corner in range(len(CORNERS)):
-            forces[self.nodes[:, corner]] += np.swapaxes(local[:, corner], 1, 2).reshape(-1, NODE_DOFS)
+            forces[self.nodes[:, corner]] += np.swapaxes(local[:, corner], 1, 2).reshape(len(local), -1)
         return forces
 
     def add_tangent(self, matrix: BlockMatrix, q: Array, t: float) -> None:
@@ -218,14 +217,14 @@ def _from_local(vectors: Array, surface: Midsurface, running: int, across: Array
 class _Builder:
     def __init__(self, case: Case, mesh: TensorMesh, states: int) -> None:
         self.case, self.mesh = case, mesh
-        self.nodal = np.zeros((mesh.node_count, COMPONENTS * len(KINDS), states))
+        self.nodal = np.zeros((mesh.node_count, COMPONENTS * len(mesh.kinds), states))
         self.resultant, self.magnitude = np.zeros((6, states)), np.zeros(6)
 
     def add_area_loads(self, quadrature: Quadrature, states: Sequence[float]) -> None:
         loads = [load for load in self.case.dead if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
         if not loads:
             return
-        table = tabulate(quadrature.points, (0, 0)).reshape(len(quadrature.points), -1)
+        table = tabulate(quadrature.points, (0, 0), self.mesh.degree).reshape(len(quadrature.points), -1)
         for cells in chunks(self.mesh):
             points, weights = quadrature.on_cells(self.mesh, cells)
             surface = Midsurface.at(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
@@ -234,7 +233,7 @@ class _Builder:
             forces = density * area[:, None, None]
             self._add_work(points.reshape(-1, 2), forces)
             per_cell = forces.reshape(*weights.shape, -1)
-            work = (table.T @ per_cell).reshape(len(per_cell), len(CORNERS), len(KINDS), COMPONENTS, -1)
+            work = (table.T @ per_cell).reshape(len(per_cell), len(CORNERS), len(self.mesh.kinds), COMPONENTS, -1)
             work = work * basis_scales(self.mesh, cells)[..., None, None]
             for corner in range(len(CORNERS)):
                 block = np.swapaxes(work[:, corner], 1, 2)
@@ -291,7 +290,8 @@ class _Builder:
     def _add_forces(self, points: Array, forces: Array) -> None:
         """Add forces (n, 3, states) at points (n, 2)."""
         nodes, unit, sizes = self.mesh.locate(points)
-        basis = tabulate(unit, (0, 0)) * kind_scales(sizes)[:, None] / self.mesh.node_scales[nodes]
+        degree = self.mesh.degree
+        basis = tabulate(unit, (0, 0), degree) * kind_scales(sizes, degree)[:, None] / self.mesh.node_scales[nodes]
         work = np.einsum("pak,pcs->packs", basis, forces)
         np.add.at(self.nodal, nodes.ravel(), work.reshape(nodes.size, *self.nodal.shape[1:]))
         self._add_work(points, forces)

@@ -12,6 +12,11 @@ inverts a Vandermonde matrix in global coordinates instead, whose condition grow
 
 Bogner, Fox & Schmit (1965), The generation of interelement-compatible stiffness and mass matrices.
 
+Degree 4 and 5 add bubbles along each coordinate, functions of one cell whose value and slope vanish at both its ends:
+the second integrals of the Legendre polynomials from L_2 on (the hierarchic modes of Szabo & Babuska 1991, section 5).
+The joints stay C1. A node carries the bubbles of the cell that begins at it, so that all nodes carry (p - 1)^2 numbers
+of each component; at the last node of an open coordinate they stand for nothing.
+
 Mesh lines: uniform, or graded toward the points where forces act, and toward edges that end at singular corners.
 """
 
@@ -21,6 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,16 +40,28 @@ from shellbench.problems.shell.surface import Domain
 Array = NDArray[np.float64]
 Derivative = tuple[int, int]
 
+COMPONENTS = 3  # of a displacement
 KINDS: tuple[Derivative, ...] = ((0, 0), (1, 0), (0, 1), (1, 1))  # derivatives of u that a node carries
 CORNERS: tuple[Derivative, ...] = ((0, 0), (0, 1), (1, 1), (1, 0))  # of a cell, as MeshQuad.init_tensor orders them
 FUNCTIONS = len(CORNERS) * len(KINDS)  # of one component on a cell
 
+Degree = Literal[3, 4, 5]
+CUBIC: Degree = 3
+
 # H[end][slope]: coefficients of 1, x, x^2, x^3; 1 at its own end, in value or in slope, and 0 otherwise
 _CUBICS = np.array([[[1, 0, -3, 2], [0, 1, -2, 1]], [[0, 0, 3, -2], [0, 0, -1, 1]]], dtype=float)
+# the bubbles x^2 (1 - x)^2 and x^2 (1 - x)^2 (2 x - 1), times 16: they and the displacements are of one magnitude
+_BUBBLES = 16 * np.array([[0, 0, 1, -2, 1, 0], [0, 0, -1, 4, -5, 2]], dtype=float)
 
 
-def cubics(x: ArrayLike, derivative: int = 0) -> Array:
-    """Return the four cubic Hermite functions of the unit interval.
+def kinds_of(degree: Degree) -> tuple[tuple[int, int], ...]:
+    """Return what a node carries, by coordinate: 0 for a value, 1 for a slope, from 2 on bubbles; `KINDS` first."""
+    numbers = range(degree - 1)
+    return KINDS + tuple((a, b) for a in numbers for b in numbers if max(a, b) > 1)
+
+
+def axis_functions(x: ArrayLike, derivative: int = 0, degree: Degree = CUBIC) -> Array:
+    """Return the functions of the unit interval.
 
     Parameters
     ----------
@@ -51,25 +69,30 @@ def cubics(x: ArrayLike, derivative: int = 0) -> Array:
         (...) coordinates in [0, 1].
     derivative
         Order of the derivative.
+    degree
+        p.
 
     Returns
     -------
     Array
-        (..., 2, 2): by end of the interval, and by value (0) or slope (1) at that end.
+        (..., 2, p - 1): by end of the interval, and by value (0) or slope (1) at that end; the bubbles follow, at the
+        first end only.
     """
     at = np.asarray(x, dtype=float)
-    coefficients = _CUBICS
+    coefficients = np.zeros((len(_CUBICS), degree - 1, degree + 1))
+    coefficients[:, :2, :4] = _CUBICS
+    coefficients[0, 2:] = _BUBBLES[: degree - CUBIC, : degree + 1]
     for _ in range(derivative):
         coefficients = coefficients[..., 1:] * np.arange(1, coefficients.shape[-1])
     powers = np.ones((*at.shape, coefficients.shape[-1]))
-    for degree in range(1, coefficients.shape[-1]):
-        np.multiply(powers[..., degree - 1], at, out=powers[..., degree])
+    for power in range(1, coefficients.shape[-1]):
+        np.multiply(powers[..., power - 1], at, out=powers[..., power])
     flat = coefficients.reshape(-1, coefficients.shape[-1])
     return np.asarray((powers @ flat.T).reshape(*at.shape, *coefficients.shape[:-1]))
 
 
-def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
-    """Return a derivative of the 16 basis functions of the unit cell.
+def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) -> Array:
+    """Return a derivative of the basis functions of the unit cell.
 
     Parameters
     ----------
@@ -77,28 +100,40 @@ def tabulate(points: ArrayLike, derivative: Derivative) -> Array:
         (..., 2) in the unit square.
     derivative
         How often to differentiate in each direction.
+    degree
+        p.
 
     Returns
     -------
     Array
-        (..., 4, 4): by corner, in the order of `CORNERS`, and by kind, in the order of `KINDS`.
+        (..., 4, (p - 1)^2): by corner, in the order of `CORNERS`, and by kind, in the order of `kinds_of`. Bubbles are
+        zero at corners that a cell does not begin at.
     """
     xi = np.asarray(points, dtype=float)
-    first, second = (cubics(xi[..., axis], derivative[axis]) for axis in (0, 1))
-    table = np.empty((len(CORNERS), len(KINDS), *xi.shape[:-1]))  # each function for itself, which is faster
+    first, second = (axis_functions(xi[..., axis], derivative[axis], degree) for axis in (0, 1))
+    kinds = kinds_of(degree)
+    table = np.empty((len(CORNERS), len(kinds), *xi.shape[:-1]))  # each function for itself, which is faster
     for row, (i, j) in zip(table, CORNERS, strict=True):
-        for function, (k, m) in zip(row, KINDS, strict=True):
+        for function, (k, m) in zip(row, kinds, strict=True):
             np.multiply(first[..., i, k], second[..., j, m], out=function)
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
-def kind_scales(sizes: ArrayLike) -> Array:
-    """Return h1**k h2**l (..., 4) for the four `KINDS`, of sizes (..., 2)."""
+def present_functions(degree: Degree) -> NDArray[np.int64]:
+    """Return which of a cell's functions (corner, kind) are not zero everywhere, (p + 1)^2 of them."""
+    kinds = kinds_of(degree)
+    there = [(i == 0 or k < 2) and (j == 0 or m < 2) for i, j in CORNERS for k, m in kinds]
+    return np.flatnonzero(there)
+
+
+def kind_scales(sizes: ArrayLike, degree: Degree = CUBIC) -> Array:
+    """Return the lengths (..., (p - 1)^2) that slopes are multiplied by, h1**k h2**l, of sizes (..., 2)."""
     h = np.asarray(sizes, dtype=float)
-    scales = np.ones((*h.shape[:-1], len(KINDS)))
-    for number, kind in enumerate(KINDS):
+    kinds = kinds_of(degree)
+    scales = np.ones((*h.shape[:-1], len(kinds)))
+    for number, kind in enumerate(kinds):
         for axis in (0, 1):
-            if kind[axis]:
+            if kind[axis] == 1:
                 scales[..., number] *= h[..., axis]
     return scales
 
@@ -119,10 +154,13 @@ class TensorMesh:
     lines
         For each coordinate the increasing mesh lines, both ends included; of a periodic coordinate they span one
         period, from wherever the mesh begins.
+    degree
+        p, of the functions on a cell in each coordinate.
     """
 
     domain: Domain
     lines: tuple[Array, Array]
+    degree: Degree = CUBIC
 
     def __post_init__(self) -> None:
         for axis in (0, 1):
@@ -140,10 +178,31 @@ class TensorMesh:
         first, second = (n + (not closed) for n, closed in zip(self.cells, self.domain.periodic, strict=True))
         return (first, second)
 
+    @cached_property
+    def kinds(self) -> tuple[tuple[int, int], ...]:
+        """What a node carries of each component; see `kinds_of`."""
+        return kinds_of(self.degree)
+
+    @cached_property
+    def carried(self) -> NDArray[np.bool_]:
+        """(nodes, (p - 1)^2) which of these numbers mean anything: at the last node no cell begins."""
+        result = np.ones((*self.shape, len(self.kinds)), dtype=bool)
+        for number, (k, m) in enumerate(self.kinds):
+            if k > 1 and not self.domain.periodic[0]:
+                result[-1, :, number] = False
+            if m > 1 and not self.domain.periodic[1]:
+                result[:, -1, number] = False
+        return result.reshape(self.node_count, -1)
+
     @property
     def node_count(self) -> int:
         """Number of nodes."""
         return self.shape[0] * self.shape[1]
+
+    @property
+    def dof_count(self) -> int:
+        """Number of degrees of freedom of the nodes."""
+        return COMPONENTS * len(self.kinds) * self.node_count
 
     @cached_property
     def grid(self) -> MeshQuad:
@@ -175,7 +234,7 @@ class TensorMesh:
 
     @cached_property
     def node_scales(self) -> Array:
-        """(nodes, 4) local length of the mesh to the power of each derivative that a node carries.
+        """(nodes, (p - 1)^2) local length of the mesh to the power of each derivative that a node carries.
 
         Derivatives times these lengths are all displacements, and the stiffness matrix stays well scaled.
         """
@@ -185,7 +244,7 @@ class TensorMesh:
             before, after = (h[-1:], h[:1]) if self.domain.periodic[axis] else (h[:1], h[-1:])
             mean = (np.concatenate([before, h]) + np.concatenate([h, after])) / 2
             lengths.append(mean[: self.shape[axis]])
-        return kind_scales(np.stack(np.meshgrid(*lengths, indexing="ij"), axis=-1).reshape(-1, 2))
+        return kind_scales(np.stack(np.meshgrid(*lengths, indexing="ij"), axis=-1).reshape(-1, 2), self.degree)
 
     def edge_nodes(self, edge: Edge) -> Integers:
         """Return the nodes of an edge, or of a part of one, in the order of the running coordinate."""
@@ -354,7 +413,8 @@ def graded_mesh(
     exponent: float,
     ends: Ends = UNGRADED,
     breaks: tuple[Breaks, Breaks] = UNBROKEN,
+    degree: Degree = CUBIC,
 ) -> TensorMesh:
     """Return a mesh with `cells` along each coordinate as `axis_lines` counts them."""
     first, second = (axis_lines(case, a, cells[a], exponent, ends[a], breaks[a]) for a in (0, 1))
-    return TensorMesh(case.surface.domain, (first, second))
+    return TensorMesh(case.surface.domain, (first, second), degree)

@@ -36,7 +36,6 @@ from shellbench.problems.shell.quantities import (
     PotentialEnergy,
     QuantityModel,
 )
-from shellbench.solvers.fem.assembly import NODE_DOFS
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution
@@ -144,7 +143,6 @@ BASE = 8  # cells a side of level 0
 COARSEST = -4  # level of the least mesh
 FIRST_UNKNOWNS = 12_000  # the first mesh has no more degrees of freedom, unless the coarsest has
 MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
-ENERGY_RATE = 4  # order of the element's energy error in the mesh size, twice that of its second derivatives
 IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
@@ -156,30 +154,39 @@ SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
-def level_cells(level: int, share: int) -> Cells:
-    """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product."""
+def level_cells(level: int, share: int, degree: int = 3) -> Cells:
+    """Return the cells of a level: xi1 gets 2**share times as many as xi2, at the same product.
+
+    They are even in degree 4 and 5, so that closed coordinates have quarters to fold.
+    """
     # The product of both counts doubles from level to level, whatever the share.
-    first, second = (max(FEWEST, round(BASE * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
+    pace = 1 if degree == 3 else 2
+    first, second = (max(FEWEST, pace * round(BASE / pace * 2 ** ((level + sign * share) / 2))) for sign in (1, -1))
     return first, second
 
 
-def first_level(nodes: Callable[[Cells], int]) -> int:
-    """Return the level to begin with: 0, or lower if many points are graded toward. `nodes` counts a mesh's nodes."""
-    level = 0
-    while level > COARSEST and NODE_DOFS * nodes(level_cells(level, 0)) > FIRST_UNKNOWNS:
+def first_level(dofs: Callable[[Cells], int], degree: int = 3) -> int:
+    """Return the level to begin with: 0 of cubics, lower of higher degrees by what their cells hold more.
+
+    It is lower yet if that is many; `dofs` counts a mesh's degrees of freedom.
+    """
+    level = 3 - degree
+    while level > COARSEST and dofs(level_cells(level, 0)) > FIRST_UNKNOWNS:
         level -= 1
     return level
 
 
-def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
+def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int, degree: int = 3) -> int:
     """Return the share at which both coordinates contribute alike to the error of the energy.
 
     With an energy error C1 n1**-p + C2 n2**-p a given number of cells n1 n2 is used best where both terms are equal.
     Their ratio is observed: it is that of the changes of the energy when either coordinate alone is refined. No known
-    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials.
+    answer is needed, and it holds for loads and for prescribed motions. `pilot` is the level of the trials;
+    the order of the element's energy error is twice that of its second derivatives, 2 (degree - 1).
     """
     # Three coarse solves, where the textbook estimates the error in every cell. With one coordinate refined alone the
     # energy changes by C n^-p (1 - growth^-p). All but C is common to both coordinates, and drops out of the ratio.
+    rate = 2 * (degree - 1)
     n, finer = level_cells(pilot, 0)[0], level_cells(pilot + 1, 0)[0]
     found = solve((n, n))
     even = found.potential_energy
@@ -189,8 +196,8 @@ def balanced_share(solve: Callable[[Cells], Equilibrium], pilot: int) -> int:
         return 0
     # C1 n1^-p = C2 n2^-p and n1 = 2^share n2 give p share = log2 (C1 / C2). A coordinate along which nothing changes
     # would get no cells: its ratio is bounded, and so is the share.
-    least = 2.0 ** (-ENERGY_RATE * MOST_UNEVEN) * max(first, second)
-    return round(math.log2(max(first, least) / max(second, least)) / ENERGY_RATE)
+    least = 2.0 ** (-rate * MOST_UNEVEN) * max(first, second)
+    return round(math.log2(max(first, least) / max(second, least)) / rate)
 
 
 @dataclass(frozen=True)

@@ -20,20 +20,26 @@ from scipy.spatial.transform import Rotation
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.problems.shell.symmetry import axis_of_revolution
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, Quadrature, chunks, derivative_on_cells
+from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivative_on_cells
+from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
-    """Return the interpolants (nodes, 12, 6) of the rigid motions, in the scaled degrees of freedom."""
-    modes = rigid_modes(case.surface, mesh.domain.wrap(mesh.node_points), order=2)
-    stacked = np.stack([modes[kind] for kind in KINDS], axis=2) * mesh.node_scales[:, None, :, None]
-    return np.asarray(stacked.reshape(mesh.node_count, NODE_DOFS, -1))
+    """Return the interpolants (nodes, 3 (p - 1)^2, 6) of the rigid motions, in the scaled degrees of freedom."""
+    if mesh.degree == CUBIC:
+        modes = rigid_modes(case.surface, mesh.domain.wrap(mesh.node_points), order=2)
+        stacked = np.stack([modes[kind] for kind in KINDS], axis=2)
+    else:
+        found = interpolated(mesh, lambda points: rigid_modes(case.surface, mesh.domain.wrap(points), order=2))
+        stacked = np.swapaxes(found, 2, 3)
+    scaled = stacked * mesh.node_scales[:, None, :, None]
+    return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
 
 
 def determinate_pins(ties: Ties, motions: Array) -> tuple[Integers, Integers]:
@@ -42,7 +48,7 @@ def determinate_pins(ties: Ties, motions: Array) -> tuple[Integers, Integers]:
     They are the pivots of a QR factorisation: the displacements that resist the motions best.
     """
     untied = np.setdiff1d(np.arange(len(motions)), ties.nodes)
-    dofs = np.arange(COMPONENTS) * len(KINDS)
+    dofs = np.arange(COMPONENTS) * (motions.shape[1] // COMPONENTS)
     candidates = motions[untied][:, dofs].reshape(-1, motions.shape[-1])
     _, _, pivots = qr(candidates.T, mode="economic", pivoting=True)
     chosen = pivots[: motions.shape[-1]]

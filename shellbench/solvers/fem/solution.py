@@ -25,6 +25,7 @@ from shellbench.problems.shell.solution import (
     time_reached,
 )
 from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
+from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     Deformation,
@@ -33,7 +34,7 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import FUNCTIONS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, kind_scales, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -52,7 +53,8 @@ class FemSolution(ShellSolution):
     mesh
         Mesh of the field.
     coefficients
-        (nodes, 3, 4, states) u, u,1, u,2 and u,12 of each component at each node.
+        (nodes, 3, (p - 1)^2, states) u, u,1, u,2 and u,12 of each component at each node, and from degree 4 on the
+        bubbles of the cell that begins there.
     states
         Times, or load factors.
     support_nodes, support_forces
@@ -98,10 +100,11 @@ class FemSolution(ShellSolution):
         xi = np.asarray(points, dtype=float)
         nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
         steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
-        basis = tabulate(unit, order) * (kind_scales(sizes) / steps[:, None])[:, None]
+        degree = self.mesh.degree
+        basis = tabulate(unit, order, degree) * (kind_scales(sizes, degree) / steps[:, None])[:, None]
         nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
-        local = nodal[nodes].reshape(len(nodes), FUNCTIONS, COMPONENTS)
-        return np.asarray((basis.reshape(-1, 1, FUNCTIONS) @ local).reshape(*xi.shape[:-1], COMPONENTS))
+        local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
+        return np.asarray((basis.reshape(len(nodes), 1, -1) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
@@ -166,6 +169,16 @@ class FemSolution(ShellSolution):
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
 
+    @cached_property
+    def _support_positions(self) -> Array:
+        """(k, kinds, 3) the midsurface in the basis, at nodes with supports."""
+        wrap, surface = self.mesh.domain.wrap, self.case.surface
+        if self.mesh.degree > CUBIC:
+            found = interpolated(self.mesh, lambda points: surface.derivatives(wrap(points), order=2))
+            return np.swapaxes(found[self.support_nodes], 1, 2)
+        x = surface.derivatives(wrap(self.mesh.node_points[self.support_nodes]), order=2)
+        return np.stack([x[kind] for kind in KINDS], axis=1)
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell.
 
@@ -173,9 +186,8 @@ class FemSolution(ShellSolution):
         one in linear theory, of the deformed one in the non-linear theory.
         """
         forces = self.support_forces[number, ..., self.state(at)]
-        points = self.mesh.domain.wrap(self.mesh.node_points[self.support_nodes])
-        x = self.case.surface.derivatives(points, order=2)
-        arms = np.stack([x[0, 0] - centre, x[1, 0], x[0, 1], x[1, 1]], axis=1)
+        arms = self._support_positions.copy()
+        arms[:, 0] -= centre
         if not self.case.linear:
             arms = arms + np.swapaxes(self.coefficients[self.support_nodes, ..., self.state(at)], 1, 2)
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))
@@ -183,7 +195,8 @@ class FemSolution(ShellSolution):
 
     def kept(self) -> tuple[Words, Arrays]:
         """Return what a file holds beside the case and the history."""
-        return {"quadrature_order": self.quadrature_order, "images": self.images}, {
+        words = {"quadrature_order": self.quadrature_order, "images": self.images, "degree": self.mesh.degree}
+        return words, {
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
             "coefficients": self.coefficients,
@@ -195,14 +208,15 @@ class FemSolution(ShellSolution):
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FemSolution:
         """Make a solution of what a file holds; ValueError or KeyError if it does not fit together."""
-        mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]))
+        mesh = TensorMesh(case.surface.domain, (arrays["lines1"], arrays["lines2"]), words.get("degree", CUBIC))
         states = tuple(float(s) for s in arrays["states"])
         nodes = np.asarray(arrays["support_nodes"], dtype=np.int64)
         coefficients, forces = arrays["coefficients"], arrays["support_forces"]
         first, second = words.get("images", (1, 1))
-        if coefficients.shape != (mesh.node_count, 3, 4, len(states)):
+        carried = len(mesh.kinds)
+        if coefficients.shape != (mesh.node_count, 3, carried, len(states)):
             raise ValueError("coefficients do not fit the mesh")
-        if forces.shape != (len(case.supports), len(nodes), 3, 4, len(states)):
+        if forces.shape != (len(case.supports), len(nodes), 3, carried, len(states)):
             raise ValueError("forces do not fit the supports")
         order, unknowns = int(words["quadrature_order"]), int(words["parameters"])
         return cls(case, mesh, coefficients, states, nodes, forces, order, unknowns, (int(first), int(second)))

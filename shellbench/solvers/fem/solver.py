@@ -10,6 +10,7 @@ from pydantic import Field, PositiveInt
 from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.solution import Beyond, ShellSolver
 
 if TYPE_CHECKING:
@@ -22,8 +23,8 @@ class FemSettings(Settings):
     Attributes
     ----------
     tolerance
-        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 2.5e-5 where a
-        force acts at a point; in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
+        Relative uncertainty at which every quantity of the case counts as converged. None: 6e-7, or 5e-6 where a
+        force acts at a point (2.5e-5 in degree 3); in the non-linear theory 4e-6 and 5e-4, and 1e-4 of a motion.
     max_unknowns
         No mesh is tried on which more degrees of freedom are solved for. None: 165,000, or 40,000 in the non-linear
         theory. A motion is bounded by its cells and steps instead.
@@ -31,8 +32,12 @@ class FemSettings(Settings):
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.
     grading
-        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. Unless
-        it is 1, meshes of the linear theory grade toward singular corners besides, as their exponents ask.
+        Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. None:
+        2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade toward singular corners besides, as
+        their exponents ask.
+    degree
+        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 in the
+        non-linear theory, of motions and of fields that are prescribed everywhere, which take no other.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
@@ -50,7 +55,8 @@ class FemSettings(Settings):
     tolerance: float | None = Field(None, gt=0, lt=1)
     max_unknowns: int | None = Field(None, ge=100)
     cells: tuple[PositiveInt, PositiveInt] | None = None
-    grading: float = Field(2.0, ge=1, le=3)
+    grading: float | None = Field(None, ge=1, le=3)
+    degree: Literal[3, 4, 5] | None = None
     quadrature_order: int = Field(7, ge=5, le=19)
     direct_solver: Method = "auto"
     symmetry: bool = True
@@ -59,11 +65,11 @@ class FemSettings(Settings):
 
 
 class FemSolver(ShellSolver):
-    """Bogner-Fox-Schmit finite elements on a tensor mesh with the exact geometry."""
+    """C1 finite elements on a tensor mesh with the exact geometry: Bogner, Fox & Schmit's, and bubbles on its cells."""
 
     name: ClassVar[str] = "fem"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements (BFS), exact geometry"
+        theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements, exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset(
@@ -83,6 +89,13 @@ class FemSolver(ShellSolver):
         from shellbench.solvers.fem import large_displacement
 
         return large_displacement.declined(case)
+
+    def declines_with(self, case: Case, settings: FemSettings) -> str | None:
+        """Return why the solver can't take this case with these settings, or None."""
+        if settings.degree in (4, 5) and not takes_bubbles(case):
+            what = "the linear theory, at rest, with supports of whole edges along fixed directions"
+            return f"degree {settings.degree} is for {what}"
+        return self.declines(case)
 
     def answer(
         self, case: Case, settings: FemSettings, start: Solution | Path | None, progress: ProgressCallback
@@ -117,6 +130,15 @@ class FemSolver(ShellSolver):
             return FemSolution if case.dynamics is None else MotionSolution
 
         return read_solution(path, FORMATS, kind)
+
+
+def takes_bubbles(case: Case) -> bool:
+    """Return whether a case can be solved in degree 4 and 5."""
+    if not case.linear or case.dynamics is not None or case.prescribed:
+        return False
+    # The conditions on bubbles know whole edges, and directions that do not turn along them.
+    held = case.supported_places()
+    return all(not support.local and (not isinstance(place, Edge) or place.whole) for support, place in held)
 
 
 Method = Literal["auto", "dissection", "superlu", "pardiso"]

@@ -19,7 +19,17 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
-from shellbench.solvers.fem.mesh import UNBROKEN, UNGRADED, Breaks, Ends, graded_mesh, singular_points
+from shellbench.solvers.fem.mesh import (
+    CUBIC,
+    UNBROKEN,
+    UNGRADED,
+    Breaks,
+    Degree,
+    Ends,
+    TensorMesh,
+    graded_mesh,
+    singular_points,
+)
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -30,15 +40,18 @@ from shellbench.solvers.fem.refinement import (
     levels,
 )
 from shellbench.solvers.fem.solution import FemSolution, MotionSolution
-from shellbench.solvers.fem.solver import FemSettings
+from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
 from shellbench.solvers.fem.symmetry import FoldedMesh
 from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
+HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
+USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
+GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
@@ -61,18 +74,18 @@ def solve(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSol
 
 def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
     scheme = Scheme(chosen.spectral_radius)
-    mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading, chosen.quadrature_order)
+    mesh = (chosen.cells, chosen.time_step, scheme, chosen.grading or GRADING[CUBIC], chosen.quadrature_order)
     return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
 
 
 def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution:
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
-    graded = case.linear and chosen.grading > 1 and not case.prescribed
+    graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward = (edge_gradings(case), break_gradings(case)) if graded else (UNGRADED, UNBROKEN)
     slowest = slowest_rate(case) if graded else ASYMPTOTIC
     on_mesh, trials = _solves(case, chosen, toward, progress)
-    tolerance = chosen.tolerance or usual_tolerance(case)
+    tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
@@ -111,11 +124,28 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     return solution
 
 
-def usual_tolerance(case: Case) -> float:
+def usual_tolerance(case: Case, degree: Degree) -> float:
     """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
     if case.linear:
-        return SINGULAR_TOLERANCE if singular_points(case) else SMOOTH_TOLERANCE
+        singular = SINGULAR_TOLERANCE if degree == CUBIC else HIGHER_SINGULAR_TOLERANCE
+        return singular if singular_points(case) else SMOOTH_TOLERANCE
     return LARGE_SINGULAR_TOLERANCE if singular_points(case) else LARGE_SMOOTH_TOLERANCE
+
+
+def case_degree(case: Case, settings: FemSettings) -> Degree:
+    """Return the degree of the basis that a case is solved in."""
+    return settings.degree or (USUAL_DEGREE if takes_bubbles(case) else CUBIC)
+
+
+def _mesh(
+    case: Case,
+    cells: Cells,
+    settings: FemSettings,
+    degree: Degree,
+    ends: Ends = UNGRADED,
+    breaks: tuple[Breaks, Breaks] = UNBROKEN,
+) -> TensorMesh:
+    return graded_mesh(case, cells, settings.grading or GRADING[degree], ends, breaks, degree)
 
 
 def _solves(
@@ -125,12 +155,14 @@ def _solves(
 
     Where a coarse mesh can't follow the path to its end, a trial in linear theory decides.
     """
+    degree = case_degree(case, settings)
 
     def linear(of: Case) -> OnMesh:
         def solve(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(of, cells, settings.grading, *toward)
-            how = of.states, settings.quadrature_order, settings.direct_solver
-            folded = FoldedMesh.from_case(of, mesh, settings.quadrature_order) if settings.symmetry else None
+            mesh = _mesh(of, cells, settings, degree, *toward)
+            order = max(settings.quadrature_order, 2 * mesh.degree + 1)
+            folded = FoldedMesh.from_case(of, mesh, order) if settings.symmetry else None
+            how = of.states, order, settings.direct_solver
             if folded is None:
                 return equilibrium.solve(of, mesh, *how)
             return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
@@ -140,7 +172,7 @@ def _solves(
     if case.prescribed:
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
-            mesh = graded_mesh(case, cells, settings.grading)
+            mesh = _mesh(case, cells, settings, degree)
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
         return interpolate, (interpolate,)
@@ -153,7 +185,7 @@ def _solves(
 
         def follow(cells: Cells) -> equilibrium.Equilibrium:
             nonlocal trail
-            mesh = graded_mesh(of, cells, settings.grading)
+            mesh = _mesh(of, cells, settings, degree)
 
             def tell(t: float) -> None:
                 progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
@@ -185,14 +217,15 @@ def _meshes(case: Case, settings: FemSettings, toward: Gradings, trials: tuple[O
     if settings.cells:
         yield settings.cells
         return
-    first = first_level(lambda cells: graded_mesh(case, cells, settings.grading, *toward).node_count)
+    degree = case_degree(case, settings)
+    first = first_level(lambda cells: _mesh(case, cells, settings, degree, *toward).dof_count, degree)
     share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
     for trial in trials:
         with contextlib.suppress(SolveFailure):
-            share = balanced_share(trial, first - 1)
+            share = balanced_share(trial, first - 1, degree)
             break
     for level in itertools.count(first):
-        yield level_cells(level, share)
+        yield level_cells(level, share, degree)
 
 
 def _finished(

@@ -26,7 +26,7 @@ from shellbench.solvers.fem import clamping
 from shellbench.solvers.fem.constraints import support_nodes
 from shellbench.solvers.fem.equilibrium import Equilibrium
 from shellbench.solvers.fem.loads import EDGE_GAUSS_POINTS
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh import TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -41,8 +41,8 @@ class Image:
 
     Attributes
     ----------
-    nodes
-        (n + 1,) number along the coordinate of each line of nodes of the part.
+    nodes, begins
+        (n + 1,) number along the coordinate of each line of nodes of the part; (n,) of the first line of its cells.
     signs
         (3,) of the components of the displacement.
     parity
@@ -52,6 +52,7 @@ class Image:
     """
 
     nodes: Integers
+    begins: Integers
     signs: Array
     parity: int
     supports: tuple[int, ...]
@@ -91,17 +92,20 @@ class Fold:
         """Return the part and its mirror images in order, on a mesh of the case with so many nodes along here."""
         run = np.arange(self.cells + 1) if self.folded else np.arange(nodes)
         own = tuple(range(len(case.supports)))
-        found = [Image((self.start + run) % nodes, np.ones(len(COMPONENTS)), 1, own)]
+        at = (self.start + run) % nodes
+        found = [Image(at, at[: self.cells], np.ones(len(COMPONENTS)), 1, own)]
         first, last = self.mirrors
         around = (last, first, last) if first is not None and first is not last else (last,)
         for number, mirror in enumerate(around, start=1):
             if mirror is not None:
                 before = found[-1]
                 at = (number + 1) * self.cells - run if number % 2 else number * self.cells + run
+                at = (self.start + at) % nodes
                 swap = mirrored_supports(case, mirror)
                 assert swap is not None  # it would be no mirror of the mesh
                 swapped = tuple(swap[s] for s in before.supports)
-                found.append(Image((self.start + at) % nodes, before.signs * mirror.signs, -before.parity, swapped))
+                begins = at[1:] if before.parity > 0 else at[:-1]  # a reversed cell begins where it ended
+                found.append(Image(at, begins, before.signs * mirror.signs, -before.parity, swapped))
         return tuple(found)
 
 
@@ -140,7 +144,7 @@ class FoldedMesh:
         ]
         (low1, high1), (low2, high2) = bounds
         part = Part(case, (low1, low2), (high1, high2), (folds[0].mirrors, folds[1].mirrors))
-        return cls(part, mesh, TensorMesh(part.case.surface.domain, (first, second)), folds)
+        return cls(part, mesh, TensorMesh(part.case.surface.domain, (first, second), mesh.degree), folds)
 
     @cached_property
     def images(self) -> tuple[tuple[Image, ...], tuple[Image, ...]]:
@@ -162,16 +166,18 @@ class FoldedMesh:
         forces[:, solution.support_nodes] = solution.support_forces[: len(numbers)]
         forces = forces.reshape(len(numbers), *self.mesh.shape, *tail)
         field = solution.coefficients.reshape(*self.mesh.shape, *tail)
-        whole = np.empty((*mesh.shape, *tail))
+        whole = np.zeros((*mesh.shape, *tail))
         whole_forces = np.zeros((len(case.supports), *mesh.shape, *tail))
         for first, second in product(*self.images):
-            kinds = [float(first.parity**k * second.parity**m) for k, m in KINDS]
-            signs = np.multiply.outer(first.signs * second.signs, kinds)[..., None]
-            at = np.ix_(first.nodes, second.nodes)
-            whole[at] = signs * field
-            for number, force in zip(numbers, forces, strict=True):
-                image = second.supports[first.supports[number]]
-                whole_forces[image][at] += signs * force  # on a line of symmetry the images' shares add up
+            for kind, (k, m) in enumerate(mesh.kinds):
+                signs = (first.signs * second.signs * first.parity**k * second.parity**m)[:, None]
+                rows, columns = (i.begins if b > 1 else i.nodes for i, b in ((first, k), (second, m)))
+                at, own = np.ix_(rows, columns), (slice(len(rows)), slice(len(columns)))
+                whole[..., kind, :][at] = signs * field[own][..., kind, :]
+                for number, force in zip(numbers, forces, strict=True):
+                    image = second.supports[first.supports[number]]
+                    # on a line of symmetry the images' shares add up
+                    whole_forces[image][..., kind, :][at] += signs * force[own][..., kind, :]
         held = [support_nodes(mesh, place) for _, place in case.supported_places()]
         nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *held]))
         # energies are integrated from the first mesh line on: where the part does not begin there, over the whole
