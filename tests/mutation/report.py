@@ -218,7 +218,11 @@ def _survivors(entries: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator
     for entry in sorted(entries, key=lambda e: (e["module"], e["line"])):
         place = f"`{entry['module'].removeprefix('shellbench.').replace('.', '/')}.py:{entry['line']}`"
         reason = said[key_of(entry)].reason if key_of(entry) in said else "no verdict yet"
-        asked = f"green in {entry['asked']} case{'s' if entry['asked'] > 1 else ''}" if entry["asked"] else "not asked again"
+        asked = (
+            f"green in {entry['asked']} case{'s' if entry['asked'] > 1 else ''}"
+            if entry["asked"]
+            else "not asked again"
+        )
         yield f"- {place}, {entry['rule']}, {asked}: {reason}\n"
         yield "    ```diff"
         yield f"    - {_short(entry['old'])}"
