@@ -188,7 +188,7 @@ def _draw(axes: Axes, x: Sequence[float], errors: Sequence[float], ink: Ink, das
 
 def side_by_side(rows: Sequence[Row]) -> Table:
     """Return the table of all figures with the known value, and each solver's with its own settings beside it."""
-    own = leading_rows([row for row in rows if not row.label])
+    own = leading_rows([row for row in rows if row.default_settings])
     solvers = list(dict.fromkeys(row.solver for row in own))
     lines = []
     for (case, quantity), alike in grouped(own, lambda row: (row.case, row.quantity)).items():
