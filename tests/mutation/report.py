@@ -189,7 +189,7 @@ def _limits(runs: Sequence[Entry]) -> Iterator[str]:
             yield f"  {earlier} of the red ones were red in an earlier exam, and were not asked again."
         if again := run.get("again"):
             yield (
-                "  What they left green was put named cases of today's exam alone (`--case`):"
+                "  Some of what they left green was put named cases of today's exam alone (`--case`):"
                 f" {', '.join(f'`{name}`' for name in again)}."
             )
 
