@@ -218,7 +218,7 @@ def test_a_draw_takes_the_place_of_the_same_draw(tmp_path) -> None:
 
 
 def test_excuses_are_about_mutants_that_are_made() -> None:
-    assert not stale_excuses(excuses())
+    assert not stale_excuses(excuses(), read_runs())
 
 
 def test_the_page_is_that_of_the_result() -> None:

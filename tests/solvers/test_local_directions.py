@@ -40,7 +40,8 @@ def along(name, point, direction):
 
 
 def solved(case, **settings):
-    return FemSolver().solve(case, FemSettings(**settings))
+    # local supports are solved in degree 3, and so is what they are held against
+    return FemSolver().solve(case, FemSettings(degree=3, **settings))
 
 
 def first(quantity):
