@@ -18,6 +18,8 @@ from shellbench.problems.shell.surface import COORDINATES
 from shellbench.problems.shell.variants import VARIANTS, size
 
 SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]
+LONG_FORMULAS = "manufactured_finite_strain"  # half a minute to build all of its variants
+QUICK_SHELLS = [pytest.param(name, marks=[pytest.mark.long] if name == LONG_FORMULAS else []) for name in SHELLS]
 CASES = (
     "square_plate",
     "scordelis_lo",
@@ -68,7 +70,7 @@ def invariants(case):
     return weights.sum(), np.linalg.norm(force), weights @ np.sum(density**2, axis=-1)
 
 
-@pytest.mark.parametrize("name", SHELLS)
+@pytest.mark.parametrize("name", QUICK_SHELLS)
 def test_every_shell_can_be_asked_otherwise(name):
     """All variants are whole cases; only helices need a closed surface, and only units a path by loads."""
     refused = {name for name, found in variants_of(catalog.named_case(name)).items() if isinstance(found, str)}
