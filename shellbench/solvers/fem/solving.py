@@ -89,6 +89,7 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
+    coarsest: list[int] = []
     solution: FemSolution | None = None
     try:
         meshes = _meshes(case, chosen, toward, trials)
@@ -102,7 +103,10 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
             )
             if level.difference is not None:
                 differences.append({"cells": cells, "largest_difference": level.difference})
-            converged = level.error <= tolerance
+            # The number of cells along a coordinate is rounded: a mesh that refines the other alone says nothing of it.
+            coarsest = coarsest or cells
+            refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
+            converged = level.error <= tolerance and refined
             solution = _finished(level, tuple(steps), differences, tolerance, chosen)
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             if converged or 2 * unknowns > largest:
