@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -30,7 +31,7 @@ FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the s
 DRAWN = 200  # most nodes of a frame
 
 
-class RopeSolver:
+class RopeSolver(ABC):
     """A solver of chains or loose masses; see `shellbench.problem.Solver` for the protocol.
 
     A subclass gives `declines` and `answer`. It is a light module: what solves is imported when it is called.
@@ -40,9 +41,9 @@ class RopeSolver:
     capabilities: ClassVar[Capabilities]
     settings_type: ClassVar[type[Settings]] = Settings
 
+    @abstractmethod
     def declines(self, case: Any) -> str | None:
         """Return why it can't take a problem, as one clause, or None if it can."""
-        raise NotImplementedError
 
     def solve(
         self,
@@ -68,9 +69,9 @@ class RopeSolver:
         chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
         return self.answer(case, chosen, progress or (lambda _: None))
 
+    @abstractmethod
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> Solution:
         """Solve a case that is not declined; see `solve`."""
-        raise NotImplementedError
 
     def load(self, path: Path) -> Solution:
         """Read what `RopeMotion.save` wrote; InputError in one sentence if it is none."""

@@ -54,7 +54,7 @@ def test_a_cell_has_the_square_of_degree_and_one_functions(degree):
     table = tabulate(np.random.default_rng(0).uniform(size=(80, 2)), (0, 0), degree).reshape(80, -1)
     present = present_functions(degree)
     assert table.shape[1] == 4 * len(kinds_of(degree))
-    assert np.array_equal(np.flatnonzero(np.abs(table).max(axis=0) > 0), present)
+    assert np.array_equal(np.flatnonzero(np.abs(table).max(axis=0) > 1e-9 * np.abs(table).max()), present)
     assert np.linalg.matrix_rank(table[:, present]) == (degree + 1) ** 2
 
 
@@ -198,7 +198,8 @@ def test_a_saved_solution_comes_back_whole(degree, tmp_path):
     again = FemSolver().load(solution.save(tmp_path / "roof"))
     assert again.mesh.degree == degree
     points = solution.case.surface.domain.grid(5, 5)
-    assert np.array_equal(again.displacement(points), solution.displacement(points))
+    expected = solution.displacement(points)
+    assert np.allclose(again.displacement(points), expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
 
 def test_no_shell_has_converged_before_both_coordinates_were_refined():

@@ -41,7 +41,7 @@ def test_many_projections_leave_no_link_too_long_and_do_not_touch_slack_ones():
         put_right(nodes, lengths, inverse, pulls, 1.0, 0.0)
     assert (np.linalg.norm(np.diff(nodes, axis=0), axis=1) - lengths).max() < 1e-9
     assert pulls[3] == 0
-    assert np.array_equal(nodes[0], np.zeros(3))
+    assert np.abs(nodes[0]).max() < 1e-12  # the root stays
 
 
 def hung(solver, **settings):
