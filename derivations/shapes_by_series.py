@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from .bedded_plate import bedded_plate, bedded_plate_by_ritz
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
@@ -45,6 +46,7 @@ JUDGES: dict[str, Values] = {
     "bent_plate": bent_plate,
     "sheared_sleeve": sheared_sleeve,
     "turned_cantilever": turned_cantilever,
+    "bedded_plate": bedded_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -64,4 +66,5 @@ SECOND_FORMS: dict[str, Values] = {
     "bent_plate": bent_plate_by_ritz,
     "sheared_sleeve": sleeve_by_ritz,
     "turned_cantilever": turned_cantilever_by_polynomials,
+    "bedded_plate": bedded_plate_by_ritz,
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -29,16 +29,24 @@ def measure_all(solution: DisplacementField, case: Any = None) -> Mapping[str, f
 
 
 def area_rule(case: Any) -> tuple[Array, Array]:
-    """Return points (n, 2) and weights (n,), m^2, that integrate over the midsurface: Gauss's rule on equal panels."""
+    """Return points (n, 2) and weights (n,), m^2, that integrate over the midsurface: Gauss's rule on panels.
+
+    They are equal, and cut where loads or stiffnesses have kinks.
+    """
     domain = case.surface.domain
-    x, w = np.polynomial.legendre.leggauss(PANEL_POINTS)
-    start = np.arange(PANELS)[:, None]
-    local, weights = ((start + (x + 1) / 2) / PANELS).ravel(), np.tile(w / 2 / PANELS, PANELS)
-    first, second = (low + size * local for low, size in zip(domain.lower, domain.size, strict=True))
+    (first, along), (second, across) = map(_panels, domain.lower, domain.upper, case.kinks)
     points = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
     tangents = case.surface.derivatives(points, order=1)
     area = np.linalg.norm(np.cross(tangents[1, 0], tangents[0, 1]), axis=-1)
-    return points, np.outer(weights, weights).ravel() * np.prod(domain.size) * area
+    return points, np.outer(along, across).ravel() * area
+
+
+def _panels(low: float, high: float, cuts: Iterable[float]) -> tuple[Array, Array]:
+    """Return points (n,) and weights (n,) along a coordinate."""
+    x, w = np.polynomial.legendre.leggauss(PANEL_POINTS)
+    ends = np.unique([*np.linspace(low, high, PANELS + 1), *cuts])
+    half = np.diff(ends)[:, None] / 2
+    return (ends[:-1, None] + half * (x + 1)).ravel(), (half * w).ravel()
 
 
 def kinetic_energy(solution: DisplacementField, at: float) -> float:

@@ -61,7 +61,7 @@ def free_motions(case: Shell) -> Array:
             points = np.asarray([place.xi])
         else:
             points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
-        modes = rigid_modes(case.surface, points, order=1)
+        modes = rigid_modes(case.surface, points)
         rows.append((held_directions(case.surface, support, place, points) @ modes[0, 0]).reshape(-1, 6))
         if support.holds_slope and isinstance(place, Edge):
             x = case.surface.derivatives(points, order=1)

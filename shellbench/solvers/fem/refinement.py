@@ -254,8 +254,12 @@ def levels(
                 raise
             forgiven -= 1
             continue
-        # Cells a side of the square mesh with as many cells.
-        resolutions.append(float(np.sqrt(np.prod(solution.mesh.cells))))
+        # Cells a side of the square mesh with as many cells. Between kinks there is a least number of them, so that
+        # coarse levels may share a mesh, which is one answer and not two.
+        resolution = float(np.sqrt(np.prod(solution.mesh.cells)))
+        if resolutions and resolution <= resolutions[-1]:
+            continue
+        resolutions.append(resolution)
         for name, value in quantities.items():
             values[name].append(value)
         energies.append(equilibrium.potential_energy)
