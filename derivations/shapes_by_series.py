@@ -15,6 +15,7 @@ from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
+from .pushed_plate import pushed_plate, pushed_plate_by_newton
 from .rhombic_elements import by_elements
 from .rhombic_plate import by_corners
 from .rigid_turn import (
@@ -47,6 +48,7 @@ JUDGES: dict[str, Values] = {
     "sheared_sleeve": sheared_sleeve,
     "turned_cantilever": turned_cantilever,
     "bedded_plate": bedded_plate,
+    "pushed_plate": pushed_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -67,4 +69,5 @@ SECOND_FORMS: dict[str, Values] = {
     "sheared_sleeve": sleeve_by_ritz,
     "turned_cantilever": turned_cantilever_by_polynomials,
     "bedded_plate": bedded_plate_by_ritz,
+    "pushed_plate": pushed_plate_by_newton,
 }
