@@ -1,7 +1,7 @@
 """Where mutants are made: the mechanics of the solvers and of the question, and what is left out of it by rule.
 
 Whole modules are left out that hold settings, files, checks, training, or choose how fine and in which steps to solve:
-a mistake there shows as cost or as a refusal. Of the other modules these statements are left out:
+a mistake there shows as cost or as a refusal. So does one in the choice of trial functions. Of the other modules these statements are left out:
 
 - docstrings, messages, `raise`, `assert`, and the condition under which a `raise` is all that follows;
 - what tells of progress; `isinstance`;
@@ -50,6 +50,7 @@ class Target:
 
 CONTROL = "it chooses how fine and in which steps to solve"
 EQUATIONS = "it solves equations that others set up, and checks the residual"
+TRIALS = "it chooses trial functions, of which the energy decides"
 SETTINGS = "settings, choices and files"
 CHECKS = "it refuses, and solves nothing"
 
@@ -73,6 +74,7 @@ NDF = Target(
         ("declines|refusal|certificate", CHECKS),
         ("published.*|trainer|training|gauss_newton|network|soft", "ndf-ritz trains nothing and has no soft supports"),
         ("resolution|lengths|refinement|continuation|newton|large_displacement|motion", CONTROL),
+        ("corners|inputs", TRIALS),
     ),
 )
 QUESTION = Target(
@@ -90,7 +92,7 @@ QUESTION = Target(
 TARGETS = {target.name: target for target in (FEM, NDF, QUESTION)}
 
 FILES_AND_CHECKS = re.compile(
-    r"_?check(ed)?|_?check_.*|_?declined?s?|save|load|kept|restored|rounded|storage_bytes|__\w+__"
+    r"_pole|_?check(ed)?|_?check_.*|_?declined?s?|save|load|kept|restored|rounded|storage_bytes|__\w+__"
 )
 VALIDATORS = {"model_validator", "field_validator"}
 TYPES = {"Annotated", "Callable", "Literal", "NDArray", "Union"}
