@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from .blown_tube import blown_tube, blown_tube_by_samples
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
@@ -14,6 +15,7 @@ from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
+from .raft import raft, raft_by_ritz
 from .rhombic_elements import by_elements
 from .rhombic_plate import by_corners
 from .rigid_turn import (
@@ -45,6 +47,8 @@ JUDGES: dict[str, Values] = {
     "bent_plate": bent_plate,
     "sheared_sleeve": sheared_sleeve,
     "turned_cantilever": turned_cantilever,
+    "raft": raft,
+    "blown_tube": blown_tube,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -64,4 +68,6 @@ SECOND_FORMS: dict[str, Values] = {
     "bent_plate": bent_plate_by_ritz,
     "sheared_sleeve": sleeve_by_ritz,
     "turned_cantilever": turned_cantilever_by_polynomials,
+    "raft": raft_by_ritz,
+    "blown_tube": blown_tube_by_samples,
 }
