@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from .bedded_plate import bedded_plate, bedded_plate_by_ritz
+from .blown_tube import blown_tube, blown_tube_by_samples
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
@@ -16,6 +17,7 @@ from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
 from .pushed_plate import pushed_plate, pushed_plate_by_newton
+from .raft import raft, raft_by_ritz
 from .rhombic_elements import by_elements
 from .rhombic_plate import by_corners
 from .rigid_turn import (
@@ -49,6 +51,8 @@ JUDGES: dict[str, Values] = {
     "turned_cantilever": turned_cantilever,
     "bedded_plate": bedded_plate,
     "pushed_plate": pushed_plate,
+    "raft": raft,
+    "blown_tube": blown_tube,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -70,4 +74,6 @@ SECOND_FORMS: dict[str, Values] = {
     "turned_cantilever": turned_cantilever_by_polynomials,
     "bedded_plate": bedded_plate_by_ritz,
     "pushed_plate": pushed_plate_by_newton,
+    "raft": raft_by_ritz,
+    "blown_tube": blown_tube_by_samples,
 }

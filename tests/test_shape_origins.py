@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from derivations import clamped_plate, oval_tube, pressed_motion, rigid_turn, ring_twist
+from derivations import blown_tube, clamped_plate, oval_tube, pressed_motion, raft, rigid_turn, ring_twist
 from derivations.goursat_plate import goursat
 from derivations.navier_plate import SquarePlate
 from derivations.navier_plate import navier as navier_of_a_square
@@ -211,3 +211,25 @@ def test_the_work_of_the_pressure_is_in_the_plate():
 def test_the_pressed_plate_stays_so_flat_that_it_is_linear():
     largest = max(abs(sum(pressed_motion.amplitude(m, t)[0] for m in (1, 2))) for t in np.linspace(0, 0.1, 101))
     assert (largest / pressed_motion.THICKNESS) ** 2 < pressed_motion.STIFFENING
+
+
+# --- a plate on a bed, and a tube under pressure ------------------------------------------------
+
+
+def test_the_bed_carries_what_presses_the_raft():
+    deflection, work, bed = raft.series()
+    (x, v), (y, w) = (np.polynomial.legendre.leggauss(n) for n in (40, 60))
+    one, two = np.meshgrid((x + 1) * raft.LENGTH / 2, (y + 1) * raft.WIDTH / 2, indexing="ij")
+    carried = (
+        raft.BED * raft.LENGTH * raft.WIDTH / 4 * (v @ deflection(one.ravel(), two.ravel()).reshape(one.shape) @ w)
+    )
+    pressed = sum(peak * 2 / np.pi * (end - start) for start, end, peak in raft.LOADED)
+    assert carried == pytest.approx(pressed, rel=1e-10)
+    assert 0 < bed < work / 2
+
+
+def test_a_tube_that_grows_little_is_barlow_s():
+    small = 1e-6 * blown_tube.STRETCHING
+    circumferential = blown_tube.STRETCHING + blown_tube.BENDING / blown_tube.RADIUS**2
+    growth = small * blown_tube.RADIUS**2 / circumferential
+    assert blown_tube.radius(small) - blown_tube.RADIUS == pytest.approx(growth, rel=1e-5)

@@ -284,9 +284,10 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     if loose.size:
         ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
 
-    elastic = matrix = stiffness(mesh, case.surface, case.material, quadrature)
-    if case.springs:
-        matrix = replace(elastic, blocks=elastic.blocks + spring_blocks(case, mesh))
+    matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    springs = replace(matrix, blocks=spring_blocks(case, mesh)) if case.springs else None
+    if springs:
+        matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
     clamps = list(clamped_edges(case, mesh, states))
     system = replace(matrix, blocks=matrix.blocks.copy()) if clamps else matrix
     forces = loading.nodal
@@ -298,7 +299,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
     def internal_forces(nodal: Array) -> Array:
         if not careful:
             return matrix @ nodal
-        return careful[0](nodal) + (matrix @ nodal - elastic @ nodal if case.springs else 0.0)
+        return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
     def residual(unknowns: Array) -> Array:
         if not careful:
