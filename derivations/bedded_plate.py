@@ -85,7 +85,9 @@ def bedded_plate() -> dict[str, Estimate]:
     def magnitude(y: float) -> float:
         return float(np.linalg.norm(prescribed(np.array(A / 2), np.array(y))))
 
-    found = minimize_scalar(lambda y: -magnitude(y), bounds=(B / 8, 3 * B / 8), method="bounded", options={"xatol": 1e-9})
+    found = minimize_scalar(
+        lambda y: -magnitude(y), bounds=(B / 8, 3 * B / 8), method="bounded", options={"xatol": 1e-9}
+    )
     (points, direction) = _asked(case)
     values = {
         "largest_displacement": -float(found.fun),
