@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from itertools import combinations
 from pathlib import Path
 
@@ -41,7 +42,8 @@ BELOW = {  # what a layer may import beside itself
 HEAVY = {"torch", "skfem", "scipy", "KratosMultiphysics", "mujoco"}
 
 
-def imports(path: Path) -> set[str]:
+@cache
+def imports(path: Path) -> frozenset[str]:
     """Absolute names of all that a module imports, at any depth."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -54,7 +56,7 @@ def imports(path: Path) -> set[str]:
                 f"{base}{node.module or ''}".rstrip("."),
                 *(f"{base}{node.module or ''}.{a.name}" for a in node.names),
             }
-    return names
+    return frozenset(names)
 
 
 def layer(path: Path) -> str:
@@ -162,10 +164,16 @@ def test_the_bench_knows_no_solver_by_name():
 def test_the_solvers_share_no_mechanics(one, other):
     """No function body of some length stands on both sides."""
 
-    def bodies(folder):
-        for path in (PACKAGE / SOLVERS / folder).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text())):
-                if isinstance(node, ast.FunctionDef) and len(node.body) > 3:
-                    yield "\n".join(ast.unparse(line) for line in node.body[1:])
+    assert bodies(one)
+    assert not bodies(one) & bodies(other)
 
-    assert not set(bodies(one)) & set(bodies(other))
+
+@cache
+def bodies(solver):
+    """What functions of more than three statements do, as text."""
+    return {
+        "\n".join(ast.unparse(line) for line in node.body[1:])
+        for path in (PACKAGE / SOLVERS / solver).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.FunctionDef) and len(node.body) > 3
+    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,8 +16,9 @@ import pytest
 from shellbench import __version__, cli
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
+from shellbench.report import sections
 from tests.bench import strip
-from tests.bench.conftest import own_case, plugin, store, toys  # noqa: F401 - fixtures
+from tests.bench.conftest import made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_compare import CONTRACT, edit
 from tests.patience import COMMAND_LINE, GUARD, until
 
@@ -71,10 +73,22 @@ def test_the_whole_way(shellbench, tmp_path: Path) -> None:
     assert set(faces.ravel()) == set(range(1, 26))
 
 
+@pytest.fixture
+def solved(shellbench, made_once: tuple[Path, Path]):  # noqa: F811
+    """The program in a folder whose store has the exact run of the strip by a toy."""
+    shutil.copytree(made_once[0], "reports/runs")
+    return shellbench
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the figures out of reports: tests of the report draw them."""
+    monkeypatch.setattr(sections, "exhibits", lambda evidence: [])
+
+
 @pytest.mark.parametrize("format_", ["text", "markdown", "latex", "csv"])
-def test_table_prints_in_all_formats(shellbench, format_: str) -> None:
-    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
-    code, out, err = shellbench("table", "--format", format_)
+def test_table_prints_in_all_formats(solved, format_: str) -> None:
+    code, out, err = solved("table", "--format", format_)
     assert (code, err) == (0, "")
     assert ("suite 'toys' declares 4 more" in out) == (format_ in {"text", "markdown"})  # others are for programs
     assert "Strip" in out or "strip" in out
@@ -91,10 +105,9 @@ def test_a_store_without_runs_is_bad_input(shellbench, command: str, more: tuple
     assert not Path("reports/latest").exists()
 
 
-def test_a_gate_that_judges_nothing_exits_2(shellbench) -> None:
-    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
+def test_a_gate_that_judges_nothing_exits_2(solved) -> None:
     for scope in (("--solver", "falling"), ("--solver", "toy-noisy"), ("--suite", "toys", "--solver", "falling")):
-        code, out, err = shellbench("gate", *scope)
+        code, out, err = solved("gate", *scope)
         assert (code, out) == (2, "")
         assert "nothing was judged" in err
 
@@ -115,6 +128,7 @@ def test_the_obvious_path_is_green(shellbench) -> None:
     assert shellbench("gate", "--suite", "toys")[0] == 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_two_files_of_one_title_are_told_apart(shellbench, own_case: Path) -> None:  # noqa: F811
     other = own_case.with_name("thicker_strip.toml")
     other.write_text(own_case.read_text(encoding="utf-8"), encoding="utf-8")
@@ -171,6 +185,7 @@ def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
     assert (code, err) == (1, "shellbench: strip toy: timeout: stopped after 0.5 s\n")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_an_answer_that_has_not_settled_exits_1_is_kept_and_is_in_the_table(shellbench) -> None:
     command = ("run", "strip", "--solver", "toy", "--set", "toy.behaviour=unsettled")
     code, out, err = shellbench(*command)
@@ -271,11 +286,10 @@ def test_a_malformed_case_is_one_sentence_with_file_and_field(shellbench, own_ca
     assert err.count("\n") == 1
 
 
-def test_damaged_records_are_noted_and_do_no_harm(shellbench) -> None:
-    shellbench("run", "strip", "--solver", "toy")
+def test_damaged_records_are_noted_and_do_no_harm(solved) -> None:
     record = next(p for p in Path("reports/runs").glob("*.json") if "." not in p.stem)
     record.with_name("strip-toy-20260101T000000-00000000.json").write_text("{", encoding="utf-8")
-    code, out, err = shellbench("table", "--format", "json")
+    code, out, err = solved("table", "--format", "json")
     assert code == 0
     assert len(json.loads(out)) == 3
     assert err.count("\n") == 1
@@ -298,10 +312,9 @@ def test_list_says_what_there_is(shellbench) -> None:
     assert all(word in text for word in ("strip", "toys", "toy-noisy", "closed form of a strip"))
 
 
-def test_vtu_without_pyvista_names_the_extra(shellbench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vtu_without_pyvista_names_the_extra(solved, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    shellbench("run", "strip", "--solver", "toy")
-    code, _, err = shellbench("export", "strip", "--solver", "toy", "--out", "x.vtu")
+    code, _, err = solved("export", "strip", "--solver", "toy", "--out", "x.vtu")
     assert code == 2
     assert "shellbench[vtk]" in err
     assert list(Path().glob("*.vtu")) == []
@@ -362,9 +375,8 @@ def test_a_motion_is_run_shown_and_exported_at_any_time(shellbench, falling_case
         assert not Path("late.npz").exists()
 
 
-def test_a_linear_case_has_one_state_to_export(shellbench) -> None:
-    assert shellbench("run", "strip", "--solver", "toy")[0] == 0
-    code, _, err = shellbench("export", "strip", "--solver", "toy", "--out", "x.npz", "--at", 0.5)
+def test_a_linear_case_has_one_state_to_export(solved) -> None:
+    code, _, err = solved("export", "strip", "--solver", "toy", "--out", "x.npz", "--at", 0.5)
     assert code == 2
     assert "linear" in err
 

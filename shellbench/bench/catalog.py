@@ -37,6 +37,7 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in (data_folder("cases") / "suites").glob("*.toml"))
 
 
+@cache
 def suites_named_by(name: str) -> tuple[str, ...]:
     """Return the suites to which one of the suite's own cases says that it belongs; the rest of it is not checked."""
     return tuple(map(str, read_toml(data_folder("cases") / f"{name}.toml").get("suites", ())))

@@ -5,8 +5,9 @@ The portrait of a record's problem: what a report can ask it, whatever its kind.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cache
+import json
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, lru_cache
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -92,9 +93,15 @@ def problem_of(data: Mapping[str, Any]) -> Problem:
 def portrait_of(record: Record) -> Portrait | None:
     """Return the portrait of the problem that a record answers; None if it can't be read any more."""
     try:
-        return portrait_of_named(problem_of(record.case))
+        kind = kind_of(record.case)
+        return _portrait(kind.problem, kind.portrait, json.dumps(record.case))
     except (ValidationError, InputError):
         return None
+
+
+@lru_cache(maxsize=256)  # a report asks hundreds of times for the few problems of its records
+def _portrait(problem: type[Problem], portrait: Callable[[Problem], Portrait], data: str) -> Portrait:
+    return portrait(problem.model_validate(json.loads(data)))
 
 
 def portrait_of_named(case: Problem) -> Portrait:

@@ -213,10 +213,11 @@ def check_lock() -> LockCheck:
 
 def _dangling() -> Iterator[Found]:
     """Yield tolerances of what is not there: they hold nobody to anything."""
+    names = set(catalog.case_names())
     for solver, held in catalog.tolerances().items():
         file = f"references/{FOLDER}/{solver}.toml"
         for name, quantities in held.items():
-            if name not in catalog.case_names():
+            if name not in names:
                 yield "broken", f"{file} names '{name}', which is no case"
                 continue
             known = {quantity.name for quantity in catalog.named_case(name).quantities}

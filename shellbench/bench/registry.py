@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import Distribution, entry_points
 
 from shellbench.errors import InputError
 from shellbench.problem import Solver
@@ -54,24 +54,17 @@ def solver_entries() -> dict[str, SolverEntry]:
         If two packages register different solvers under one name.
     """
     entries: dict[str, SolverEntry] = {}
+    named: dict[Distribution | None, tuple[str, str]] = {}  # each question reads the package's metadata anew
     for point in entry_points(group=GROUP):
-        entry = _entry(point)
+        if point.dist not in named:
+            named[point.dist] = (point.dist.name, point.dist.version) if point.dist else ("", "")
+        entry = SolverEntry(point.name, point.value, *named[point.dist])
         known = entries.setdefault(entry.name, entry)
         if known.target != entry.target:
             raise InputError(
                 f"two installed packages call a solver '{entry.name}': {known.distribution} and {entry.distribution}"
             )
     return dict(sorted(entries.items()))
-
-
-def _entry(point: EntryPoint) -> SolverEntry:
-    distribution = point.dist
-    return SolverEntry(
-        name=point.name,
-        target=point.value,
-        distribution=distribution.name if distribution else "",
-        version=distribution.version if distribution else "",
-    )
 
 
 def find_solver(name: str) -> SolverEntry:

@@ -41,28 +41,29 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     InputError
         If the source of one of `modules` can't be found.
     """
-    closure: dict[str, Path] = {}
-    for module in modules:
-        closure |= import_closure(module)
+    closure = import_closure(*modules)
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
     return hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def import_closure(module: str) -> dict[str, Path]:
-    """Return a module, its parent packages and all that they import from their own top-level package, by name."""
-    if locate(module) is None:
-        raise InputError(f"the source of module '{module}' can't be found")
+def import_closure(*modules: str) -> dict[str, Path]:
+    """Return modules, their parent packages and all that they import from their own top-level package, by name."""
     closure: dict[str, Path] = {}
-    waiting = [module]
+    waiting, seen = list(modules), set[str]()
     while waiting:
         name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
         path = locate(name)
-        if name in closure or path is None:
+        if path is None:
+            if name in modules:
+                raise InputError(f"the source of module '{name}' can't be found")
             continue
         closure[name] = path
+        top = name.partition(".")[0]
         waiting.append(name.rpartition(".")[0] or name)
-        top = module.partition(".")[0]
         waiting.extend(n for n in _looked_at(path, _package(name, path)).imports if n.partition(".")[0] == top)
     return closure
 

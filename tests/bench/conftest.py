@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -66,10 +67,15 @@ def toys(plugin: Path, tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Stores with the exact run of a toy, and with all runs of the suite: starting solvers takes its time."""
-    folder = tmp_path_factory.mktemp("made_once")
+    return make_stores(tmp_path_factory.getbasetemp())
+
+
+@cache  # modules that import the fixture have one each
+def make_stores(temporary: Path) -> tuple[Path, Path]:
+    folder = temporary / "made_once"
     with with_plugin(folder / "plugin"), with_toys(folder / "catalog"):
         one, all_runs = Store(folder / "one"), Store(folder / "all")
-        run(one, "strip", solvers=("toy",))
+        run(one, "strip", solvers=("toy",), apart=True)
         shutil.copytree(one.folder, all_runs.folder)
         run(all_runs, suites=("toys",))
     return one.folder, all_runs.folder
@@ -97,6 +103,7 @@ def forget() -> None:
         catalog.known_values,
         catalog.tolerances,
         catalog.variants_asked,
+        catalog.suites_named_by,
     ):
         cached.cache_clear()
 

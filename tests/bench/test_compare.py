@@ -189,7 +189,7 @@ def test_changed_tolerances_judge_old_records(recorded: Store) -> None:
 
 
 def test_the_newest_record_counts_even_if_it_failed(recorded: Store) -> None:
-    run(recorded, "strip", solvers=("toy",), force=True, timeout=1e-3)
+    run(recorded, "strip", solvers=("toy",), force=True, apart=True, timeout=1e-3)
     assert len(recorded.read().records) == 2
     assert only(rows(recorded), quantity="centre").run_id == recorded.read().records[-1].run_id
 

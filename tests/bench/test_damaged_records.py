@@ -16,6 +16,7 @@ from shellbench.bench.current import current_runs
 from shellbench.bench.record import SEAL, Record, document, leaves, read_document
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
+from shellbench.report import sections
 from tests.bench import strip
 from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import run_here
@@ -168,7 +169,9 @@ def test_each_command_names_all_damage_and_shows_the_rest(
     shellbench,  # noqa: F811
     among_all_damages: Store,
     command: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(sections, "exhibits", lambda evidence: [])
     code, out, err = shellbench(*COMMANDS[command], "--store", among_all_damages.folder)
     assert code == 0
     lines = err.splitlines()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,10 @@ from shellbench.bench.execute import execute
 from shellbench.bench.local import LocalProcesses
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.planned import FOLDER
+from shellbench.bench.record import Record
 from shellbench.bench.store import Store, StoreError
 from tests.bench import strip
+from tests.bench.conftest import with_plugin, with_toys
 from tests.bench.running import behave, run
 from tests.patience import GUARD
 
@@ -26,8 +29,35 @@ ROUND_OFF = 1e-14 * strip.CENTRE
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-def test_a_good_run_leaves_a_whole_record(store: Store) -> None:
-    record = behave(store, "exact")
+@dataclass(frozen=True)
+class Behaved:
+    """Runs of the strip by a toy solver, by the way in which it behaved."""
+
+    store: Store
+    records: dict[str, Record]
+
+
+@pytest.fixture(scope="module")
+def behaved(tmp_path_factory: pytest.TempPathFactory) -> Behaved:
+    """Runs that one server has made one after another: most of the time goes into starting it."""
+    folder = tmp_path_factory.mktemp("behaved")
+    ways = ("exact", "allocate", "fail", "raise", "exit", "crash", "nan", "fail_with_partial", "unsettled")
+    with with_plugin(folder / "plugin"), with_toys(folder / "catalog"):
+        store = Store(folder / "runs")
+        requests = [Request(("strip",), (), ("toy",), {"toy": {"behaviour": way}}) for way in ways]
+        tasks = [task for request in requests for task in make_plan(request, store.read()).tasks]
+        outcomes = execute(tasks, store, Silent(), LocalProcesses(1, 1))
+    return Behaved(store, {str(o.task.settings["behaviour"]): o.record for o in outcomes if o.record is not None})
+
+
+def test_all_that_behaved_are_kept(behaved: Behaved) -> None:
+    kept = {record.run_id: record for record in behaved.store.read().records}
+    assert kept == {record.run_id: record for record in behaved.records.values()}
+    assert len(kept) == 9
+
+
+def test_a_good_run_leaves_a_whole_record(behaved: Behaved) -> None:
+    record = behaved.records["exact"]
     assert record.status == "ok"
     assert record.values["centre"].value == pytest.approx(strip.CENTRE, rel=1e-12)
     assert record.values["energy"].value == pytest.approx(strip.ENERGY, rel=1e-12)
@@ -35,7 +65,6 @@ def test_a_good_run_leaves_a_whole_record(store: Store) -> None:
     assert record.values["centre"].extrapolated == 1.0
     assert record.diagnostics == {"residual": 1e-12, "energy_gap": None}
     assert record.identity.seed is None
-    assert store.read().records == (record,)
 
 
 def test_fields_are_samples_of_the_solution(recorded: Store) -> None:
@@ -64,8 +93,8 @@ def test_history_ends_where_the_energy_is_not_finite(recorded: Store) -> None:
     assert [step.energy for step in recorded.read().records[0].history] == [-2.0]
 
 
-def test_peak_memory_is_that_of_the_solve(store: Store) -> None:
-    record = behave(store, "allocate")
+def test_peak_memory_is_that_of_the_solve(behaved: Behaved) -> None:
+    record = behaved.records["allocate"]
     assert record.peak_memory_bytes is not None
     assert record.idle_memory_bytes is not None
     taken = record.peak_memory_bytes - record.idle_memory_bytes
@@ -82,8 +111,8 @@ def test_peak_memory_is_that_of_the_solve(store: Store) -> None:
         ("crash", "SIGSEGV"),
     ],
 )
-def test_failures_become_records_with_one_sentence(store: Store, behaviour: str, said: str) -> None:
-    record = behave(store, behaviour)
+def test_failures_become_records_with_one_sentence(behaved: Behaved, behaviour: str, said: str) -> None:
+    record = behaved.records[behaviour]
     assert record.status == "failed"
     assert record.reason is not None
     assert said in record.reason
@@ -91,37 +120,36 @@ def test_failures_become_records_with_one_sentence(store: Store, behaviour: str,
     assert not record.values
 
 
-def test_an_answer_that_is_not_finite_is_a_failure(store: Store) -> None:
-    record = behave(store, "nan")
+def test_an_answer_that_is_not_finite_is_a_failure(behaved: Behaved) -> None:
+    record = behaved.records["nan"]
     assert record.status == "failed"
     assert record.reason == "the solution has no finite value for centre, energy"
     assert "centre" not in record.values
 
 
-def test_traceback_of_a_bug_is_kept_beside_its_record(store: Store) -> None:
-    record = behave(store, "raise")
-    log = (store.folder / f"{record.run_id}.log.txt").read_text(encoding="utf-8")
+def test_traceback_of_a_bug_is_kept_beside_its_record(behaved: Behaved) -> None:
+    record = behaved.records["raise"]
+    log = (behaved.store.folder / f"{record.run_id}.log.txt").read_text(encoding="utf-8")
     assert "Traceback" in log
     assert "ZeroDivisionError" in log
 
 
-def test_what_had_converged_before_a_failure_is_kept(store: Store) -> None:
-    record = behave(store, "fail_with_partial")
+def test_what_had_converged_before_a_failure_is_kept(behaved: Behaved) -> None:
+    record = behaved.records["fail_with_partial"]
     assert record.status == "failed"
     assert record.reason == "the strip stopped half way"
     assert record.values["centre"].value == pytest.approx(strip.CENTRE / 2, rel=1e-12)
-    assert store.file(record.solution_file) is not None
+    assert behaved.store.file(record.solution_file) is not None
 
 
-def test_an_answer_that_has_not_settled_is_recorded_with_its_reason(store: Store) -> None:
-    record = behave(store, "unsettled")
+def test_an_answer_that_has_not_settled_is_recorded_with_its_reason(behaved: Behaved) -> None:
+    record = behaved.records["unsettled"]
     assert (record.status, record.reason) == ("not settled", "centre still moves by 2e-3")
     assert record.values["centre"].value == pytest.approx(strip.CENTRE, rel=1e-12)
     assert record.values["centre"].uncertainty == 1e-12
     assert record.series == ()
-    assert store.file(record.fields_file) is not None
-    assert store.file(record.solution_file) is not None
-    assert store.read().records == (record,)
+    assert behaved.store.file(record.fields_file) is not None
+    assert behaved.store.file(record.solution_file) is not None
 
 
 def test_chatter_of_a_solver_goes_to_the_log(store: Store, capfd: pytest.CaptureFixture[str]) -> None:
@@ -174,7 +202,7 @@ def _is_the_child_left(command: list[str] | None) -> bool:
 
 
 def test_refused_input_leaves_no_record(store: Store) -> None:
-    outcome = run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}})[0]
+    outcome = run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}}, apart=True)[0]
     assert outcome.record is None
     assert outcome.refused == "setting 'behaviour' does not fit the case"
     assert store.read().records == ()
@@ -184,7 +212,7 @@ def test_good_runs_are_kept_and_failed_ones_are_tried_again(recorded: Store) -> 
     assert run(recorded, "strip", solvers=("toy",)) == []
     for _ in range(2):
         assert behave(recorded, "fail").status == "failed"
-    assert len(run(recorded, "strip", solvers=("toy",), force=True)) == 1
+    assert len(run(recorded, "strip", solvers=("toy",), force=True, apart=True)) == 1
     assert len(recorded.read().records) == 4
 
 

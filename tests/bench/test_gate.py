@@ -154,8 +154,8 @@ def test_an_own_case_that_was_planned_and_did_not_end_is_red(store: Store, own_c
 
 
 def test_runs_that_end_leave_no_plan(store: Store) -> None:
-    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "crash"}})
-    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}})
+    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "crash"}}, apart=True)
+    run(store, "strip", solvers=("toy",), settings={"toy": {"behaviour": "refuse"}}, apart=True)
     assert not (store.folder / FOLDER).exists()
 
 

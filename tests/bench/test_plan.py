@@ -212,11 +212,11 @@ def read_toml_text(text: str) -> dict[str, Any]:
 
 
 def test_a_changed_solver_is_never_answered_by_an_old_record(toys: Path, plugin: Path, store: Store) -> None:
-    first = run(store, "strip", solvers=("toy",))[0].record
+    first = run(store, "strip", solvers=("toy",), apart=True)[0].record
     assert run(store, "strip", solvers=("toy",)) == []
     law = plugin / "toy_shells" / "strip.py"
     law.write_text(law.read_text(encoding="utf-8").replace("/ (24 *", "/ (12 *"), encoding="utf-8")
-    second = run(store, "strip", solvers=("toy",))[0].record
+    second = run(store, "strip", solvers=("toy",), apart=True)[0].record
     assert first is not None
     assert second is not None
     assert second.values["centre"].value == pytest.approx(2 * first.values["centre"].value)

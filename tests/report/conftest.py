@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +16,10 @@ from shellbench.bench import catalog
 from shellbench.bench.record import Environment, Identity, Measured, Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
+from shellbench.bench.store import Store as Records
 from shellbench.problems.shell.case import Case
+from shellbench.report import exhibit, paper, shells
+from shellbench.report.page import write_report
 
 COURSE = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
 TRUTH = {  # round figures in the neighbourhood of the real ones
@@ -291,8 +296,19 @@ def missing_row(case_name: str, solver: str, seed: int | None) -> Row:
     )
 
 
+def with_densities(path: Path) -> None:
+    """Add energy densities to kept fields."""
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    x = arrays["xi"][..., 0]
+    np.savez(path, membrane_energy_density=x.astype("f4"), bending_energy_density=(2 * x).astype("f4"), **arrays)
+
+
 def make_store(folder: Path) -> Store:
-    """The whole course by three synthetic solvers: good runs, one failed, one timed out, one missing."""
+    """The whole course by three synthetic solvers: good runs, one failed, one timed out, one missing.
+
+    Of the plate, `fem` has kept energy densities too.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     records: list[Record] = []
     rows: list[Row] = []
@@ -303,6 +319,8 @@ def make_store(folder: Path) -> Store:
         fem = record(
             folder, case, "fem", None, -1e-8, steps, {"mesh_differences": meshes}, {"tolerance": 1e-6}, unknowns=49152
         )
+        if name == "square_plate":
+            with_densities(folder / fem.fields_file)
         records.append(fem)
         rows.append(row(fem, 1e-6))
         for seed in (0, 1, 2):
@@ -342,6 +360,25 @@ def make_store(folder: Path) -> Store:
 @pytest.fixture(scope="session")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return make_store(tmp_path_factory.mktemp("runs"))
+
+
+@contextmanager
+def coarse_figures(dpi: int = 40) -> Iterator[None]:
+    """Draw figures of few points and facets: their fineness is no matter to a page, and takes its time."""
+    with pytest.MonkeyPatch.context() as coarse:
+        for name in ("PRINT_DPI", "SCREEN_DPI"):
+            coarse.setattr(exhibit, name, dpi)
+        coarse.setattr(paper, "PRINT_DPI", dpi)
+        coarse.setattr(shells, "CELLS", 8)
+        coarse.setitem(exhibit.STYLE, "pdf.fonttype", 3)  # TrueType takes longest: it is cut to the letters in use
+        yield
+
+
+@pytest.fixture(scope="session")
+def course_report(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of the store; its start page."""
+    with coarse_figures():
+        return write_report(Records(store.folder), store.rows, tmp_path_factory.mktemp("report"), store.known_values)
 
 
 @pytest.fixture(scope="session")

@@ -14,6 +14,7 @@ from shellbench.report import exhibit, fields, page, sections, shells
 from shellbench.report.fields import lead_shells, pictured, read_fields
 from shellbench.report.shells import AXES_TO_UP
 from tests.patience import GUARD, until
+from tests.report.conftest import coarse_figures
 from tests.report.motion import BROKEN, OFFSET
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -48,35 +49,9 @@ def browser(playwright):
         yield running
 
 
-def written(store, folder, suite, figures=sections.exhibits):
-    """A report whose pictures are coarse: their fineness is no matter here, and takes its time."""
-    with pytest.MonkeyPatch.context() as coarse:
-        coarse.setattr(sections, "exhibits", figures)
-        coarse.setattr(exhibit, "SCREEN_DPI", 60)
-        coarse.setattr(shells, "CELLS", 8)
-        start = page.write_report(Records(store.folder), store.rows, folder, store.known_values, for_print=False)
-    return start.parent / f"{suite}.html"
-
-
 @pytest.fixture(scope="module")
-def dense(store, tmp_path_factory):
-    """The store with an energy density in the fields of one run."""
-    folder = tmp_path_factory.mktemp("dense") / "runs"
-    shutil.copytree(store.folder, folder)
-    path = folder / next(r for r in store.records if (r.case_name, r.identity.solver) == PLATE).fields_file
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    x = arrays["xi"][..., 0]
-    np.savez(path, membrane_energy_density=x.astype("f4"), bending_energy_density=(2 * x).astype("f4"), **arrays)
-    return type(store)(folder, store.records, store.rows, store.known)
-
-
-PLATE = ("square_plate", "fem")
-
-
-@pytest.fixture(scope="module")
-def course_page(dense, tmp_path_factory):
-    return written(dense, tmp_path_factory.mktemp("course"), "obstacle_course")
+def course_page(course_report):
+    return course_report.parent / "obstacle_course.html"
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +64,11 @@ def cloth_page(motion, tmp_path_factory):
             for one in lead_shells(pictured(evidence.records, evidence.compared), evidence.folder)
         ]
 
-    return written(motion, tmp_path_factory.mktemp("cloth"), "cloth", pictures)
+    folder = tmp_path_factory.mktemp("cloth")
+    with coarse_figures(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sections, "exhibits", pictures)
+        page.write_report(Records(motion.folder), motion.rows, folder, motion.known_values, for_print=False)
+    return folder / "cloth.html"
 
 
 class Open:
@@ -208,10 +187,10 @@ def test_the_verdict_is_seen_first(course):
     assert verdict["y"] < course.page.locator("table").first.bounding_box()["y"]
 
 
-def test_the_slider_moves_the_shell(course, dense):
+def test_the_slider_moves_the_shell(course, store):
     figure = course.view("pinched_cylinder_free")
     choose(figure, "shown", "fem")
-    fields = fields_of(dense, "pinched_cylinder_free", "fem")
+    fields = fields_of(store, "pinched_cylinder_free", "fem")
     highest = float(figure.locator("input[name=scale]").get_attribute("max"))
     for scale in (0.0, 0.25 * highest, highest):
         set_slider(figure, "scale", scale)
@@ -222,10 +201,10 @@ def test_the_slider_moves_the_shell(course, dense):
     assert f"displacement × {highest:.0f}, coloured by" in figure.locator(".said").inner_text()
 
 
-def test_colours_are_chosen_and_named(course, dense):
+def test_colours_are_chosen_and_named(course, store):
     figure = course.view("square_plate")
     choose(figure, "shown", "fem")
-    fields = fields_of(dense, "square_plate", "fem")
+    fields = fields_of(store, "square_plate", "fem")
     shown = course.surface("square_plate")
     assert shown["title"] == "−u<sub>z</sub> (m)"  # as in the still picture
     assert shown["surfacecolor"].max() == pytest.approx(0.4875, rel=1e-4)
@@ -250,11 +229,11 @@ def test_a_density_that_was_not_kept_is_no_choice(course):
     assert "strain energy density" not in figure.locator("select[name=colour]").inner_text()
 
 
-def test_the_difference_of_two_solvers_is_theirs(course, dense):
+def test_the_difference_of_two_solvers_is_theirs(course, store):
     figure = course.view("square_plate")
     choose(figure, "shown", "difference: ndf-ritz − fem")  # the picture's solver comes first
     shown = course.surface("square_plate")
-    ours, theirs = (fields_of(dense, "square_plate", name).displacement for name in ("fem", "ndf-ritz"))
+    ours, theirs = (fields_of(store, "square_plate", name).displacement for name in ("fem", "ndf-ritz"))
     apart = np.linalg.norm(ours - theirs, axis=-1)
     assert shown["title"] == "|Δu| (m)"
     assert np.abs(shown["surfacecolor"] - apart).max() < ROUNDING * apart.max()  # not of the displacement
@@ -300,12 +279,12 @@ def test_a_fifth_view_closes_the_oldest(cloth):
 
 
 def test_keys_turn_the_shell(course):
-    figure = course.view("scordelis_lo")
+    figure = course.view("pinched_cylinder_free")  # open since the slider moved it
     plot = figure.locator(".plot")
     plot.focus()
 
     def angles():
-        eye = course.surface("scordelis_lo")["camera"]["eye"]
+        eye = course.surface("pinched_cylinder_free")["camera"]["eye"]
         level = np.hypot(eye["x"], eye["y"])
         return np.degrees([np.arctan2(eye["y"], eye["x"]), np.arctan2(eye["z"], level)])
 
@@ -463,12 +442,12 @@ def test_in_the_dark_the_page_is_dark_and_figures_stay_on_white(browser, course_
 
 
 def test_the_view_begins_with_what_the_picture_shows(course):
-    for case in ("square_plate", "scordelis_lo", "pinched_cylinder_free"):
-        if (figure := course.page.locator(f"figure[data-case={case}]")).locator(".view").count():
-            figure.locator("button.opener").click()
-        figure = course.view(case)
-        solver = figure.locator("select[name=shown] option:checked").inner_text().strip()
-        assert f"Solved by {solver}." in figure.locator("figcaption").text_content()
+    figure = course.page.locator("figure[data-case=scordelis_lo]")
+    if figure.locator(".view").count():
+        figure.locator("button.opener").click()
+    figure = course.view("scordelis_lo")
+    solver = figure.locator("select[name=shown] option:checked").inner_text().strip()
+    assert f"Solved by {solver}." in figure.locator("figcaption").text_content()
 
 
 def test_paper_shows_pictures_and_no_controls(course):

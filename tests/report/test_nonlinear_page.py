@@ -9,12 +9,11 @@ import sys
 import pytest
 
 from shellbench.bench.store import Store as Records
-from shellbench.report import exhibit, shells
 from shellbench.report.evidence import Evidence
 from shellbench.report.page import write_report
 from shellbench.report.strains import strain_table
 from shellbench.report.trace_tables import effort_table
-from tests.report.conftest import Store
+from tests.report.conftest import Store, coarse_figures
 from tests.report.nonlinear import REASON
 from tests.report.test_page import Page, pages_of
 
@@ -29,10 +28,7 @@ FIGURES = (
 
 @pytest.fixture(scope="module")
 def report(nonlinear: Store, tmp_path_factory: pytest.TempPathFactory):
-    with pytest.MonkeyPatch.context() as coarse:
-        coarse.setattr(exhibit, "PRINT_DPI", 40)
-        coarse.setattr(exhibit, "SCREEN_DPI", 40)
-        coarse.setattr(shells, "CELLS", 8)
+    with coarse_figures():
         out = tmp_path_factory.mktemp("nonlinear_report")
         return write_report(Records(nonlinear.folder), nonlinear.rows, out, nonlinear.known_values)
 

@@ -22,7 +22,7 @@ from shellbench.bench import catalog
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.errors import InputError
-from shellbench.report import exhibit, sections, shells
+from shellbench.report import sections
 from shellbench.report.columns import Column
 from shellbench.report.document import command
 from shellbench.report.evidence import Evidence, Section
@@ -32,19 +32,15 @@ from shellbench.report.runs import rows_at_home, rows_of, suites_of
 from shellbench.report.solutions import overall, shortfalls, verdict
 from shellbench.report.table import Note, Table
 from shellbench.report.tables import render
-from tests.report.conftest import COURSE, Store
+from tests.report.conftest import COURSE, Store, coarse_figures
 
 MEGABYTE = 1_000_000
 VOID = {"meta", "img", "br", "link", "hr"}
 
 
-@pytest.fixture(scope="module")
-def report(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with pytest.MonkeyPatch.context() as coarse:  # the figures' fineness is no matter here, and takes its time
-        coarse.setattr(exhibit, "PRINT_DPI", 40)
-        coarse.setattr(exhibit, "SCREEN_DPI", 40)
-        coarse.setattr(shells, "CELLS", 8)
-        return write_report(Records(store.folder), store.rows, tmp_path_factory.mktemp("report"), store.known_values)
+@pytest.fixture
+def report(course_report: Path) -> Path:
+    return course_report
 
 
 class Page(HTMLParser):
@@ -73,7 +69,7 @@ def pages_of(report: Path) -> dict[str, str]:
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(report.parent.glob("*.html"))}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def course(report) -> Path:
     return report.parent / "obstacle_course.html"
 
@@ -291,9 +287,7 @@ def studied(store: Store) -> list[Row]:
 
 @pytest.fixture(scope="module")
 def evident(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(exhibit, "SCREEN_DPI", 40)
-        patched.setattr(shells, "CELLS", 8)
+    with coarse_figures(), pytest.MonkeyPatch.context() as patched:
         patched.setattr(sections, "MAKERS", (section_of, lambda evidence: None))
         out = tmp_path_factory.mktemp("evident")
         return write_report(Records(store.folder), studied(store), out, store.known_values, for_print=False)
@@ -389,7 +383,8 @@ def test_hostile_words_do_not_reach_the_page(store, tmp_path):
     evil = [
         row.model_copy(update={"case_title": words, "reason": words, "solver_label": words}) for row in store.rows[:7]
     ]
-    start = write_report(Records(store.folder), evil, tmp_path, store.known_values)
+    with coarse_figures():
+        start = write_report(Records(store.folder), evil, tmp_path, store.known_values, for_print=False)
     page = pages_of(start)["obstacle_course.html"]
     assert "<script>alert" not in "".join(pages_of(start).values())
     assert "&lt;script&gt;alert" in page

@@ -19,7 +19,7 @@ from shellbench.report.notation import quoted
 from shellbench.report.paper import write_paper
 from shellbench.report.table import PAGE_LINES, Note, Table, with_letters_of_latex, write_latex
 from tests.patience import GUARD
-from tests.report.conftest import Store
+from tests.report.conftest import Store, coarse_figures
 
 WIDEST_OVERFLOW = 20.0  # pt; what a reader does not see
 ENVIRONMENT = re.compile(r"\\(begin|end)\{(\w+\*?)\}")
@@ -29,7 +29,8 @@ SPECIAL = re.compile(r"(?<!\\)[#&_^~%]")
 @pytest.fixture(scope="module")
 def paper(store: Store, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("paper") / "paper"
-    return write_paper(bench.Store(store.folder), store.rows, out, store.known_values).parent
+    with coarse_figures():
+        return write_paper(bench.Store(store.folder), store.rows, out, store.known_values).parent
 
 
 def tables(folder: Path) -> list[Path]:

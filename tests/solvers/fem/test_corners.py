@@ -106,12 +106,10 @@ def test_a_graded_mesh_restores_the_rate_that_a_corner_takes():
     # the rhombus of 60 degrees under its load: 2 s = 1 on uniform meshes, 2 s g = 4 on graded ones
     case = catalog.named_case("rhombic_plate_60")
     energies = {
-        grading: [
-            FemSolver().solve(case, FemSettings(cells=(n, n), grading=grading)).history[0].energy for n in (6, 12)
-        ]
+        grading: [FemSolver().solve(case, FemSettings(cells=(n, n), grading=grading)).history[0].energy for n in (4, 8)]
         for grading in (1.0, 2.0)
     }
-    finest = FemSolver().solve(case, FemSettings(cells=(24, 24))).history[0].energy
+    finest = FemSolver().solve(case, FemSettings(cells=(16, 16))).history[0].energy
     uniform, graded = (np.log2((coarse - finest) / (fine - finest)) for coarse, fine in energies.values())
     assert uniform == pytest.approx(1.0, abs=0.35)
     assert graded > 3.0

@@ -78,6 +78,7 @@ def test_without_periodic_inputs_the_two_sides_of_the_seam_are_apart():
         assert (float((low - high).abs().max()) < 1e-9) == closed
 
 
+@pytest.mark.long
 def test_a_cosine_alone_twists_a_sleeve_too_stiffly_and_a_slit_one_too_softly():
     """A subspace of the closed fields stores more energy at the same twist; the slit shell's fields contain them."""
     case = named_case("sleeve_torque")
@@ -130,7 +131,7 @@ def strip(**data):
                  supports=[support("wall", "xi1_min"), support("jaw", "xi1_max", motion=pulled)], **data)  # fmt: skip
 
 
-@pytest.mark.parametrize("weight", [0.5, 10.0, 1e3])
+@pytest.mark.parametrize("weight", [10.0, *(pytest.param(weight, marks=pytest.mark.long) for weight in (0.5, 1e3))])
 def test_soft_supports_are_springs_in_series_with_a_strip(weight):
     """N = d / (a/D + 2/k) a metre, with k = weight D / L, and L = 2 m the root of the area: ends give by N / k."""
     case, stretched = strip(), 1e7 * 0.05
@@ -157,6 +158,7 @@ def test_soft_supports_become_hard_ones_at_the_rate_of_their_weight():
     assert slope(weights, [s.diagnostics["support_error"] for s in soft]) == pytest.approx(-1, abs=0.05)
 
 
+@pytest.mark.long
 def test_the_plate_gives_way_at_soft_supports():
     """Springs can only soften: the deflection is larger, ever less so, and their error falls with the weight."""
     case = named_case("square_plate")
@@ -251,8 +253,10 @@ def test_the_turning_that_curvature_does_not_see_tells_kinks_from_bends(activati
     assert low <= unseen_turning(field, RuleSpec((6, 6), 7), NO_FOCUS) <= high + 1e-12
 
 
-@pytest.mark.parametrize("name", ["square_plate", "scordelis_lo", "sleeve_torque"])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize(
+    "name", ["square_plate", pytest.param("scordelis_lo", marks=pytest.mark.long), "sleeve_torque"]
+)
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_rectified_field_is_a_failed_run_that_shows_its_value(name, seed):
     case = named_case(name)
     with pytest.raises(
@@ -273,7 +277,7 @@ def test_rectified_paths_are_refused_before_they_start():
 
 
 @pytest.mark.parametrize(
-    "name", ["square_plate", "scordelis_lo", pytest.param("annular_plate", marks=pytest.mark.long)]
+    "name", ["square_plate", *(pytest.param(n, marks=pytest.mark.long) for n in ("scordelis_lo", "annular_plate"))]
 )
 def test_defaults_show_nothing_of_what_is_refused(name):
     found = solve(named_case(name)).diagnostics

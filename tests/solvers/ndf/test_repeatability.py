@@ -124,7 +124,7 @@ def ndf_answer(case: str) -> Solution:
     ("answer", "case", "repeats"),
     [
         (ritz_answer, "square_plate", REPEATS),
-        (ritz_answer, "scordelis_lo", REPEATS),
+        pytest.param(ritz_answer, "scordelis_lo", REPEATS, marks=pytest.mark.long),
         pytest.param(ritz_answer, "pinched_cylinder_diaphragm", REPEATS, marks=pytest.mark.long),
         pytest.param(ritz_answer, "pinched_cylinder_free", REPEATS, marks=pytest.mark.long),
         # steps of training are accepted or not, and amplify what differs
