@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.engine import thread_limit
 from shellbench.solvers.rope import pulls
 from shellbench.solvers.rope.contact import Normal, Push, collided, rebound
 from shellbench.solvers.rope.placing import Placing, placed, unit
@@ -209,7 +210,7 @@ class Stepper:
 
     def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
         """Return what comes one step later, by plain loops that numba compiles."""
-        from shellbench.solvers.rope.compiled import stepped
+        from shellbench.solvers.rope.compiled import stepped_together
 
         chains, scheme = self.chains, self.scheme
         # chains first, so that all of a chain lies together; what is returned is a view, from which this copy is quick
@@ -221,7 +222,7 @@ class Stepper:
         numbers = (self.step, float(chains.gravity), float(chains.drag), float(room))
         wind = np.zeros(3) if chains.wind is None else np.asarray(chains.wind, dtype=float)
         choices = (scheme.printed, scheme.placing == "rotation", scheme.again)
-        stepped(places, velocities, lengths, masses, before, after, wind, numbers, choices)
+        stepped_together(thread_limit(), places, velocities, lengths, masses, before, after, wind, numbers, choices)
         return Moving(moving.time + self.step, places.swapaxes(0, 1), velocities.swapaxes(0, 1))
 
     def met(
