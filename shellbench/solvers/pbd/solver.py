@@ -191,7 +191,8 @@ def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[R
                 stretch = max(stretch, float((found / lengths).max()) - 1.0)
             if case.obstacles:
                 depth = max(depth, deepest(case.obstacles, nodes[first:], time))
-            watch.stepped()
+            if (number + 1) % settings.substeps == 0:
+                watch.stepped()
         states.append(RopeState(by_chain(nodes), by_chain(velocities), by_chain(pulls) / h**2, stretch, depth))
     return states
 

@@ -148,8 +148,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
             if number == count - 1:
                 moving = Moving(until, moving.places, moving.velocities)
             if case.rope:
-                lengths = stepper.links(moving.places, chains.root(moving.time)[0])[1]
-                stretch = max(stretch, float((lengths / chains.lengths).max()) - 1.0)
+                stretch = max(stretch, chains.stretch(moving.places, chains.root(moving.time)[0]))
             if case.obstacles:
                 depth = max(depth, deepest(case.obstacles, moving.places.reshape(-1, 3), moving.time))
             watch.stepped()
