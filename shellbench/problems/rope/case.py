@@ -119,7 +119,7 @@ class Rope(Model):
         turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
         turns[:, 1, 0], turns[:, 2, 2] = np.sin(angles), 1.0
         turns[:, 0, 1] = -turns[:, 1, 0]
-        return np.einsum("cij,...j->c...i", turns, vectors)
+        return np.asarray(np.einsum("cij,...j->c...i", turns, vectors))
 
 
 class Particles(Model):

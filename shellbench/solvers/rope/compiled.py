@@ -229,11 +229,12 @@ def stepped_together(threads: int, places: Array, *others: Any) -> None:
     chains, m, _ = places.shape
     share = max(1, min(threads, chains * m // ENOUGH))
     blocks = [(chains * i // share, chains * (i + 1) // share) for i in range(share)]
+    take: Callable[..., None] = stepped
     if share == 1:
-        stepped(places, *others, blocks[0])
+        take(places, *others, blocks[0])
         return
     with ThreadPoolExecutor(share) as pool:
-        list(pool.map(lambda block: stepped(places, *others, block), blocks))
+        list(pool.map(lambda block: take(places, *others, block), blocks))
 
 
 @fast
