@@ -126,8 +126,8 @@ def speed_table(counted: Sequence[Pace]) -> Table:
             "block": f"{pace.title}: {pace.chains} x {pace.links}",
             "case": pace.case,
             "solution": pace.name,
-            "steps": pace.steps,
-            "link_steps": pace.steps * pace.all_links,
+            "pace": pace.steps,
+            "link_pace": pace.steps * pace.all_links,
             "error": pace.error,
         }
         for of_case in grouped(counted, lambda pace: pace.case).values()
@@ -139,11 +139,11 @@ def speed_table(counted: Sequence[Pace]) -> Table:
         title="Steps a second",
         caption="Steps in time a second of the wall, of all chains at once, and that times all links; by how"
         " much the headline figure is off.",
-        data=frame(lines, ["block", "case", "solution", "steps", "link_steps", "error"]),
+        data=frame(lines, ["block", "case", "solution", "pace", "link_pace", "error"]),
         columns=(
             column("solution", "Solver", words, right=False),
-            column("steps", "Steps a second", way),
-            column("link_steps", "Links a second", way),
+            column("pace", "Steps a second", way),
+            column("link_pace", "Links a second", way),
             column("error", "Off by", words),
         ),
     )
