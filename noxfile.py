@@ -17,6 +17,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
 ONE_THREAD = ("--threads", "1")  # as many runs at a time as there are cores: none waits where others can't share work
+SPEED = "rope_speed"  # whose runs are made one at a time: none waits for memory that others use
 DRAWN, CALIBRATION_STORE = "reports/calibration/cases", "reports/calibration/runs"
 ENGINES_STORE = "reports/engines"  # of its own: runs with one thread beside runs with two would share no environment
 WITHOUT_AVX512 = {
@@ -113,10 +114,10 @@ def cloth(session: nox.Session) -> None:
 def rope(session: nox.Session) -> None:
     """Let chains and loose masses move, and judge; what steps, sweeps and pushes change stands beside. `-- --quick`.
 
-    MuJoCo's chain is among what stands beside.
+    MuJoCo's chain and steps a second are among what stands beside.
     """
-    beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision")
-    extras = ("mujoco",) if beside else ()
+    beside = () if "--quick" in session.posargs else ("rope_convergence", "rope_collision", SPEED)
+    extras = ("mujoco", "compiled") if beside else ()
     run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"), extras=extras)
 
 
@@ -139,7 +140,8 @@ def run_and_judge(
     # A failed run must not keep the table and the verdict from the user: the gate turns red over it.
     session.run("shellbench", "run", "--suite", suite, *narrowed, *ONE_THREAD, *arguments, success_codes=[0, 1])
     for other in beside:
-        session.run("shellbench", "run", "--suite", other, *ONE_THREAD, *arguments, success_codes=[0, 1])
+        alone = ("--jobs", "1") if other == SPEED else ()
+        session.run("shellbench", "run", "--suite", other, *ONE_THREAD, *alone, *arguments, success_codes=[0, 1])
     shown = [option for name in (suite, *beside) for option in ("--suite", name)]
     session.run("shellbench", "table", *shown)
     session.run("shellbench", "report", *shown, "--no-print", "--out", REPORT)

@@ -190,24 +190,24 @@ def rope_drop_by_time() -> dict[str, Estimate]:
 # Nine links in the wind: a straight line along the force on each mass.
 
 
-def rope_wind() -> dict[str, Estimate]:
+def rope_wind(links: int = 9) -> dict[str, Estimate]:
     """Return the tension at the root and the tip's place, which stay."""
     force = math.hypot(DRAG * WIND, G)
     return {
-        "tension_1": Estimate.exact(9 * force, "N"),
-        "tip_x": Estimate.exact(9 * NINE * DRAG * WIND / force, "m"),
-        "tip_z": Estimate.exact(-9 * NINE * G / force, "m"),
+        "tension_1": Estimate.exact(links * force, "N"),
+        "tip_x": Estimate.exact(links * NINE * DRAG * WIND / force, "m"),
+        "tip_z": Estimate.exact(-links * NINE * G / force, "m"),
     }
 
 
-def rope_wind_by_moments() -> dict[str, Estimate]:
+def rope_wind_by_moments(links: int = 9) -> dict[str, Estimate]:
     """Return the same: the angle at which the moment of all forces about the root vanishes, and multipliers."""
-    arms = NINE * np.arange(1, 10)
+    arms = NINE * np.arange(1, links + 1)
     angle = brentq(lambda a: float(np.sum(arms * (DRAG * WIND * math.cos(a) - G * math.sin(a)))), 0, 1, xtol=1e-15)
     along = np.array([math.sin(angle), 0.0, -math.cos(angle)])
-    pull = np.array([along @ [DRAG * WIND, 0.0, -G]] + [0.0] * 8)
-    tension = float(multipliers(np.tile(along, (9, 1)), np.ones(9), pull)[0])
-    tip = 9 * NINE * along
+    pull = np.array([along @ [DRAG * WIND, 0.0, -G]] + [0.0] * (links - 1))
+    tension = float(multipliers(np.tile(along, (links, 1)), np.ones(links), pull)[0])
+    tip = links * NINE * along
     return {
         "tension_1": Estimate(tension, 1e-12 * tension, "N"),
         "tip_x": Estimate(float(tip[0]), 1e-13, "m"),

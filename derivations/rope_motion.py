@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk, ellipkinc
 
-from derivations.estimate import Estimate
+from derivations.estimate import ROUNDING, Estimate
 from derivations.rope_closed import EXACT, G
 
 COARSE = 1e-11
@@ -132,23 +133,29 @@ def rope_pendulum_by_elliptic_functions() -> dict[str, Estimate]:
     return {name: Estimate(value, 1e-11 * max(1.0, abs(value)), unit) for name, (value, unit) in figures.items()}
 
 
-# Nine links, 0.1 m and 1 kg each, from 30 degrees.
+# Links of 0.1 m and 1 kg each, from 30 degrees.
 
 
-def rope_nine_links() -> dict[str, Estimate]:
-    """Return the tip and the tension at the root after one second, the energy, and no stretch."""
+@cache
+def swung(links: int, at: float) -> dict[str, Estimate]:
+    """Return the tip and the tension at the root after a time, s, and the energy."""
 
     def figures(tolerance: float) -> dict[str, tuple[float, str]]:
-        start = straight((LENGTH,) * LINKS, 30)
-        ((x, v),) = newton(start, np.zeros_like(start), (1.0,), tolerance)
+        start = straight((LENGTH,) * links, 30)
+        ((x, v),) = newton(start, np.zeros_like(start), (at,), tolerance)
         return {
             "tip_x": (float(x[-1, 0]), "m"),
             "tip_z": (float(x[-1, 1]), "m"),
             "tension_1": (float(cartesian(x, v, np.ones(len(x)), FALL)[1][0]), "N"),
         }
 
-    energy = -G * LENGTH * math.cos(math.radians(30)) * LINKS * (LINKS + 1) / 2
-    return {**between(figures), "energy": Estimate.exact(energy, "J"), "stretch": Estimate(0.0, 0.0, "")}
+    energy = -G * LENGTH * math.cos(math.radians(30)) * links * (links + 1) / 2
+    return {**between(figures), "energy": Estimate.exact(energy, "J")}
+
+
+def rope_nine_links() -> dict[str, Estimate]:
+    """Return what nine links do in one second, without any stretch."""
+    return {**swung(LINKS, 1.0), "stretch": Estimate(0.0, 0.0, "")}
 
 
 def hamilton(
@@ -169,24 +176,25 @@ def hamilton(
     return slope
 
 
-def rope_nine_links_by_hamilton() -> dict[str, Estimate]:
+@cache
+def swung_by_hamilton(links: int, at: float) -> dict[str, Estimate]:
     """Return the same by angles and momenta; the tension from the acceleration of all masses, by differences in time."""
-    early = 1e-3  # s between states around one second
+    early = 1e-3  # s between states around the time
 
     def figures(tolerance: float) -> dict[str, tuple[float, str]]:
-        start = np.concatenate([np.full(LINKS, math.radians(30)), np.zeros(LINKS)])
-        marks = tuple(1.0 + early * np.arange(-3, 4))
-        slope = hamilton(np.full(LINKS, LENGTH), np.ones(LINKS), lambda _: FALL)
+        start = np.concatenate([np.full(links, math.radians(30)), np.zeros(links)])
+        marks = tuple(at + early * np.arange(-3, 4))
+        slope = hamilton(np.full(links, LENGTH), np.ones(links), lambda _: FALL)
         rows = after(slope, start, marks, tolerance)
-        rates = np.array([slope(0.0, row)[:LINKS] for row in rows])
-        angles, shares = rows[:, :LINKS], LENGTH * np.arange(LINKS, 0, -1)
+        rates = np.array([slope(0.0, row)[:links] for row in rows])
+        angles, shares = rows[:, :links], LENGTH * np.arange(links, 0, -1)
         momentum = np.stack(
             [(rates * np.cos(angles)) @ shares, (rates * np.sin(angles)) @ shares], axis=1
         )  # of all masses
         change = np.array([-1, 9, -45, 0, 45, -9, 1]) / (60 * early) @ momentum
-        pull = np.linalg.norm(change - [0.0, -G * LINKS])  # what the root adds to the weight
-        now, kinetic = angles[3], 0.5 * rows[3, LINKS:] @ rates[3]
-        depth = -G * LENGTH * np.arange(LINKS, 0, -1) @ np.cos(now)
+        pull = np.linalg.norm(change - [0.0, -G * links])  # what the root adds to the weight
+        now, kinetic = angles[3], 0.5 * rows[3, links:] @ rates[3]
+        depth = -G * LENGTH * np.arange(links, 0, -1) @ np.cos(now)
         return {
             "tip_x": (LENGTH * float(np.sin(now).sum()), "m"),
             "tip_z": (-LENGTH * float(np.cos(now).sum()), "m"),
@@ -199,7 +207,52 @@ def rope_nine_links_by_hamilton() -> dict[str, Estimate]:
     found["tension_1"] = Estimate(tension.value, tension.uncertainty + 1e-7, "N")  # sixth differences, and rounding
     energy = found["energy"]
     found["energy"] = Estimate(energy.value, energy.uncertainty + 1e-11, "J")
-    return {**found, "stretch": Estimate(0.0, 1e-15, "")}
+    return found
+
+
+def rope_nine_links_by_hamilton() -> dict[str, Estimate]:
+    """Return the same by angles and momenta."""
+    return {**swung_by_hamilton(LINKS, 1.0), "stretch": Estimate(0.0, 1e-15, "")}
+
+
+# Many of them around the vertical, their roots on a circle: each swings in the plane through the axis.
+
+SKIRT, CROWD = (26, 0.2), 2.0  # chains and the circle's radius, m; that of crowds
+ASKED = 7  # number of the skirt's chain that is asked; of crowds it is an eighth of the circle
+
+
+def around(swing: dict[str, Estimate], chains: int, radius: float, part: float) -> dict[str, Estimate]:
+    """Return where the tip of a chain is, a part of the circle from the first, its tension, and the energy of all."""
+    out, up, energy = radius + swing["tip_x"].value, swing["tip_z"], swing["energy"]
+    near = complex(math.cos(2 * math.pi * part), math.sin(2 * math.pi * part)) * out
+    unsure = swing["tip_x"].uncertainty + ROUNDING * out
+    return {
+        "tip_x": Estimate(near.real, unsure, "m"),
+        "tip_y": Estimate(near.imag, unsure, "m"),
+        "tip_z": up,
+        "tension": swing["tension_1"],
+        "energy": Estimate(chains * energy.value, chains * energy.uncertainty, "J"),
+    }
+
+
+def rope_skirt() -> dict[str, Estimate]:
+    """Return what 26 chains of nine links do in one second."""
+    return around(swung(LINKS, 1.0), *SKIRT, ASKED / SKIRT[0])
+
+
+def rope_skirt_by_hamilton() -> dict[str, Estimate]:
+    """Return the same by angles and momenta."""
+    return around(swung_by_hamilton(LINKS, 1.0), *SKIRT, ASKED / SKIRT[0])
+
+
+def rope_crowd(chains: int) -> dict[str, Estimate]:
+    """Return what many chains of 13 links do in a quarter of a second."""
+    return around(swung(13, 0.25), chains, CROWD, 1 / 8)
+
+
+def rope_crowd_by_hamilton(chains: int) -> dict[str, Estimate]:
+    """Return the same by angles and momenta."""
+    return around(swung_by_hamilton(13, 0.25), chains, CROWD, 1 / 8)
 
 
 # Four links of unequal lengths and masses, from 20 degrees, whose root is shaken.

@@ -1,5 +1,7 @@
 """Which function judges which case of ropes, and its second form."""
 
+from functools import partial
+
 from . import rope_closed as closed
 from . import rope_motion as motion
 
@@ -14,6 +16,10 @@ JUDGES = {
     "rope_drop": closed.rope_drop,
     "rope_catch": motion.rope_catch,
     "rope_wind": closed.rope_wind,
+    "rope_long": partial(closed.rope_wind, 100),
+    "rope_skirt": motion.rope_skirt,
+    "rope_crowd_400": partial(motion.rope_crowd, 400),
+    "rope_crowd_10000": partial(motion.rope_crowd, 10_000),
     "rope_ball": closed.rope_ball,
     "rope_plate": closed.rope_plate,
     "rope_incline_slides": closed.rope_incline_slides,
@@ -30,6 +36,10 @@ SECOND_FORMS = {
     "rope_drop": closed.rope_drop_by_time,
     "rope_catch": motion.rope_catch_by_elliptic_functions,
     "rope_wind": closed.rope_wind_by_moments,
+    "rope_long": partial(closed.rope_wind_by_moments, 100),
+    "rope_skirt": motion.rope_skirt_by_hamilton,
+    "rope_crowd_400": partial(motion.rope_crowd_by_hamilton, 400),
+    "rope_crowd_10000": partial(motion.rope_crowd_by_hamilton, 10_000),
     "rope_ball": closed.rope_ball_from_the_ball,
     "rope_plate": closed.rope_plate_by_time,
     "rope_incline_slides": closed.rope_incline_slides_by_energy,

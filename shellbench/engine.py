@@ -7,6 +7,7 @@ refuses any other value; records that an engine of another version has made do n
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 
@@ -21,6 +22,12 @@ def engine_version(distribution: str) -> str | None:
         return f"{distribution} {version(distribution)}"
     except PackageNotFoundError:
         return None
+
+
+def thread_limit() -> int:
+    """Return how many threads a solve may use, as OMP_NUM_THREADS says now; one if it does not."""
+    told = os.environ.get("OMP_NUM_THREADS", "").split(",")[0]
+    return int(told) if told.isdigit() and int(told) > 0 else 1
 
 
 def need(extra: str, distributions: Iterable[str]) -> None:

@@ -297,6 +297,11 @@ class Portrait:
         return None
 
     @property
+    def chains(self) -> tuple[int, int] | None:
+        """Number of chains that move step by step, and of links of each; else None."""
+        return None
+
+    @property
     def along(self) -> tuple[Along, ...]:
         """What is measured all along the way and is no energy: where it is, and what holds it."""
         return ()

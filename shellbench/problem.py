@@ -461,6 +461,8 @@ class Kind:
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
+    headline
+        What its headline quantities are, for the heading of their table.
     exam, quick
         Suites by which a solver is graded, in minutes, and at a first look.
     """
@@ -472,6 +474,7 @@ class Kind:
     portrait: Callable[[Any], Portrait] = Portrait
     variants: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
+    headline: str = "Headline figures"
     exam: tuple[str, ...] = ()
     quick: tuple[str, ...] = ()
 

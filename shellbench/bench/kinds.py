@@ -52,6 +52,14 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in kind_targets() if asked & set(find_kind(name).theories)) or (DEFAULT,)
 
 
+def headline_of(name: str) -> str:
+    """Return what the headline quantities of a kind are; in general words if it is not known here."""
+    try:
+        return find_kind(name or DEFAULT).headline
+    except InputError:
+        return Kind.headline
+
+
 def kind_name(data: Mapping[str, Any]) -> str:
     """Return the name of the kind of a problem's data."""
     return str(data.get("kind", DEFAULT))

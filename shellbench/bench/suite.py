@@ -14,7 +14,7 @@ from shellbench.errors import InputError
 from shellbench.model import Model, Name, one_sentence, read_toml
 from shellbench.problem import VARIANT, CaseName
 
-Study = Literal["resolution", "sampling", "training", "thinness", "engines"]
+Study = Literal["resolution", "sampling", "training", "thinness", "speed", "engines"]
 """What a suite that is no comparison of solvers studies; see `shellbench.report.evidence`."""
 
 Seed = Annotated[int, Field(ge=0, le=2**31 - 1, strict=True)]

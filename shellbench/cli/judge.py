@@ -32,7 +32,7 @@ def table(
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
 ) -> None:
-    """Print the displacements, the known values beside them, the errors and what each answer cost.
+    """Print the headline figures, the known values beside them, the errors and what each answer cost.
 
     Shown is what was run, each run once; with --suite, all of its runs that there are.
 

@@ -25,6 +25,7 @@ from shellbench.report.table import Note, Table
 T = TypeVar("T")
 
 Place = Literal["own page", "one suite", "its suites"]
+AND = "; "  # between headings that share a section
 
 
 class Formula(str):
@@ -76,12 +77,18 @@ class Section:
         """Whether there is anything to see: words alone tell nothing."""
         return bool(self.all_tables or self.all_exhibits)
 
+    def retitled(self) -> Section:
+        """Return the section called as its tables say, if they do: a kind of problem after the other."""
+        headings = dict.fromkeys(part for table in self.tables if table.heading for part in table.heading.split(AND))
+        return replace(self, title=AND.join(headings)) if headings else self
+
     def with_each(self, table: Callable[[Table], Table | None], exhibit: Callable[[Exhibit], bool]) -> Section:
         """Return the section with each table changed or left out, and the figures that are wanted."""
         tables = tuple(one for each in self.tables if (one := table(each)) is not None)
         parts = tuple(part.with_each(table, exhibit) for part in self.parts)
         kept = tuple(part for part, before in zip(parts, self.parts, strict=True) if part.shows or not before.shows)
-        return replace(self, tables=tables, exhibits=tuple(filter(exhibit, self.exhibits)), parts=kept)
+        exhibits = tuple(filter(exhibit, self.exhibits))
+        return replace(self, tables=tables, exhibits=exhibits, parts=kept).retitled()
 
 
 @dataclass(frozen=True)

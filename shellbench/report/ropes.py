@@ -1,4 +1,4 @@
-"""Ropes: errors against steps, sweeps and seconds, solvers side by side, and chains that move.
+"""Ropes: errors against steps, sweeps and seconds, steps a second, solvers side by side, and chains that move.
 
 Of a setting that is a number, and of which runs of one solver have several values with all other settings alike, the
 errors are a curve. Nothing here is about one kind of problem but what its portrait says: that answers are refined by
@@ -28,8 +28,9 @@ from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.fields import PICTURE, Fields, pictured, read_ribbon
 from shellbench.report.notation import plain
 from shellbench.report.rates import Rate, fitted_rate
-from shellbench.report.runs import leading_rows
+from shellbench.report.runs import compared, leading_rows
 from shellbench.report.solutions import grouped
+from shellbench.report.speed import paces, speed_exhibit, speed_table
 from shellbench.report.table import Table
 
 SWEEPS = "sweeps_"  # how names of figures begin
@@ -67,8 +68,10 @@ def section(found: Evidence) -> Section | None:
     rows = [row for row in found.rows if steps_in_time(found, row)]
     if not rows:
         return None
-    figures = (*sweep_exhibits(found, rows), *motion_exhibits(found))
-    tables = given(side_by_side(rows))
+    counted = paces(found)
+    speed = (speed_exhibit(found, counted),) if counted else ()
+    figures = (*sweep_exhibits(found, compared(rows)), *speed, *motion_exhibits(found))
+    tables = given(side_by_side(rows), *([speed_table(counted)] if counted else []))
     return Section("ropes", "Ropes", (), tables, figures, place="its suites")
 
 

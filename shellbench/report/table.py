@@ -84,6 +84,8 @@ class Table:
         By their names in the vocabulary of `shellbench.report.columns`, or whole where they depart from it.
     suite
         That it is about, if it is about one; else its cases say so.
+    heading
+        What its section is called, where that depends on what it is about.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Table:
     notes: tuple[Note, ...] = ()
     sources: tuple[str, ...] = ()
     suite: str = ""
+    heading: str = ""
 
     @property
     def cited(self) -> tuple[str, ...]:

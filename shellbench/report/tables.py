@@ -11,11 +11,12 @@ from typing import Any, Literal
 
 from shellbench.bench import catalog
 from shellbench.bench.compare import as_json
+from shellbench.bench.kinds import headline_of
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.report.columns import Column, Line, column, in_its_unit, present, significant, solution, words
 from shellbench.report.engines_table import STUDY, checked_cases, cross_check_table, is_cross_check
-from shellbench.report.evidence import Evidence, Section
+from shellbench.report.evidence import AND, Evidence, Section
 from shellbench.report.notation import LATEX_NOTATION, TEXT, Notation, allowance, quoted, rounded
 from shellbench.report.runs import (
     compared,
@@ -31,6 +32,7 @@ from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_w
 from shellbench.report.table import Format, Note, Table
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
+HEADLINES = "Headline figures"  # where there are none
 
 
 def render(
@@ -90,13 +92,17 @@ def displacement_tables(
     """
     headline = [row for row in rows if row.primary]
     shown = {suite: rows_of(headline, suite) for suite in suites_of(headline)} if whole else rows_at_home(headline)
-    return [comparison_table(DISPLACEMENTS, suite, "", of_suite, known) for suite, of_suite in shown.items()]
+    tables = []
+    for suite, of_suite in shown.items():
+        heading = AND.join(dict.fromkeys(headline_of(row.kind) for row in of_suite))
+        tables.append(replace(comparison_table(DISPLACEMENTS, suite, "", of_suite, known), heading=heading))
+    return tables
 
 
 def displacements(found: Evidence) -> Section:
     """Return the section of headline quantities."""
     tables = displacement_tables(found.compared, found.known, whole=found.whole)
-    return Section("displacements", "Displacements", tables=tuple(tables), place="its suites")
+    return Section("displacements", HEADLINES, tables=tuple(tables), place="its suites").retitled()
 
 
 def quantities(found: Evidence) -> Section:

@@ -15,6 +15,7 @@ from shellbench.bench.catalog import named_case
 from shellbench.problem import Problem
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
+from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solving import start_of
 from shellbench.testing.examination import Examination, Findings, Verdict, admissible, apart, not_applicable
 from shellbench.testing.subject import Answer
@@ -52,7 +53,7 @@ def links(exam: Examination, case: Problem) -> Verdict:
     assert isinstance(case, RopeCase)
     found, answer = Findings(), exam.solve(case)
     found.faults += answer.facts["faults"]
-    count = len(case.masses) + (2 if case.chain else case.first)
+    count = len(case.masses) + (2 if case.chain else case.chains)
     for at, state in states(answer).items():
         when = f"at t = {at:g}"
         lacking = [name for name in FIELDS if name not in state]
@@ -142,14 +143,11 @@ def energy(exam: Examination, case: Problem) -> Verdict:
         return not_applicable("something works on its masses, or there is no rope")
     whole = case.gravity * float(case.masses.sum()) * sum(case.rope.link_lengths)
 
-    def of(nodes: Array, velocities: Array) -> float:
-        moves = 0.5 * float(case.masses @ np.sum(velocities[1:] ** 2, axis=1))
-        return moves + case.gravity * float(case.masses @ nodes[1:, 2])
-
-    before = of(*start_of(case))
-    scale = max(whole, before - of(start_of(case)[0], np.zeros((len(case.masses) + 1, 3))))
+    moves, before = energies(case, *start_of(case))
+    scale = max(whole, moves)
+    before += moves
     followed = states(exam.solve(at_quarters(case)))
-    gained = max(of(state["nodes"], state["velocities"]) - before for state in followed.values())
+    gained = max(sum(energies(case, state["nodes"], state["velocities"])) - before for state in followed.values())
     found = Findings()
     found.hold(
         gained <= GAINED * scale,

@@ -1,13 +1,18 @@
 """Section "Ropes": curves of what a suite sweeps, laws of what falls, ribbons of frames, and its page."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import portrait_of_named
+from shellbench.bench.kinds import headline_of, portrait_of_named
 from shellbench.bench.row import Row
+from shellbench.report.evidence import Evidence, Section
 from shellbench.report.fields import BREADTH, read_ribbon
 from shellbench.report.ropes import curves, law, side_by_side
+from shellbench.report.speed import paces, speed_figure, speed_table
 
 KNOWN = -0.5
 
@@ -64,6 +69,55 @@ def test_a_ribbon_is_the_chain_frame_by_frame(tmp_path):
     assert middle == pytest.approx(frames)
     length = np.linalg.norm(np.diff(frames[0], axis=0), axis=1).sum()
     assert np.ptp(ribbon.position, axis=1) == pytest.approx(np.tile([0, 2 * BREADTH * length, 0], (10, 1)))
+
+
+class Ran:
+    """A record, as far as a pace is told by it: the last of three levels takes 0.63 s for 100 steps."""
+
+    def __init__(self, case, run_id, threads=1):
+        self.case, self.run_id = {"name": case, **catalog.named_case(case).data()}, run_id
+        self.environment = SimpleNamespace(threads=threads)
+        levels = [(25, 9.0), (50, 9.2), (100, 9.83)]
+        self.history = [SimpleNamespace(iterations=steps, seconds=seconds) for steps, seconds in levels]
+
+
+def fast(case, solver, label, suite="rope_speed"):
+    made = row(solver, KNOWN + 0.01, label, rate=1)
+    told = {"case": case, "suites": (suite,), "declared": True, "absolute_error": 0.01, "run_id": f"{case} {label}"}
+    return made.model_copy(update=told)
+
+
+def test_a_pace_is_of_the_last_level_and_of_all_links():
+    rows = [fast("rope_skirt", "one", "plain"), fast("rope_crowd_400", "one", "plain")]
+    rows += [fast("rope_nine_links", "two", "strict", "rope_convergence"), fast("rope_ball", "two", "loose")]
+    records = {r.run_id: Ran(r.case, r.run_id, 2) for r in rows}
+    counted = paces(Evidence(records, rows, None))
+    assert [(pace.all_links, pace.name) for pace in counted] == [
+        (234, "one, plain, 2 threads"),
+        (5200, "one, plain, 2 threads"),
+    ]
+    assert [pace.steps for pace in counted] == pytest.approx([100 / 0.63] * 2)
+    text = speed_table(counted).write("markdown")
+    assert "26 x 9" in text
+    assert "1.0e-02 m" in text
+    axes = speed_figure(Evidence(records, rows, None), counted).axes[0]
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert axes.lines[0].get_xdata() == pytest.approx([234, 5200])
+
+
+def test_a_section_is_called_as_what_it_is_about():
+    def headed(*headings):
+        tables = [replace(side_by_side([row("one", -0.5), row("two", -0.5)]), heading=heading) for heading in headings]
+        return Section("displacements", "Figures", tables=tuple(tables)).retitled()
+
+    both = headed("Displacements", "Places and tensions; Displacements")
+    assert both.title == "Displacements; Places and tensions"
+    one = both.with_each(lambda table: table if table.heading == "Displacements" else None, lambda _: True)
+    assert one.title == "Displacements"
+    assert headed("").title == "Figures"
+    assert headline_of("rope") == "Places and tensions"
+    assert headline_of("shell") == headline_of("") == "Displacements"
+    assert headline_of("unheard") == "Headline figures"
 
 
 def test_loose_masses_and_chains_at_rest_have_no_frames():

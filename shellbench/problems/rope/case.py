@@ -2,8 +2,10 @@
 
 A file has one of three tables. `[chain]` hangs between two ends: node 0 is at (0, 0) and node n at (span, -drop) of the
 plane (x, z), z upward. `[rope]` moves from its root, node 0, whose place is a formula of the time; a link carries a
-pull where it is as long as it can be, and nothing where it is slack. `[particles]` are loose masses, which obstacles
-can meet. Impacts, of a link that becomes taut and of a mass on an obstacle, lose the normal velocity.
+pull where it is as long as it can be, and nothing where it is slack. With a `count` there are several such chains,
+each turned about the z axis; their nodes are numbered chain after chain, each from its root on, and so are their
+links. `[particles]` are loose masses, which obstacles can meet. Impacts, of a link that becomes taut and of a mass on
+an obstacle, lose the normal velocity.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from shellbench.problems.rope.quantities import STILL, RopeQuantity
 
 Array = NDArray[np.float64]
 LONGEST = 1000  # links
+MOST = 100_000  # chains, or loose masses
 SAMPLES = 1000  # times at which a root's motion is looked at
 SLOPPY = 1e-9  # relative: by how much rounding may stretch a link at the start
 
@@ -53,7 +56,7 @@ class Wind(Model):
 
 
 class Rope(Model):
-    """A chain of masses that moves from its root, in SI units."""
+    """A chain of masses that moves from its root, in SI units; or several, each turned about the z axis."""
 
     link_lengths: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)] = Field(
         description="longest length of each link from the root on, m; as many links as entries"
@@ -69,6 +72,13 @@ class Rope(Model):
     start: tuple[Vector, ...] = Field((), description="start: places of the nodes from 1 on, m")
     velocities: tuple[Vector, ...] = Field(
         (), description="start: velocities of the nodes from 1 on, m/s; left out: at rest"
+    )
+    count: int = Field(
+        1,
+        ge=1,
+        le=MOST,
+        strict=True,
+        description="how many such chains: each is turned about the z axis, by an equal part of the circle",
     )
 
     @model_validator(mode="after")
@@ -100,6 +110,17 @@ class Rope(Model):
         along = np.array([np.sin(np.radians(self.angle)), 0.0, -np.cos(np.radians(self.angle))])
         return np.asarray(moved(self.root, 0.0)[0] + np.cumsum(self.link_lengths)[:, None] * along)
 
+    def around(self, vectors: Array) -> Array:
+        """Return vectors (..., 3) of the first chain as those of each chain, (count, ..., 3)."""
+        if self.count == 1:
+            return vectors[None]
+        angles = 2 * np.pi / self.count * np.arange(self.count)
+        turns = np.zeros((self.count, 3, 3))
+        turns[:, 0, 0] = turns[:, 1, 1] = np.cos(angles)
+        turns[:, 1, 0], turns[:, 2, 2] = np.sin(angles), 1.0
+        turns[:, 0, 1] = -turns[:, 1, 0]
+        return np.asarray(np.einsum("cij,...j->c...i", turns, vectors))
+
 
 class Particles(Model):
     """Loose masses, in SI units; `count` of them can be set between two places."""
@@ -109,7 +130,7 @@ class Particles(Model):
     start: Annotated[tuple[Vector, ...], Field(min_length=1)] = Field(
         description="places, m; two ends if there is a count"
     )
-    count: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
+    count: Annotated[int, Field(ge=2, le=MOST, strict=True)] | None = Field(
         None, description="how many stand evenly from the first place of `start` to before the second"
     )
     velocity: Vector = Field((0.0, 0.0, 0.0), description="of all at the start, m/s")
@@ -137,7 +158,7 @@ class RopeCase(Problem):
     chain
         A chain that hangs between two ends.
     rope
-        A chain that moves from its root.
+        A chain that moves from its root, or several.
     particles
         Loose masses.
     wind
@@ -163,15 +184,22 @@ class RopeCase(Problem):
         return self.rope or self.particles
 
     @property
-    def first(self) -> int:
-        """Number of the first node that moves freely."""
-        return 0 if self.particles else 1
+    def chains(self) -> int:
+        """Number of chains; none of loose masses."""
+        return 0 if self.particles else self.rope.count if self.rope else 1
+
+    def free(self, vectors: Array) -> Array:
+        """Return what belongs to nodes that move freely, (n, ...), of what belongs to all nodes of a motion."""
+        if not self.chains:
+            return vectors
+        by_chain = vectors.reshape(self.chains, -1, *vectors.shape[1:])
+        return by_chain[:, 1:].reshape(-1, *vectors.shape[1:])
 
     @cached_property
     def masses(self) -> Array:
         """Masses of what moves freely, (n,), kg."""
         if self.rope:
-            return np.array(self.rope.masses)
+            return np.tile(self.rope.masses, self.rope.count)
         if self.particles:
             return np.full(len(self.particles.places), self.particles.mass)
         assert self.chain is not None
@@ -186,13 +214,16 @@ class RopeCase(Problem):
 
     @property
     def links(self) -> int:
-        """Number of links."""
-        return self.chain.links if self.chain else len(self.rope.masses) if self.rope else 0
+        """Number of links, of all chains."""
+        return self.chain.links if self.chain else len(self.masses) if self.rope else 0
 
     def physics(self) -> dict[str, Any]:
-        """Return all that an answer depends on; tables that the file does not have are left out."""
+        """Return all that an answer depends on, without tables that the file does not have and a count of one."""
         tables = ("chain", "rope", "particles", "wind", "obstacles")
-        return {key: value for key, value in super().physics().items() if value or key not in tables}
+        data = {key: value for key, value in super().physics().items() if value or key not in tables}
+        if self.rope and self.rope.count == 1:
+            del data["rope"]["count"]
+        return data
 
     @model_validator(mode="after")
     def _parts_are_there(self) -> Self:
@@ -200,7 +231,7 @@ class RopeCase(Problem):
             raise ValueError("exactly one of the tables 'chain', 'rope' and 'particles' must be there")
         if self.chain and (self.wind or self.obstacles):
             raise ValueError("a chain between two ends has no wind and no obstacles; 'rope' has")
-        last = self.links if self.links else len(self.masses) - 1
+        nodes = len(self.masses) + (2 if self.chain else self.chains)
         for quantity in self.quantities:
             if self.chain and not isinstance(quantity, STILL):
                 raise ValueError(f"quantity '{quantity.name}' is of a motion, but this chain is at rest")
@@ -208,7 +239,9 @@ class RopeCase(Problem):
                 raise ValueError(f"quantity '{quantity.name}' is asked at {quantity.at:g} s, before the start")
             if hasattr(quantity, "link") and not self.links:
                 raise ValueError(f"quantity '{quantity.name}' is of a link, but loose masses have none")
-            number = getattr(quantity, "node", getattr(quantity, "link", 0))
+            number, last = getattr(quantity, "node", 0), nodes - 1
+            if hasattr(quantity, "link"):
+                number, last = quantity.link, self.links
             if number > last:
                 raise ValueError(f"quantity '{quantity.name}' is of number {number}, but {last} is the last")
         self._check_obstacles()
@@ -218,7 +251,8 @@ class RopeCase(Problem):
         """Refuse a root that jumps, and what starts or is led inside an obstacle."""
         if self.moving is None:
             return
-        if deep := deepest(self.obstacles, self.moving.places, 0.0):
+        places = self.rope.around(self.rope.places) if self.rope else self.moving.places
+        if deep := deepest(self.obstacles, places, 0.0):
             raise ValueError(f"a mass is {deep:g} m deep in an obstacle at the start")
         if self.rope is None or (not any(isinstance(f, str) for f in self.rope.root) and not self.obstacles):
             return
@@ -228,5 +262,5 @@ class RopeCase(Problem):
         if steps.max() > sum(self.rope.link_lengths):
             raise ValueError(f"the root jumps by {steps.max():g} m near t = {times[steps.argmax()]:g}")
         for time, place in zip(times, places, strict=True):
-            if deepest(self.obstacles, place[None], float(time)):
+            if deepest(self.obstacles, self.rope.around(place), float(time)):
                 raise ValueError(f"an obstacle is around the root at t = {time:g}")

@@ -18,4 +18,11 @@ def keep(solution: Any, case: RopeCase) -> dict[str, NDArray[np.float64]] | None
     return arrays if all(np.all(np.isfinite(array)) for array in arrays.values()) else None
 
 
-ROPE = Kind(problem=RopeCase, keep=keep, portrait=RopePortrait, exam=("rope",), quick=("rope",))
+ROPE = Kind(
+    problem=RopeCase,
+    keep=keep,
+    portrait=RopePortrait,
+    headline="Places and tensions",
+    exam=("rope",),
+    quick=("rope",),
+)

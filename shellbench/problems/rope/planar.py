@@ -22,6 +22,8 @@ def why_not_planar(case: Any) -> str | None:
         return "it solves ropes in motion only"
     if case.obstacles:
         return "it knows no obstacles"
+    if case.rope.count > 1:
+        return "it solves one chain only"
     places, velocities = start_of(case)
     wind = case.wind.velocity[1] if case.wind else 0.0
     if case.rope.root[1] != 0 or wind != 0 or places[:, 1].any() or velocities[:, 1].any():

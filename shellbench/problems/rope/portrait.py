@@ -22,13 +22,19 @@ class RopePortrait(Portrait):
 
     @property
     def frames(self) -> tuple[str, str] | None:
-        """Names of the arrays of times and nodes of a chain that moves."""
-        return (PICTURES[0], PICTURES[1]) if self.problem.rope else None
+        """Names of the arrays of times and nodes of a chain that moves alone."""
+        return (PICTURES[0], PICTURES[1]) if self.problem.chains == 1 and self.problem.rope else None
+
+    @property
+    def chains(self) -> tuple[int, int] | None:
+        """Number of chains that move, and of links of each."""
+        rope = self.problem.rope
+        return (rope.count, len(rope.masses)) if rope else None
 
     @property
     def scene(self) -> Scene | None:
         """How a chain that moves is drawn: as it is, held at its root."""
-        if self.problem.rope is None:
+        if self.frames is None:
             return None
         length = float(sum(self.problem.rope.link_lengths))
         return Scene((length, 0.0), 1.0, True, None, VIEW, "z", ((0, "min"),), (), ())

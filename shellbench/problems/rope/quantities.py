@@ -98,7 +98,7 @@ class Momentum(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the momentum, kg m/s."""
-        velocities = solution.state(self.at).velocities[solution.case.first :]
+        velocities = solution.case.free(solution.state(self.at).velocities)
         return float(solution.case.masses @ velocities[:, AXES.index(self.axis)])
 
 
@@ -111,11 +111,14 @@ class Energy(Quantity):
     def measure(self, solution: Any) -> float:
         """Return the energy, J."""
         state, case = solution.state(self.at), solution.case
-        velocities, nodes = state.velocities[case.first :], state.nodes[case.first :]
-        kinetic = 0.5 * float(case.masses @ np.sum(velocities**2, axis=1))
-        potential = case.gravity * float(case.masses @ nodes[:, 2])
-        energies = {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}
-        return float(energies[self.kind])
+        kinetic, potential = energies(case, state.nodes, state.velocities)
+        return {"kinetic_energy": kinetic, "potential_energy": potential, "energy": kinetic + potential}[self.kind]
+
+
+def energies(case: Any, nodes: Any, velocities: Any) -> tuple[float, float]:
+    """Return the energies of motion, and of height over z = 0, J, of places and velocities of all nodes (n, 3)."""
+    kinetic = 0.5 * float(case.masses @ np.sum(case.free(velocities) ** 2, axis=1))
+    return kinetic, case.gravity * float(case.masses @ case.free(nodes)[:, 2])
 
 
 class Share(Quantity):
@@ -128,7 +131,7 @@ class Share(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the share, from 0 to 1."""
-        nodes = solution.state(self.at).nodes[solution.case.first :]
+        nodes = solution.case.free(solution.state(self.at).nodes)
         return float(np.mean(nodes[:, AXES.index(self.axis)] > self.beyond))
 
 

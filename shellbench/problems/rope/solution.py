@@ -24,9 +24,9 @@ class RopeState:
     Attributes
     ----------
     nodes, velocities
-        (n, 3), m and m/s; of a chain the root comes first.
+        (n, 3), m and m/s; chain after chain, the root first.
     tensions
-        Of the links, (n - 1,), N; none of loose masses.
+        Of the links, chain after chain, N; none of loose masses.
     stretch, penetration
         The largest at the end of any step so far: relative, and m.
     """

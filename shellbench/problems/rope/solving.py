@@ -20,6 +20,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
+from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 
 Array = NDArray[np.float64]
@@ -92,7 +93,7 @@ class Watch:
     def __init__(self, case: RopeCase, words: str, progress: ProgressCallback) -> None:
         self.words, self.progress, self.count = words, progress, 0
         self.every = max(FRAME, case.states[-1] / FRAMES)
-        self.thin = -(-(len(case.masses) + case.first) // DRAWN)
+        self.thin = -(-(len(case.masses) + case.chains) // DRAWN)
         self.frames: list[Array] = []
         self.before: tuple[float, Array] | None = None
 
@@ -160,7 +161,8 @@ def refined(
             partial = RopeMotion(case, tuple(failure.partial), tuple(history))
             raise SolveFailure(str(failure), partial) from None
         found.append({quantity.name: quantity.measure(motion) for quantity in case.quantities})
-        energy, seconds = energy_of(case, motion.kept[-1]), time.perf_counter() - began
+        last, seconds = motion.kept[-1], time.perf_counter() - began
+        energy = sum(energies(case, last.nodes, last.velocities))
         history.append(
             Step(number, seconds, energy, motion.parameters, quantities=found[-1], iterations=watch.count or None)
         )
@@ -174,12 +176,6 @@ def refined(
         frame_times=watch.times,
         frames=np.array(watch.frames),
     )
-
-
-def energy_of(case: RopeCase, state: RopeState) -> float:
-    """Return the energy of motion and height of all masses, J."""
-    moves = 0.5 * float(case.masses @ np.sum(state.velocities[case.first :] ** 2, axis=1))
-    return moves + case.gravity * float(case.masses @ state.nodes[case.first :, 2])
 
 
 def settled(values: Sequence[float]) -> float:
@@ -207,7 +203,7 @@ def spans(case: RopeCase, rate: float) -> Iterator[tuple[float, int, float]]:
 
 
 def start_of(case: RopeCase) -> tuple[Array, Array]:
-    """Return places and velocities, m and m/s, of all nodes at the start; of a rope the root comes first."""
+    """Return places and velocities, m and m/s, of all nodes at the start; of each chain the root comes first."""
     if case.particles:
         places = case.particles.places
         return places, np.zeros_like(places) + case.particles.velocity
@@ -215,4 +211,16 @@ def start_of(case: RopeCase) -> tuple[Array, Array]:
     root, velocity, _ = moved(case.rope.root, 0.0)
     places = np.vstack([root, case.rope.places])
     given = np.array(case.rope.velocities) if case.rope.velocities else np.zeros((len(places) - 1, 3))
-    return places, np.vstack([velocity, given])
+    velocities = np.vstack([velocity, given])
+    around = case.rope.around
+    return around(places).reshape(-1, 3), around(velocities).reshape(-1, 3)
+
+
+def roots_of(case: RopeCase) -> Callable[[float], tuple[Array, Array, Array]]:
+    """Return what gives position, velocity and acceleration of the roots, (chains, 3) each, at a time, s."""
+    assert case.rope is not None
+    path, around = case.rope.root, case.rope.around
+    if any(isinstance(formula, str) for formula in path):
+        return lambda time: tuple(map(around, moved(path, time)))  # type: ignore[return-value]
+    place, velocity, acceleration = map(around, moved(path, 0.0))
+    return lambda _: (place, velocity, acceleration)

@@ -97,6 +97,7 @@ SHELL = Kind(
     accounts={"energies": energies, "series": series, "resolution": resolution},
     studies={"frame_rates": frame_rates, "precision": precision},
     portrait=ShellPortrait,
+    headline="Displacements",
     variants=VARIANTS,
     sample=sample,
     exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),

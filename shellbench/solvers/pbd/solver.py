@@ -1,7 +1,7 @@
 """The solvers `rope-pbd` and `rope-xpbd`: chains whose links are constraints on positions, as in games.
 
     Müller et al. (2007), "Position based dynamics";  Macklin, Müller, Chentanez (2016), "XPBD";
-    Macklin et al. (2019), "Small steps in physics simulation"
+    Macklin et al. (2014), "Unified particle physics", friction;  (2019), "Small steps in physics simulation"
 
 A step of length h moves each mass freely, and then puts right what is wrong with the links, one after another:
 
@@ -14,7 +14,12 @@ The compliant form keeps the sum P of a link's pulls of the step. With the compl
 
 P / h^2 is the tension. Links with odd numbers are put right at once, and
 then the others: Gauss and Seidel's method in another order, which converges as fast along a chain.
-No equation of the scheme in `solvers.rope` occurs here.
+
+After the links come the obstacles: a mass that is d deep goes d along the gradient, and loses of its way of the step
+along the surface, seen from the obstacle, as much as friction allows: mu d, or all of it. A mass that passes an
+obstacle within a step is not seen. No equation of the scheme in `solvers.rope` occurs here.
+
+Arrays have nodes first and chains after them, (n + 1, C, 3); loose masses are chains of one node without a link.
 """
 
 from __future__ import annotations
@@ -30,9 +35,9 @@ from shellbench.errors import SolveFailure
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.motion import moved
+from shellbench.problems.rope.obstacle import deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
-from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, spans, start_of
+from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, roots_of, spans, start_of
 
 Array = NDArray[np.float64]
 
@@ -64,9 +69,9 @@ def put_right(nodes: Array, lengths: Array, inverse: Array, pulls: Array, stiffn
     Parameters
     ----------
     nodes, inverse
-        Places (n + 1, 3), m, and inverse masses (n + 1,), 1/kg, zero at the root.
+        Places (n + 1, ..., 3), m, and inverse masses (n + 1, ...), 1/kg, zero at the root.
     lengths, pulls
-        (n,), m, and kg m: sums of the step so far.
+        (n, ...), m, and kg m: sums of the step so far.
     softness
         Compliance over h^2, 1/kg, of the compliant form; negative of the other one, which does not know of its pulls.
     """
@@ -74,7 +79,7 @@ def put_right(nodes: Array, lengths: Array, inverse: Array, pulls: Array, stiffn
     for first in (0, 1):
         near, far = nodes[first:-1:2], nodes[first + 1 :: 2]
         along = far - near
-        found = np.sqrt(np.einsum("ik,ik->i", along, along))
+        found = np.sqrt(np.einsum("...k,...k->...", along, along))
         w_near, w_far, summed = inverse[first:-1:2], inverse[first + 1 :: 2], pulls[first::2]
         excess = found - lengths[first::2]
         if compliant:
@@ -82,9 +87,32 @@ def put_right(nodes: Array, lengths: Array, inverse: Array, pulls: Array, stiffn
         else:
             pull = stiffness * np.maximum(excess, 0.0) / (w_near + w_far)
         summed += pull
-        along *= (pull / np.maximum(found, TINY))[:, None]
-        near += w_near[:, None] * along
-        far -= w_far[:, None] * along
+        along *= (pull / np.maximum(found, TINY))[..., None]
+        near += w_near[..., None] * along
+        far -= w_far[..., None] * along
+
+
+def pushed_out(nodes: Array, before: Array, obstacle: Any, was: Array, now: Array) -> None:
+    """Push masses out of an obstacle, in place, with its friction.
+
+    Parameters
+    ----------
+    nodes, before
+        Places (..., 3), m, now and at the start of the step.
+    was, now
+        Centre of the obstacle at the start and the end of the step, (3,), m.
+    """
+    offsets = nodes - now
+    depth = np.maximum(0.0, -obstacle.distance(offsets))
+    if not depth.any():
+        return
+    normal = obstacle.gradient(offsets)
+    nodes += depth[..., None] * normal
+    if obstacle.friction:
+        way = (nodes - before) - (now - was)
+        sliding = way - np.einsum("...k,...k->...", way, normal)[..., None] * normal
+        slides = np.sqrt(np.einsum("...k,...k->...", sliding, sliding))
+        nodes -= np.minimum(1.0, obstacle.friction * depth / np.maximum(slides, TINY))[..., None] * sliding
 
 
 class PbdSolver(RopeSolver):
@@ -97,10 +125,8 @@ class PbdSolver(RopeSolver):
 
     def declines(self, case: Any) -> str | None:
         """Return why it can't take a problem, as one clause, or None if it can."""
-        if not isinstance(case, RopeCase) or case.rope is None:
-            return "it solves ropes in motion only"
-        if case.obstacles:
-            return "it knows no obstacles"
+        if not isinstance(case, RopeCase) or not case.moving:
+            return "it solves ropes and loose masses in motion only"
         if case.states[0] == 0:
             return "it knows a link's pull after a step only, and figures at the start are asked for"
         return None
@@ -124,36 +150,58 @@ class XpbdSolver(PbdSolver):
 
 def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[RopeState]:
     """Return the states at the case's times; SolveFailure, with those before, if the motion diverges."""
-    assert case.rope is not None
-    nodes, velocities = start_of(case)
-    lengths, root = np.array(case.rope.link_lengths), case.rope.root
-    inverse = np.concatenate([[0.0], 1.0 / case.masses])
+    rope, chains = case.rope, case.chains or len(case.masses)
+    nodes, velocities = (np.array(by_node(each, chains)) for each in start_of(case))
+    inverse = by_node(1.0 / case.masses, chains)
+    lengths = np.array(rope.link_lengths if rope else [])[:, None] + np.zeros(chains)
+    if rope:
+        inverse, roots = np.vstack([np.zeros((1, chains)), inverse]), roots_of(case)
     wind = np.array(case.wind.velocity) if case.wind else np.zeros(3)
-    drag = (case.wind.drag if case.wind else 0.0) * inverse[:, None]
+    drag = (case.wind.drag if case.wind else 0.0) * inverse[..., None]
     down = np.array([0.0, 0.0, -case.gravity])
     stiffness, compliance = getattr(settings, "stiffness", 1.0), getattr(settings, "compliance", None)
     states: list[RopeState] = []
-    stretch, time = 0.0, 0.0
+    stretch, depth, time, first = 0.0, 0.0, 0.0, 1 if rope else 0
+    now = [obstacle.at(time)[0] for obstacle in case.obstacles]
     for until, count, step in spans(case, rate):
         h = step / settings.substeps
         softness = -1.0 if compliance is None else compliance / h**2
+        pulls = np.zeros_like(lengths)
         for number in range(count * settings.substeps):
             if watch.due(time, h):
-                watch.keep(time, nodes)
+                watch.keep(time, by_chain(nodes))
+            before, was = nodes, now
             time = until - (count * settings.substeps - 1 - number) * h
-            before = nodes
             velocities = velocities + h * (down + drag * (wind - velocities))
             nodes = nodes + h * velocities
-            nodes[0], root_velocity, _ = moved(root, time)
+            if rope:
+                nodes[0], root_velocity, _ = roots(time)
+            now = [obstacle.at(time)[0] for obstacle in case.obstacles]
             pulls = np.zeros_like(lengths)
             for _ in range(settings.iterations):
                 put_right(nodes, lengths, inverse, pulls, stiffness, softness)
+                for obstacle, *centres in zip(case.obstacles, was, now, strict=True):
+                    pushed_out(nodes[first:], before[first:], obstacle, *centres)
             if not np.all(np.abs(nodes) < FAR):
                 raise SolveFailure(f"the motion diverges at t = {time:g} s", states)
             velocities = (nodes - before) / h
-            velocities[0] = root_velocity
-            found = np.linalg.norm(np.diff(nodes, axis=0), axis=1)
-            stretch = max(stretch, float((found / lengths).max()) - 1.0)
-            watch.stepped()
-        states.append(RopeState(nodes, velocities, pulls / h**2, stretch))
+            if rope:
+                velocities[0] = root_velocity
+                found = np.linalg.norm(np.diff(nodes, axis=0), axis=-1)
+                stretch = max(stretch, float((found / lengths).max()) - 1.0)
+            if case.obstacles:
+                depth = max(depth, deepest(case.obstacles, nodes[first:], time))
+            if (number + 1) % settings.substeps == 0:
+                watch.stepped()
+        states.append(RopeState(by_chain(nodes), by_chain(velocities), by_chain(pulls) / h**2, stretch, depth))
     return states
+
+
+def by_node(values: Array, chains: int) -> Array:
+    """Return what stands chain after chain, (chains * n, ...), with nodes or links first: (n, chains, ...)."""
+    return values.reshape(chains, -1, *values.shape[1:]).swapaxes(0, 1)
+
+
+def by_chain(values: Array) -> Array:
+    """Return the reverse of `by_node`."""
+    return values.swapaxes(0, 1).reshape(-1, *values.shape[2:])

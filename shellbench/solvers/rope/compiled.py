@@ -7,6 +7,8 @@ It is the direct solve without obstacles. Each chain takes these steps by itself
        be stretched are caught, until none is left
     3  half a velocity update, impulses, the position update root to tip, the other half, impulses
 
+Chains know nothing of each other: threads share many of them, a block each (`stepped_together`).
+
 What departs from `pulls.direct`: what counts as a lack is relative to the chain's own largest right side. Answers agree
 to rounding. Without numba the functions are Python's, as slow as they look; tests compare them so.
 """
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from typing import Any, TypeVar, cast
 
@@ -31,6 +34,7 @@ HERE = find_spec("numba") is not None
 ROUNDING = 1e-12  # relative to a link's length: what is shorter by no more is taut
 TINY = 1e-300
 MOST_ROUNDS = 100_000
+ENOUGH = 2000  # links of a thread: so many take some ten times as long as starting it
 DIAGONAL, LOWER, UPPER, RIGHT = range(4)  # of a chain's rows, (4, m): see `pulls.Rows`
 
 
@@ -40,7 +44,7 @@ def fast(function: Function) -> Function:
         return function
     import numba
 
-    return cast(Function, numba.njit(cache=True, error_model="numpy")(function))
+    return cast(Function, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 @fast
@@ -147,8 +151,9 @@ def stepped(
     wind: Array,
     numbers: tuple[float, float, float, float],
     choices: tuple[bool, bool, bool],
+    block: tuple[int, int],
 ) -> None:
-    """Take one step of all chains, in place.
+    """Take one step of some chains, in place.
 
     Parameters
     ----------
@@ -164,14 +169,16 @@ def stepped(
         Step, s, gravity, m/s^2, drag, kg/s, and by how much a taut link may be short, m.
     choices
         Whether tensions are the printed ones, nodes turn rather than being projected, impulses are applied again.
+    block
+        First chain, and the one after the last.
     """
     (step, gravity, drag, room), (printed, turns, again) = numbers, choices
-    chains, m = lengths.shape
+    m = lengths.shape[1]
     e, found, external = np.empty((m, 3)), np.empty(m), np.empty((m, 3))
     rows, T = np.empty((4, m)), np.empty(m)
     taut, active = np.empty(m, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     x, v, halfway = np.empty((m, 3)), np.empty((m, 3)), np.empty(3)
-    for c in range(chains):
+    for c in range(block[0], block[1]):
         L, M = lengths[c], masses[c]
         x[:], v[:] = places[c], velocities[c]
         for k in range(3):
@@ -215,6 +222,19 @@ def stepped(
             after = halfway if half == 0 else later[1, c]
             _impelled(x, v, moves[0, c], after, L, M, room, e, found, rows, T, taut, active)
         places[c], velocities[c] = x, v
+
+
+def stepped_together(threads: int, places: Array, *others: Any) -> None:
+    """Take one step of all chains, in place, on so many threads at most; arguments are those of `stepped`."""
+    chains, m, _ = places.shape
+    share = max(1, min(threads, chains * m // ENOUGH))
+    blocks = [(chains * i // share, chains * (i + 1) // share) for i in range(share)]
+    take: Callable[..., None] = stepped
+    if share == 1:
+        take(places, *others, blocks[0])
+        return
+    with ThreadPoolExecutor(share) as pool:
+        list(pool.map(lambda block: take(places, *others, block), blocks))
 
 
 @fast

@@ -21,17 +21,16 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.obstacle import deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
-from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, spans, start_of
+from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, roots_of, spans, start_of
 from shellbench.solvers.rope.contact import Normal, Push
 from shellbench.solvers.rope.placing import Placing
 from shellbench.solvers.rope.stepping import Chains, Moving, Scheme, Solve, Stepper
 
 Array = NDArray[np.float64]
 
-FAR = 1e9  # times its extent: a motion that goes so far has diverged
+FAR = 1e9  # times its extent: a motion that goes so far, or so far in a second, has diverged
 
 
 class RopeSettings(Settings):
@@ -88,15 +87,19 @@ def scheme_of(settings: RopeSettings, *, printed: bool) -> Scheme:
 
 
 def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
-    """Return the chains of a case and their start: one chain, or each loose mass on a link without end."""
+    """Return the chains of a case and their start; each loose mass is on a link without end."""
     wind = case.wind
     drag, air = (wind.drag, np.array(wind.velocity)) if wind else (0.0, None)
     places, velocities = start_of(case)
     if case.rope:
-        path = case.rope.root
-        lengths, masses = np.array(case.rope.link_lengths)[:, None], case.masses[:, None]
-        chains = Chains(lengths, masses, case.gravity, lambda t: moved(path, t), drag, air, tuple(case.obstacles))
-        return chains, Moving(0.0, places[1:, None], velocities[1:, None])
+        lengths = np.tile(np.array(case.rope.link_lengths)[:, None], case.chains)
+        masses = case.masses.reshape(lengths.shape[::-1]).T
+        chains = Chains(lengths, masses, case.gravity, roots_of(case), drag, air, tuple(case.obstacles))
+        shape = (*masses.T.shape, 3)
+        first, going = (
+            np.ascontiguousarray(case.free(each).reshape(shape).swapaxes(0, 1)) for each in (places, velocities)
+        )
+        return chains, Moving(0.0, first, going)
     masses, still = case.masses[None], (np.zeros(3), np.zeros(3), np.zeros(3))
     lengths = np.full_like(masses, np.inf)
     chains = Chains(lengths, masses, case.gravity, lambda _: still, drag, air, tuple(case.obstacles))
@@ -105,7 +108,7 @@ def chains_of(case: RopeCase) -> tuple[Chains, Moving]:
 
 def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth: float) -> RopeState:
     """Return what is kept of an instant."""
-    tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving)[:, 0]
+    tensions = np.zeros(0) if case.particles else stepper.state_tensions(moving).T.ravel()
     root, velocity, _ = stepper.chains.root(moving.time)
     return RopeState(
         every_node(case, moving.places, root), every_node(case, moving.velocities, velocity), tensions, stretch, depth
@@ -113,8 +116,8 @@ def kept(case: RopeCase, stepper: Stepper, moving: Moving, stretch: float, depth
 
 
 def every_node(case: RopeCase, vectors: Array, root: Array) -> Array:
-    """Return a vector of each node, (n, 3): of loose masses as they are, else with the root first."""
-    return vectors[0] if case.particles else np.vstack([root, vectors[:, 0]])
+    """Return a vector of each node, (n, 3): of loose masses as they are, else chain after chain, the root first."""
+    return vectors[0] if case.particles else np.vstack([root[None], vectors]).swapaxes(0, 1).reshape(-1, 3)
 
 
 def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[RopeState]:
@@ -140,13 +143,13 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
                     moving = stepper.after(moving)
             except np.linalg.LinAlgError:
                 raise SolveFailure(f"the pulls of links have no solution at t = {moving.time:g}", states) from None
-            if not np.all(np.abs(moving.places) < far):
+            # links keep places near, whatever the speeds
+            if not (np.all(np.abs(moving.places) < far) and np.all(np.abs(moving.velocities) < far)):
                 raise SolveFailure(f"the motion diverges at t = {moving.time:g} s", states)
             if number == count - 1:
                 moving = Moving(until, moving.places, moving.velocities)
             if case.rope:
-                lengths = stepper.links(moving.places, chains.root(moving.time)[0])[1]
-                stretch = max(stretch, float((lengths / chains.lengths).max()) - 1.0)
+                stretch = max(stretch, chains.stretch(moving.places, chains.root(moving.time)[0]))
             if case.obstacles:
                 depth = max(depth, deepest(case.obstacles, moving.places.reshape(-1, 3), moving.time))
             watch.stepped()

@@ -13,11 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.engine import thread_limit
 from shellbench.solvers.rope import pulls
 from shellbench.solvers.rope.contact import Normal, Push, collided, rebound
 from shellbench.solvers.rope.placing import Placing, placed, unit
@@ -78,6 +80,16 @@ class Chains:
     wind: Array | None = None
     obstacles: tuple[Any, ...] = ()
 
+    @cached_property
+    def chain_by_chain(self) -> tuple[Array, Array]:
+        """Lengths and masses with chains first, (C, m), for compiled steps."""
+        return np.ascontiguousarray(self.lengths.T), np.ascontiguousarray(self.masses.T)
+
+    def stretch(self, places: Array, root: Array) -> float:
+        """Return by how much of its length a link is too long, at most; below zero if all are slack."""
+        along = relative(places, root)
+        return float(np.sqrt((dot(along, along) / self.lengths**2).max())) - 1.0
+
 
 @dataclass(frozen=True)
 class Moving:
@@ -98,9 +110,7 @@ class Stepper:
 
     def links(self, places: Array, root: Array) -> tuple[Array, Array, Mask]:
         """Return directions (m, C, 3) and lengths (m, C), m, of all links, and which are taut."""
-        along = places.copy()
-        along[1:] -= places[:-1]
-        along[0] -= root
+        along = relative(places, root)
         lengths = np.sqrt(dot(along, along))
         room = self.scheme.taut * self.chains.gravity * self.step**2 + ROUNDING * self.chains.lengths
         taut = lengths >= self.chains.lengths - np.where(np.isfinite(room), room, 0.0)
@@ -209,19 +219,19 @@ class Stepper:
 
     def compiled(self, moving: Moving, root: tuple[Array, Array, Array], later: tuple[Array, Array, Array]) -> Moving:
         """Return what comes one step later, by plain loops that numba compiles."""
-        from shellbench.solvers.rope.compiled import stepped
+        from shellbench.solvers.rope.compiled import stepped_together
 
         chains, scheme = self.chains, self.scheme
         # chains first, so that all of a chain lies together; what is returned is a view, from which this copy is quick
         places, velocities = (np.array(each.swapaxes(0, 1), order="C") for each in (moving.places, moving.velocities))
-        lengths, masses = (np.ascontiguousarray(each.T) for each in (chains.lengths, chains.masses))
+        lengths, masses = chains.chain_by_chain
         still = np.zeros_like(places[:, 0])
         before, after = (np.ascontiguousarray([part + still for part in parts]) for parts in (root, later))
         room = scheme.taut * chains.gravity * self.step**2
         numbers = (self.step, float(chains.gravity), float(chains.drag), float(room))
         wind = np.zeros(3) if chains.wind is None else np.asarray(chains.wind, dtype=float)
         choices = (scheme.printed, scheme.placing == "rotation", scheme.again)
-        stepped(places, velocities, lengths, masses, before, after, wind, numbers, choices)
+        stepped_together(thread_limit(), places, velocities, lengths, masses, before, after, wind, numbers, choices)
         return Moving(moving.time + self.step, places.swapaxes(0, 1), velocities.swapaxes(0, 1))
 
     def met(

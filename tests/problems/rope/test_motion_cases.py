@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench import catalog, registry
 from shellbench.errors import InputError
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
@@ -43,6 +43,16 @@ def rope(**changes):
         (DROP | {"obstacles": [AROUND | {"centre": [0.0, 0.0, "2 - 2*t"]}]}, "an obstacle is around the root at t = 0.8"),
         (DROP | {"obstacles": [AROUND | {"centre": [0.0, 0.0, -0.2]}]}, "a mass is 0.25 m deep in an obstacle at the start"),
         (DROP | {"obstacles": [AROUND | {"kind": "cube"}]}, "found 'cube'"),
+        (rope(count=0), "field 'rope.count': found 0, but it must be"),
+        (
+            rope(count=4, root=[1.0, 0.0, 0.0], start=[[1.0, 0.0, -0.1]])
+            | {"obstacles": [{"kind": "sphere", "centre": [0.0, 1.0, -0.15], "radius": 0.1}]},
+            "a mass is 0.05 m deep in an obstacle",
+        ),
+        (
+            rope(count=2) | {"quantities": [{"name": "t", "kind": "tension", "link": 3, "primary": True}]},
+            "number 3, but 2 is the last",
+        ),
         (BALL | {"rope": DROP["rope"]}, "exactly one of the tables 'chain', 'rope' and 'particles'"),
         (BALL | {"quantities": [{"name": "t", "kind": "tension", "link": 1, "primary": True}]}, "loose masses have none"),
         (BALL | {"quantities": [{"name": "t", "kind": "speed", "node": 6, "primary": True}]}, "number 6, but 5 is the last"),
@@ -103,6 +113,32 @@ def test_quantities_measure_what_they_say():
     )
     assert values["momentum_z"] == pytest.approx(masses @ velocities[1:, 2])
     assert values["tip_speed"] == pytest.approx(np.linalg.norm(velocities[-1]))
+
+
+@pytest.mark.parametrize("solver", ["rope-exact", "rope-printed", "rope-xpbd"])
+def test_each_chain_is_the_first_one_turned(solver):
+    data = {key: value for key, value in catalog.named_case("rope_unequal_links").data().items() if key != "name"}
+    data["quantities"] = [
+        {"name": "x", "kind": "position", "node": 14, "axis": "x", "at": 0.1, "primary": True},
+        {"name": "energy", "kind": "energy", "at": 0.1},
+        {"name": "push", "kind": "momentum", "axis": "x", "at": 0.1},
+    ]
+    many = RopeCase.build(data | {"rope": data["rope"] | {"count": 3}}, "many", "test")
+    one = RopeCase.build(data | {"quantities": [{**q, "node": 4} if "node" in q else q for q in data["quantities"]]},
+                         "one", "test")  # fmt: skip
+    solve = registry.load_solver(registry.find_solver(solver)).solve
+    several, alone = (solve(case, {"steps_per_second": 60.0}).state(0.1) for case in (many, one))
+    for number, angle in enumerate((0.0, 2 * np.pi / 3, 4 * np.pi / 3)):
+        x, y, z = alone.nodes.T
+        turned = np.stack([x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z], axis=1)
+        assert several.nodes[5 * number : 5 * number + 5] == pytest.approx(turned, abs=1e-11)
+        assert several.tensions[4 * number : 4 * number + 4] == pytest.approx(alone.tensions, rel=1e-8)
+    found = {q.name: q.measure(RopeMotion(many, (several,))) for q in many.quantities}
+    single = {q.name: q.measure(RopeMotion(one, (alone,))) for q in one.quantities}
+    assert found["energy"] == pytest.approx(3 * single["energy"], rel=1e-10)
+    assert found["push"] == pytest.approx(0.0, abs=1e-9)
+    assert abs(single["push"]) > 0.1
+    assert found["x"] == pytest.approx(several.nodes[14, 0])
 
 
 def test_a_motion_survives_its_file(tmp_path):

@@ -55,7 +55,7 @@ def hung(solver, **settings):
 
 @pytest.mark.parametrize("solver", [PbdSolver, XpbdSolver])
 def test_links_carry_the_weight_below_them(solver):
-    solution = hung(solver, substeps=1, iterations=3000, steps_per_second=240.0)
+    solution = hung(solver, substeps=1, iterations=3000, steps_per_second=60.0)
     weights = 9.81 * np.cumsum(solution.case.masses[::-1])[::-1]
     assert solution.state(HANGING).tensions == pytest.approx(weights, rel=1e-6)
     assert np.abs(solution.state(HANGING).velocities).max() < 1e-9
@@ -102,9 +102,34 @@ def test_small_steps_are_better_than_iterations_at_the_same_cost():
     assert many < one / 3
 
 
+@pytest.mark.parametrize("solver", [PbdSolver, XpbdSolver])
+def test_friction_slides_by_the_first_order_and_sticks(solver):
+    case, known = catalog.named_case("rope_incline_slides"), catalog.known_values("rope_incline_slides")
+    errors = [
+        abs(case.primary.measure(solver().solve(case, {"steps_per_second": rate, "substeps": 1, "iterations": 1}))
+            - known.judge(case.primary.name, case.theory).value)
+        for rate in (60.0, 120.0)
+    ]  # fmt: skip
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.05)
+    stays = solver().solve(catalog.named_case("rope_incline_sticks"), {"steps_per_second": 60.0, "substeps": 2})
+    assert np.abs(stays.state(1.0).nodes).max() < 1e-12
+
+
+def test_a_chain_is_laid_over_a_ball():
+    data = {key: value for key, value in catalog.named_case("rope_drop").data().items() if key != "name"}
+    data["rope"] = {"link_lengths": [0.2] * 4, "masses": [1.0] * 4, "angle": 80.0}
+    data["obstacles"] = [{"kind": "sphere", "centre": [0.3, 0.0, -0.5], "radius": 0.3, "friction": 0.2}]
+    data["quantities"] = [{"name": "x", "kind": "position", "node": 4, "axis": "x", "at": 0.6, "primary": True}]
+    state = XpbdSolver().solve(RopeCase.build(data, "laid", "test"), {"steps_per_second": 60.0}).state(0.6)
+    assert state.penetration < 1e-12
+    assert state.nodes[4, 0] > 0.3  # without the ball it swings to x < 0
+    lengths = np.linalg.norm(np.diff(state.nodes, axis=0), axis=1)
+    assert (lengths - 0.2).max() < 0.01
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
-    [("rope_ball", "ropes in motion only"), ("rope_static", "after a step only"), ("square_plate", "ropes in motion only")],
+    [("hanging_chain", "in motion only"), ("rope_static", "after a step only"), ("square_plate", "in motion only")],
 )  # fmt: skip
 def test_it_declines(name, words):
     assert words in PbdSolver().declines(catalog.named_case(name))

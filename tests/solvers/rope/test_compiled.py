@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from shellbench.bench import catalog
 from shellbench.errors import InputError
+from shellbench.solvers.rope import compiled
 from shellbench.solvers.rope.compiled import HERE
 from shellbench.solvers.rope.solver import ExactSolver
 from shellbench.solvers.rope.stepping import Chains, Moving, Stepper
@@ -48,6 +49,22 @@ def test_they_agree_to_rounding(seed, links, chains, chosen):
         assert fast.velocities == pytest.approx(plain.velocities, abs=ROUNDING * max(1, np.abs(plain.velocities).max()))
 
 
+def test_threads_that_share_chains_take_the_same_steps(monkeypatch):
+    random = np.random.default_rng(1)
+    places = np.cumsum(random.normal(size=(3, 7, 3)), axis=0)
+    lengths = np.linalg.norm(np.diff(places, axis=0, prepend=0), axis=-1)
+    still = (np.zeros((7, 3)),) * 3
+    made = Chains(lengths, random.uniform(0.5, 2.0, (3, 7)), 9.81, lambda _: still)
+    moving = Moving(0.0, places, random.normal(size=places.shape))
+    alone = Stepper(made, scheme(compiled=True), 1 / 60).after(moving)
+    monkeypatch.setattr(compiled, "ENOUGH", 5)
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    shared = Stepper(made, scheme(compiled=True), 1 / 60).after(moving)
+    assert np.abs(shared.places - places).max() > 0
+    assert shared.places == pytest.approx(alone.places, abs=ROUNDING)
+    assert shared.velocities == pytest.approx(alone.velocities, abs=ROUNDING)
+
+
 def test_what_is_not_compiled_is_refused():
     with pytest.raises(ValueError, match="exclude each other"):
         ExactSolver().solve(catalog.named_case("rope_static"), {"compiled": True, "solve": "sweeps"})
@@ -60,8 +77,6 @@ def test_what_is_not_compiled_is_refused():
 @pytest.mark.parametrize("name", ["rope_nine_links", "rope_catch", "rope_jerk"])
 def test_a_case_has_the_same_figures(name):
     case = catalog.named_case(name)
-    plain, fast = (
-        ExactSolver().solve(case, {"steps_per_second": 120.0, "compiled": compiled}) for compiled in (False, True)
-    )
+    plain, fast = (ExactSolver().solve(case, {"steps_per_second": 120.0, "compiled": quick}) for quick in (False, True))
     for quantity in case.quantities:
         assert quantity.measure(fast) == pytest.approx(quantity.measure(plain), rel=1e-9, abs=1e-10)
