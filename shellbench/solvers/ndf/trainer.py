@@ -28,6 +28,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.solvers.ndf import large_displacement, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
+from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
@@ -309,4 +310,5 @@ class _Run:
         )
         if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
             raise SolveFailure(f"{reason}; use smaller widths", solution)
-        return solution
+        self._tell(self.plan.iterations, "letting challengers join")
+        return stated(solution, self.plan.seed, self.history)
