@@ -3,7 +3,7 @@
 Three hidden layers by default. The output layer is solved for exactly at every step (variable projection), the hidden
 weights follow by Gauss-Newton with Marquardt's damping, and a step counts only if independent points certify its gain;
 see `training`. First-order training of the same energy takes thousands of iterations, because membrane
-and bending stiffness differ by (L/h)^2; here a handful is enough.
+and bending stiffness differ by (L/h)^2; here a handful is enough. `challenge` tells how sure the answer is.
 
 The recipe `ndf` at finite strain: a deep network whose output layer follows the path of a case.
 
