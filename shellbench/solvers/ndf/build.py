@@ -163,7 +163,8 @@ def resolution(case: Case) -> Resolution:
     flat = is_flat(case)
     if foci(case):
         neurons = 700 if any(case.surface.domain.periodic) else 300 if flat else 400
-        return Resolution(neurons, 3.0, 2.0, _rule(case, 6, 7, 1.5, 1), _rule(case, 10, 7, 1.5, 2))
+        rule, fine = (_around_points(case, panels, cuts) for panels, cuts in ((6, 1), (10, 2)))
+        return Resolution(neurons, 3.0, 2.0, rule, fine)
     if flat:
         neurons = 240 if any(case.surface.domain.periodic) else 120  # a whole turn is twice as long as a side
         panels = 8 if any(case.surface.domain.periodic) else 5
@@ -224,3 +225,19 @@ def _rule(case: Case, panels: int, order: int, grading: float = 1.0, cuts: int =
     """Return a rule with twice the panels along a periodic coordinate, whose inputs run through a whole turn."""
     first, second = (2 * panels if periodic else panels for periodic in case.surface.domain.periodic)
     return RuleSpec((first, second), order, grading, cuts, joints=case.kinks)
+
+
+def _around_points(case: Case, panels: int, cuts: int) -> RuleSpec:
+    """Return a rule that is cut at focal points, with as many more panels as coordinates are stretched somewhere."""
+    spec = _rule(case, panels, 7, 1.5, cuts)
+    first, second = (round(n * uneven) for n, uneven in zip(spec.panels, unevenness(case), strict=True))
+    return replace(spec, panels=(first, second), point_cuts=cuts)
+
+
+def unevenness(case: Case) -> tuple[float, float]:
+    """Return, for each coordinate, the largest ratio of its speed to the mean one along the same line."""
+    points = case.surface.domain.grid(LINE, LINE)
+    x = case.surface.derivatives(points, 1)
+    speeds = [np.linalg.norm(x[key], axis=-1) for key in ((1, 0), (0, 1))]
+    first, second = (float((s / s.mean(axis=axis, keepdims=True)).max()) for axis, s in enumerate(speeds))
+    return first, second

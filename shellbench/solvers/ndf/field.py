@@ -268,6 +268,8 @@ class FixedFeatures:
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, count) at points (N, 2)."""
+        if not self.kept:
+            return placement.tensor(np.zeros((placement.planes, len(points), 0)))
         columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
         if self.foci and self.multipliers:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
@@ -323,34 +325,41 @@ class Ansatz:
 
 @dataclass(frozen=True)
 class Features:
-    """The scalar features of which F is a linear combination: the network's, then the fixed ones."""
+    """The scalar features of which F is a linear combination: the network's, the fixed ones, those of others beside."""
 
     inputs: Inputs
     network: Network
     fixed: FixedFeatures
     placement: Placement
+    beside: Features | None = None
 
     @property
     def count(self) -> int:
         """Number of features M."""
-        return self.network.width + self.fixed.count
+        return self.network.width + self.fixed.count + (self.beside.count if self.beside else 0)
+
+    def allowed(self) -> Array:
+        """Return (3, M): whether each component of F has each feature."""
+        parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.allowed()]
+        return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
 
     def pairs(self, part: Array) -> Array:
         """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
-        allowed = np.ones((3, self.count), dtype=bool)
-        allowed[:, self.network.width :] = self.fixed.allowed()
+        allowed = self.allowed()
         return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])
 
     def jets(self, points: Array) -> Tensor:
         """Return the jets (6, N, M) at points (N, 2)."""
         hidden = self.network.features(self.inputs.jets(points, self.placement))
-        return torch.cat([hidden, self.fixed.jets(points, self.placement)], dim=-1)
+        others = [self.beside.jets(points)] if self.beside else []
+        return torch.cat([hidden, self.fixed.jets(points, self.placement), *others], dim=-1)
 
     def values(self, points: Array) -> Tensor:
         """Return the values (N, M) at points (N, 2), at a sixth of the cost of the jets."""
         placement = self.placement.of_values
         hidden = self.network.values(self.inputs.jets(points, placement)[VALUE])
-        return torch.cat([hidden, self.fixed.jets(points, placement)[VALUE]], dim=-1)
+        others = [self.beside.values(points)] if self.beside else []
+        return torch.cat([hidden, self.fixed.jets(points, placement)[VALUE], *others], dim=-1)
 
 
 @dataclass(frozen=True)

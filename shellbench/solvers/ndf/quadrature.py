@@ -6,8 +6,8 @@ independent companion of other panels and another order, on which energies are c
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -55,6 +55,8 @@ class RuleSpec:
     corner_cuts
         How often the cells at corners are cut into four, at `CUT` of their sides, for powers of the distance. In the
         cells that remain at corners, points narrow toward these, too.
+    point_cuts
+        How often the four cells at a focal point are cut like those at corners. `cuts` then holds along edges alone.
     joints
         Values of xi1, and of xi2, at which panels end besides, because something integrated has a kink there.
     """
@@ -65,6 +67,7 @@ class RuleSpec:
     cuts: int = 0
     layers: tuple[float, float] = (0.0, 0.0)
     corner_cuts: int = 0
+    point_cuts: int = 0
     joints: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
 
 
@@ -133,37 +136,30 @@ def line_rule(ends: Array, order: int) -> tuple[Array, Array]:
     return (middle + half * x).ravel(), (half * w).ravel()
 
 
-def side_rule(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> tuple[Array, Array]:
-    """Return points (n,) and weights (n,) along one coordinate; `focal` (k, 2) are focal points."""
-    ends = panel_ends(
-        domain.lower[axis],
-        domain.upper[axis],
-        [float(f) for f in focal[:, axis]],
-        spec,
-        axis,
-        domain.periodic[axis],
-    )
-    return line_rule(ends, spec.order)
+def _ends(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> Array:
+    values = [float(f) for f in focal[:, axis]]
+    return panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, domain.periodic[axis])
 
 
 def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
-    """Return the tensor rule on the rectangle, graded toward focal points (k, 2); cells at corners are cut."""
-    (x1, w1), (x2, w2) = (side_rule(domain, focal, spec, axis) for axis in (0, 1))
+    """Return the rule on the rectangle, graded toward focal points (k, 2); cells there and at corners are cut."""
+    # A tensor rule that narrows toward both coordinates of a point puts most of its points where nothing is singular.
+    lines = replace(spec, cuts=0) if spec.point_cuts else spec
+    ends = [_ends(domain, focal, lines, axis) for axis in (0, 1)]
+    (x1, w1), (x2, w2) = (line_rule(along, spec.order) for along in ends)
     points, weights = _tensor(x1, w1, x2, w2)
-    if not spec.corner_cuts or any(domain.periodic):
-        return Rule(points, weights)
     inner = np.ones((len(x1), len(x2)), dtype=bool)
     rules = []
-    for first in (False, True):
-        for second in (False, True):
-            sides = []
-            for axis, last in ((0, first), (1, second)):
-                values = [float(f) for f in focal[:, axis]]
-                ends = panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, periodic=False)
-                sides.append((ends[-1], ends[-2] - ends[-1]) if last else (ends[0], ends[1] - ends[0]))
-            rows, columns = (slice(-spec.order, None) if last else slice(0, spec.order) for last in (first, second))
-            inner[rows, columns] = False
-            rules.append(_corner_rule(sides[0], sides[1], spec))
+    for (i, first), (j, second), cuts in _cut_cells(domain, focal, spec, ends):
+        cell = inner[i * spec.order : (i + 1) * spec.order, j * spec.order : (j + 1) * spec.order]
+        if not cell.all():
+            continue  # of another point already
+        cell[:] = False
+        sides = []
+        for along, number, last in ((ends[0], i, first), (ends[1], j, second)):
+            start, stop = along[number : number + 2][:: -1 if last else 1]
+            sides.append((float(start), float(stop - start)))
+        rules.append(_corner_rule(sides[0], sides[1], spec.order, cuts))
     kept = inner.ravel()
     return Rule(
         np.concatenate([points[kept], *(rule.points for rule in rules)]),
@@ -171,22 +167,51 @@ def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
     )
 
 
+Side = tuple[int, bool]
+
+
+def _cut_cells(domain: Domain, focal: Array, spec: RuleSpec, ends: Sequence[Array]) -> Iterator[tuple[Side, Side, int]]:
+    """Yield the cells that are cut toward one of their corners.
+
+    Their numbers along both coordinates, each with whether that corner is at the cell's upper end; and how often.
+    """
+    if spec.corner_cuts and not any(domain.periodic):
+        last = [len(along) - 2 for along in ends]
+        for first in ((0, False), (last[0], True)):
+            for second in ((0, False), (last[1], True)):
+                yield first, second, spec.corner_cuts
+    for point in focal if spec.point_cuts else ():
+        for first in _beside(ends[0], float(point[0]), domain.periodic[0]):
+            for second in _beside(ends[1], float(point[1]), domain.periodic[1]):
+                yield first, second, spec.point_cuts
+
+
+def _beside(ends: Array, at: float, periodic: bool) -> list[Side]:
+    """Return the numbers of the panels that begin or end at a value, each with whether they end there."""
+    size = ends[-1] - ends[0]
+    distance = np.abs(ends - at)
+    if periodic:
+        distance = np.minimum(distance, size - distance)
+    found = np.nonzero(distance <= MERGE * size)[0]  # nothing where the value is not a number
+    panels = len(ends) - 1
+    return [(int(k), False) for k in found if k < panels] + [(int(k) - 1, True) for k in found if k]
+
+
 def _tensor(x1: Array, w1: Array, x2: Array, w2: Array) -> tuple[Array, Array]:
     return np.stack(np.meshgrid(x1, x2, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w1, w2).ravel()
 
 
-def _corner_rule(first: tuple[float, float], second: tuple[float, float], spec: RuleSpec) -> Rule:
+def _corner_rule(first: tuple[float, float], second: tuple[float, float], order: int, cuts: int) -> Rule:
     """Return the rule on one cell at a corner, from the corner's coordinates and the cell's signed sides."""
-    # A tensor rule that narrows toward both edges would put most of its points where nothing is singular. Here the cell
-    # at the corner is cut into four, and of these the one at the corner again, and so on.
+    # The cell is cut into four, and of these the one at the corner again, and so on.
     parts = []
-    for k in range(spec.corner_cuts):
+    for k in range(cuts):
         far, near = (CUT ** (k + 1), CUT**k), (0.0, CUT ** (k + 1))
         for one, two in ((far, near), (near, far), (far, far)):
-            (x1, w1), (x2, w2) = (line_rule(np.array(interval), spec.order) for interval in (one, two))
+            (x1, w1), (x2, w2) = (line_rule(np.array(interval), order) for interval in (one, two))
             parts.append(_tensor(x1, w1, x2, w2))
-    local, weights = _last_corner_rule(spec.order)
-    parts.append((CUT**spec.corner_cuts * local, CUT ** (2 * spec.corner_cuts) * weights))
+    local, weights = _last_corner_rule(order)
+    parts.append((CUT**cuts * local, CUT ** (2 * cuts) * weights))
     points = np.array([first[0], second[0]]) + np.concatenate([p for p, _ in parts]) * [first[1], second[1]]
     return Rule(points, np.concatenate([w for _, w in parts]) * abs(first[1] * second[1]))
 
@@ -210,8 +235,7 @@ def _last_corner_rule(order: int) -> tuple[Array, Array]:
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:
     """Return the rule along an edge, or along a part of one; weights are those of the running coordinate."""
     axis = 1 - edge.axis
-    values = [float(f) for f in focal[:, axis]]
-    ends = panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, domain.periodic[axis])
+    ends = _ends(domain, focal, spec, axis)
     start, stop = edge.bounds(domain)
     inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
     running, weights = line_rule(np.array([start, *inside, stop]), spec.order)

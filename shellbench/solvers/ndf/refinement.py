@@ -144,8 +144,8 @@ def next_level(first: Level, before: Level, winner: str, most: int) -> Level | N
         scale=old.scale * plain,
         edge_scale=(old.edge_scale or EDGE_SCALE if winner == "layers" else old.edge_scale) * stretched,
         stretched_scale=old.stretched_scale * stretched,
-        rule=_finer(first.resolution.rule, growth),
-        fine=_finer(first.resolution.fine, growth),
+        rule=finer_rule(first.resolution.rule, growth),
+        fine=finer_rule(first.resolution.fine, growth),
     )
     return Level(resolution, _challengers(neurons), detail=2, number=number, kinds=before.kinds)
 
@@ -184,7 +184,8 @@ def _with_layers(case: Case, usual: Resolution) -> Resolution:
     return replace(usual, rule=replace(rule, corner_cuts=CORNER_CUTS), fine=replace(fine, corner_cuts=CORNER_CUTS + 1))
 
 
-def _finer(spec: RuleSpec, growth: float) -> RuleSpec:
+def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
+    """Return a rule of as many times the panels along each side, rounded up."""
     first, second = (math.ceil(growth * number) for number in spec.panels)
     return replace(spec, panels=(first, second))
 

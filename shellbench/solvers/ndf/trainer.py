@@ -3,7 +3,7 @@
 Three hidden layers by default. The output layer is solved for exactly at every step (variable projection), the hidden
 weights follow by Gauss-Newton with Marquardt's damping, and a step counts only if independent points certify its gain;
 see `training`. First-order training of the same energy takes thousands of iterations, because membrane
-and bending stiffness differ by (L/h)^2; here a handful is enough.
+and bending stiffness differ by (L/h)^2; here a handful is enough. `challenge` tells how sure the answer is.
 
 The recipe `ndf` at finite strain: a deep network whose output layer follows the path of a case.
 
@@ -28,6 +28,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.solvers.ndf import large_displacement, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
+from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
@@ -309,4 +310,5 @@ class _Run:
         )
         if (reason := exploits(gap, self.settings.largest_gap, "finest")) is not None:
             raise SolveFailure(f"{reason}; use smaller widths", solution)
-        return solution
+        self._tell(self.plan.iterations, "letting challengers join")
+        return stated(solution, self.plan.seed, self.history)

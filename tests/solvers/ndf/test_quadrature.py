@@ -66,3 +66,29 @@ def test_grading_and_cuts_pay_at_a_logarithm():
 
     assert error(2.0, 0) < 0.2 * error(1.0, 0)
     assert error(2.0, 2) < 0.1 * error(2.0, 0)
+
+
+def reciprocal(*sides):
+    """Return the integral of 1/r over rectangles with r = 0 at a corner, from their sides (p, q)."""
+    return sum(p * math.asinh(q / p) + q * math.asinh(p / q) for p, q in sides)
+
+
+def test_cells_around_a_point_integrate_its_singularity():
+    at = np.array([[0.7, -0.4]])
+    exact = reciprocal((0.7, 0.6), (0.7, 1.4), (1.3, 0.6), (1.3, 1.4))
+    cut = area_rule(SQUARE, at, RuleSpec((4, 4), 6, 1.5, point_cuts=1))
+    lines = area_rule(SQUARE, at, RuleSpec((4, 4), 6, 1.5, cuts=1))
+
+    def error(rule):
+        return abs(rule.weights @ (1 / np.hypot(*(rule.points - at).T)) / exact - 1)
+
+    assert cut.weights.sum() == pytest.approx(4, rel=1e-12)
+    assert len(cut.points) < 1.5 * len(lines.points)
+    assert error(cut) < 1e-3 * error(lines)
+
+
+def test_cells_around_a_point_on_a_seam_lie_on_both_its_sides():
+    rule = area_rule(RING, np.array([[0.0, 1.0]]), RuleSpec((8, 2), 6, 1.5, point_cuts=1))
+    near = np.minimum(rule.points[:, 0], 2 * math.pi - rule.points[:, 0])
+    exact = 2 * reciprocal((math.pi, 1.0))
+    assert rule.weights @ (1 / np.hypot(near, rule.points[:, 1] - 1)) == pytest.approx(exact, rel=1e-5)

@@ -12,7 +12,7 @@ from shellbench.bench.catalog import known_values, named_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf import static
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, unevenness
 from shellbench.solvers.ndf.corners import EXPONENTS, CornerPowers, held_corners
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
 from shellbench.solvers.ndf.field import random_features
@@ -276,3 +276,12 @@ def test_layers_have_half_of_the_panels(panels):
     np.testing.assert_allclose(ends + ends[::-1], 2.0, rtol=1e-9)
     if panels == 8:
         assert ends[1] < 2.0 / 8 / 3
+
+
+@pytest.mark.parametrize(
+    ("variant", "most"), [("stretched", (1.0, 1.0)), ("warped", (1.4, 1.4)), ("oblique", (1.0, 1.6))]
+)
+def test_stretched_coordinates_ask_for_more_panels(variant, most):
+    """The slopes of the charts: 1 + a, a = .4, where graded; 1 + 2 a, a = .3, at the ends of sheared lines."""
+    found = unevenness(named_case(f"pinched_cylinder_diaphragm@{variant}"))
+    assert found == pytest.approx(most, rel=0.03)  # on the grid, and lines around the oblique cylinder are no circles
