@@ -269,8 +269,8 @@ python -m nox -s mutation -- --seed 2 --count 100 --solver fem
 or leave a transpose away; leave a term out; exchange two arguments; miss by one; exchange min and max, or less and at most.
 
 **Targets** are `fem`, the part of `ndf` that `ndf-ritz` uses, and the question, which both solvers share. Left out by rule are settings,
-files, checks, messages, progress, training, the choice of meshes and steps, and solving equations; `tests/mutation/targets.py` says it
-in full. Nothing gates `cst-hinge`: no exam examines it.
+files, checks, messages, progress, training, the choice of meshes, steps and trial functions, and solving equations;
+`tests/mutation/targets.py` says it in full. Nothing gates `cst-hinge`: no exam examines it.
 
 **Exam.** A mutant is put the cases that run its statement, cheap ones first, until a row of the accuracy gate is red. A crash, a
 refusal, and about ten times the usual time are red too. The lock is not asked: it notices a change of the question, whatever is answered.
