@@ -262,7 +262,8 @@ def reached_table(rows: Sequence[Row]) -> Table:
         title="Seconds to an error",
         caption="Wall time, s, and in brackets steps a second, from which on the headline figure is within a relative"
         " error, by straight lines between runs in logarithms. A run solves with three steps, and its seconds are of"
-        " all of them. At most: so much took the coarsest run, which is nearer already. A dash: no run is so near.",
+        " all of them. At most: so much took the coarsest run, which is nearer already. A dash: no run is so near."
+        " What is near by chance, as where a step ends on an impact, counts too.",
         data=frame(lines),
         columns=(
             column("solution", "Solver", solution),

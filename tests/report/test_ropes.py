@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from shellbench.bench import catalog
 from shellbench.bench.kinds import headline_of, portrait_of_named
@@ -12,7 +13,7 @@ from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.fields import BREADTH, read_ribbon
 from shellbench.report.ropes import curves, law, reached_at, reached_table, side_by_side
-from shellbench.report.speed import paces, speed_figure, speed_table
+from shellbench.report.speed import Pace, paces, speed_figure, speed_table
 
 KNOWN = -0.5
 
@@ -139,6 +140,25 @@ def test_a_pace_is_of_the_last_level_and_of_all_links():
     axes = speed_figure(Evidence(records, rows, None), counted).axes[0]
     assert axes.get_xscale() == axes.get_yscale() == "log"
     assert axes.lines[0].get_xdata() == pytest.approx([234, 5200])
+
+
+def test_the_legend_of_paces_is_whole():
+    """Of all labels that the suite of speeds declares, on one thread and on two."""
+    declared = {(runs.solver, runs.label) for runs in catalog.find_suite("rope_speed").runs}
+    counted = [
+        Pace("rope_skirt", "Skirt", 26, 9, solver, label, threads, 100.0, "", "")
+        for solver, label in sorted(declared)
+        for threads in (1, 2)
+    ]
+    rows = [row(solver, KNOWN) for solver, _ in declared]
+    figure = speed_figure(Evidence({}, rows, None), counted)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    (legend,) = figure.legends
+    assert len(legend.get_texts()) == len(counted)
+    inside = legend.get_window_extent(canvas.get_renderer())
+    assert 0 <= inside.x0 < inside.x1 <= figure.bbox.width
+    assert figure.axes[0].get_position().height > 0.4
 
 
 def test_a_section_is_called_as_what_it_is_about():
