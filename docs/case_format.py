@@ -337,10 +337,16 @@ def chains() -> str:
     ]
     for name, cls in (("chain", rope.Chain), ("rope", rope.Rope), ("particles", rope.Particles), ("wind", rope.Wind)):
         parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
-    parts.append("`[[obstacles]]`: any number, each of one of four kinds. They can move, and do not turn.")
-    for cls in (obstacle.Sphere, obstacle.HalfSpace, obstacle.Plate, obstacle.Capsule):
+    parts.append("`[[obstacles]]`: any number, each of one of five kinds. They can move, and do not turn.")
+    for cls in (obstacle.Sphere, obstacle.HalfSpace, obstacle.Plate, obstacle.Capsule, obstacle.FormulaBody):
         kind = cls.model_json_schema()["properties"]["kind"]["const"]
         parts += [f"`{kind}`: {summary(cls)}", table(cls, [name for name in cls.model_fields if name != "kind"])]
+    parts.append(
+        '`phi = "sqrt(x**2 + y**2 + z**2) - 0.5"` is a ball. It may be piecewise, and change over anywhere: `min` joins bodies,'
+        " `max` leaves what they share. It need not be a distance. A formula that is none is a distance to first order, exact at the surface;"
+        " where it exceeds the distance, a mass may pass a thin part within a step unseen. Where a mass starts, phi must have a"
+        " gradient. `t` is not allowed in it: `centre` moves the body."
+    )
     parts.append(
         "`[[quantities]]` have the fields that those of shells have in common; a chain at rest has the first two."
     )

@@ -1,4 +1,4 @@
-"""Ropes: errors against steps, sweeps and seconds, steps a second, solvers side by side, and chains that move.
+"""Ropes: errors against steps, sweeps and seconds, what an error takes, solvers side by side, and chains that move.
 
 Of a setting that is a number, and of which runs of one solver have several values with all other settings alike, the
 errors are a curve. Nothing here is about one kind of problem but what its portrait says: that answers are refined by
@@ -8,6 +8,7 @@ steps in time, and that frames of a chain are kept.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,12 +22,12 @@ from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.report import panel
-from shellbench.report.columns import Column, column, frame, significant, words
+from shellbench.report.columns import Column, Line, Way, column, frame, significant, solution, words
 from shellbench.report.convergence import steps_in_time
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Dashes, Exhibit, Ink
 from shellbench.report.fields import PICTURE, Fields, pictured, read_ribbon
-from shellbench.report.notation import plain
+from shellbench.report.notation import Notation, duration, plain
 from shellbench.report.rates import Rate, fitted_rate
 from shellbench.report.runs import compared, leading_rows
 from shellbench.report.solutions import grouped
@@ -41,7 +42,9 @@ MOST_STILL = 4  # solvers in it
 NARROWEST = 0.5  # of its height: the breadth of a panel whose chain does not swing
 PANEL, TALL, MARGIN = 3.1, 2.5, 1.3  # inches of a panel, and for the legend
 PERCENT = 100.0
-LABELS = {"steps_per_second": "steps a second", "seconds": "wall time (s)"}
+STEPS = "steps_per_second"  # the setting that errors fall with
+LEVELS = (1e-1, 1e-2, 1e-3, 1e-4)  # relative errors that a table tells the cost of
+LABELS = {STEPS: "steps a second", "seconds": "wall time (s)"}
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ def section(found: Evidence) -> Section | None:
     counted = paces(found)
     speed = (speed_exhibit(found, counted),) if counted else ()
     figures = (*sweep_exhibits(found, compared(rows)), *speed, *motion_exhibits(found))
-    tables = given(side_by_side(rows), *([speed_table(counted)] if counted else []))
+    tables = given(side_by_side(rows), reached_table(compared(rows)), *([speed_table(counted)] if counted else []))
     return Section("ropes", "Ropes", (), tables, figures, place="its suites")
 
 
@@ -214,6 +217,70 @@ def side_by_side(rows: Sequence[Row]) -> Table:
         data=frame(lines, ["block", "case", "figure", "known", *solvers]),
         columns=columns,
     )
+
+
+def reached_at(curve: Curve, level: float) -> tuple[float, float, bool] | None:
+    """Return the seconds and the value of its setting from which on a curve is within a relative error.
+
+    Between two runs both are read off straight lines in logarithms. The uncertainty of the known value counts against
+    it, and so does a later run that is farther off: a single small error may be a change of sign.
+
+    Returns
+    -------
+    tuple or None
+        Seconds, value, and whether the first run is within the error already; None if the last run is not.
+    """
+    errors = [error + curve.floor for error in curve.errors]
+    outside = [place for place, error in enumerate(errors) if error > level]
+    if not outside:
+        return curve.seconds[0], curve.values[0], True
+    before = outside[-1]
+    if before == len(errors) - 1 or min(curve.seconds) <= 0:
+        return None
+    above, below = errors[before], max(errors[before + 1], np.finfo(float).tiny)
+    part = math.log(above / level) / math.log(above / below)
+    seconds, value = (
+        math.exp((1 - part) * math.log(ends[before]) + part * math.log(ends[before + 1]))
+        for ends in (curve.seconds, curve.values)
+    )
+    return seconds, value, False
+
+
+def reached_table(rows: Sequence[Row]) -> Table:
+    """Return the table of seconds and steps a second that solvers take to be within each of `LEVELS`."""
+    lines: list[dict[str, Any]] = []
+    for case, of_case in grouped(rows, lambda row: row.case).items():
+        for curve in curves(of_case):
+            if curve.setting == STEPS:
+                line: dict[str, Any] = {"block": of_case[0].case_title or case, "case": case, "solution": curve.name}
+                for level in LEVELS:
+                    seconds, value, at_once = reached_at(curve, level) or (None, None, False)
+                    line |= {f"to_{level:g}": seconds, f"steps_{level:g}": value, f"at_once_{level:g}": at_once}
+                lines.append(line)
+    return Table(
+        name="time_to_error",
+        title="Seconds to an error",
+        caption="Wall time, s, and in brackets steps a second, from which on the headline figure is within a relative"
+        " error, by straight lines between runs in logarithms. A run solves with three steps, and its seconds are of"
+        " all of them. At most: so much took the coarsest run, which is nearer already. A dash: no run is so near."
+        " What is near by chance, as where a step ends on an impact, counts too.",
+        data=frame(lines),
+        columns=(
+            column("solution", "Solver", solution),
+            *(column(f"to_{level:g}", f"{PERCENT * level:g} %", _taken(level)) for level in LEVELS),
+        ),
+    )
+
+
+def _taken(level: float) -> Way:
+    """Return how to write seconds to an error, with the steps a second."""
+
+    def written(value: float, line: Line, notation: Notation) -> str:
+        most = "at most " if line[f"at_once_{level:g}"] else ""
+        steps = float(f"{line[f'steps_{level:g}']:.2g}")
+        return notation.escape(f"{most}{duration(value)} ({steps:.0f})")
+
+    return written
 
 
 def motion_exhibits(found: Evidence) -> Iterator[Exhibit]:

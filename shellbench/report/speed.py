@@ -26,7 +26,7 @@ from shellbench.report.table import Table
 
 STUDY: Study = "speed"
 SPEED = "speed_of_chains"  # name of the figure and the table
-SIZE = (4.6, 3.6)  # inches
+WIDTH, HEIGHT, ENTRY = 4.6, 3.1, 0.18  # inches of the figure, of it without its legend, and of a line of that
 DIGITS = 2
 
 
@@ -106,7 +106,8 @@ def speed_exhibit(found: Evidence, counted: Sequence[Pace]) -> Exhibit:
 
 def speed_figure(found: Evidence, counted: Sequence[Pace]) -> Figure:
     """Draw a curve for each solver and label."""
-    figure, panels = panel.open_figure(SIZE)
+    names = {pace.name for pace in counted}
+    figure, panels = panel.open_figure((WIDTH, HEIGHT + ENTRY * len(names)))
     axes, entries = panels[0, 0], {}
     for of_solver in grouped(counted, lambda pace: pace.solver).values():
         for place, (name, curve) in enumerate(grouped(of_solver, lambda pace: pace.name).items()):
@@ -115,7 +116,7 @@ def speed_figure(found: Evidence, counted: Sequence[Pace]) -> Figure:
             panel.draw(axes, [p.all_links for p in ordered], [p.steps for p in ordered], ink, dashes)
             entries[name] = panel.entry(ink, linestyle=dashes)
     panel.finish([axes], "chains x links (links of all chains)", "steps a second (1/s)")
-    panel.add_legend(figure, entries, 2)
+    panel.add_legend(figure, entries, most=1)  # two names with threads are broader than the figure
     return figure
 
 

@@ -5,14 +5,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from shellbench.bench import catalog
 from shellbench.bench.kinds import headline_of, portrait_of_named
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.fields import BREADTH, read_ribbon
-from shellbench.report.ropes import curves, law, side_by_side
-from shellbench.report.speed import paces, speed_figure, speed_table
+from shellbench.report.ropes import curves, law, reached_at, reached_table, side_by_side
+from shellbench.report.speed import Pace, paces, speed_figure, speed_table
 
 KNOWN = -0.5
 
@@ -46,6 +47,42 @@ def test_only_what_falls_has_a_law():
     )
     assert law(falls).slope == pytest.approx(-2)
     assert law(levels) is law(crosses) is None
+
+
+def curve(*errors, floor=0.0):
+    """Return a curve of runs that each take twice the steps, and four times the seconds, of the one before."""
+    one = curves(swept([0.04, 0.01, 0.0025]))[0]
+    count = range(len(errors))
+    changed = {"values": [60.0 * 2**i for i in count], "seconds": [4.0**i for i in count]}
+    return replace(one, errors=errors, floor=floor, **changed)
+
+
+def test_what_an_error_takes_is_read_between_runs():
+    """Errors fall as the square of the steps, and seconds grow as their square: seconds times the error are constant."""
+    squares = curve(0.16, 0.04, 0.01, 0.0025)
+    for level in (0.1, 0.02, 0.004):
+        assert reached_at(squares, level) == pytest.approx((0.16 / level, 60 * (0.16 / level) ** 0.5, False))
+    assert reached_at(squares, 0.2) == (1.0, 60.0, True)
+    assert reached_at(squares, 0.002) is None
+
+
+def test_an_error_is_reached_where_no_later_run_is_farther_off():
+    through_zero = curve(0.1, 1e-5, 0.01, 1e-3)
+    assert reached_at(through_zero, 2e-3)[1] > 240
+    assert reached_at(curve(0.1, 0.01, 1e-4, 0.01), 1e-3) is None
+    assert reached_at(curve(0.1, 0.01, 1e-5, floor=2e-4), 1e-4) is None
+    assert reached_at(curve(0.1, 0.0), 1e-3)[1] == pytest.approx(60, rel=0.01)
+
+
+def test_the_table_of_what_errors_take():
+    rows = [
+        row("one", KNOWN * (1 + error), steps_per_second=60 * 2**i).model_copy(update={"seconds": 4.0**i})
+        for i, error in enumerate([0.16, 0.04, 0.01, 0.0025])
+    ]
+    text = reached_table(rows).write("markdown")
+    assert "1.6 (76)" in text
+    assert "16 (240)" in text
+    assert not len(reached_table(swept([0.1, 0.1, 0.1])).data)
 
 
 def test_solvers_stand_beside_what_is_known():
@@ -103,6 +140,25 @@ def test_a_pace_is_of_the_last_level_and_of_all_links():
     axes = speed_figure(Evidence(records, rows, None), counted).axes[0]
     assert axes.get_xscale() == axes.get_yscale() == "log"
     assert axes.lines[0].get_xdata() == pytest.approx([234, 5200])
+
+
+def test_the_legend_of_paces_is_whole():
+    """Of all labels that the suite of speeds declares, on one thread and on two."""
+    declared = {(runs.solver, runs.label) for runs in catalog.find_suite("rope_speed").runs}
+    counted = [
+        Pace("rope_skirt", "Skirt", 26, 9, solver, label, threads, 100.0, "", "")
+        for solver, label in sorted(declared)
+        for threads in (1, 2)
+    ]
+    rows = [row(solver, KNOWN) for solver, _ in declared]
+    figure = speed_figure(Evidence({}, rows, None), counted)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    (legend,) = figure.legends
+    assert len(legend.get_texts()) == len(counted)
+    inside = legend.get_window_extent(canvas.get_renderer())
+    assert 0 <= inside.x0 < inside.x1 <= figure.bbox.width
+    assert figure.axes[0].get_position().height > 0.4
 
 
 def test_a_section_is_called_as_what_it_is_about():

@@ -1,21 +1,27 @@
 """Obstacles: bodies that masses can't enter, given by their signed distance phi.
 
-phi is negative inside. Its gradient has length one and points outward. All bodies can move without turning.
+phi is negative inside. Its gradient has length one and points outward. All bodies can move without turning. Of a
+formula that is no distance, phi over the length of its gradient is one to first order: exact at the surface.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
+from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Positive, Vector
+from shellbench.problems.expression import Expression
 from shellbench.problems.rope.motion import Path, moved
+from shellbench.problems.taylor import Taylor
 
 Array = NDArray[np.float64]
 TINY = 1e-300  # keeps directions at a centre finite
+QUOTED = 60  # characters of a formula in a message
 
 
 class Body(Model):
@@ -123,7 +129,52 @@ class Capsule(Body):
         return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=-1, keepdims=True), TINY))
 
 
-Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule, Field(discriminator="kind")]
+@cache
+def _parsed(formula: str) -> Expression:
+    return Expression(formula, variables=("x", "y", "z"), piecewise=True)
+
+
+class FormulaBody(Body):
+    """All where a formula is negative. Distances are phi over the length of its gradient."""
+
+    kind: Literal["formula"]
+    centre: Path = Field((0.0, 0.0, 0.0), description="where x = y = z = 0, m: numbers, or formulas of the time t")
+    phi: str = Field(description="formula of x, y and z from the centre, m; negative inside, zero at the surface")
+
+    @field_validator("phi")
+    @classmethod
+    def _is_a_formula_of_the_place(cls, phi: str) -> str:
+        _parsed(phi)
+        return phi
+
+    def _to_first_order(self, offsets: Array) -> tuple[Array, Array]:
+        """Return phi (...) and its gradient (..., 3), both over the gradient's length; InputError if that is none."""
+        x, y, z = np.moveaxis(offsets, -1, 0)
+        # series have two variables: one pass for x and y, one for z
+        across = {"x": Taylor.variable(x, 0, 1), "y": Taylor.variable(y, 1, 1), "z": Taylor.constant(z, 1)}
+        upward = {"x": Taylor.constant(x, 1), "y": Taylor.constant(y, 1), "z": Taylor.variable(z, 0, 1)}
+        level, rising = (_parsed(self.phi).series(values, 1) for values in (across, upward))
+        slopes = (level.derivative(1, 0), level.derivative(0, 1), rising.derivative(1, 0))
+        phi = np.broadcast_to(level.value, x.shape)
+        gradient = np.stack([np.broadcast_to(slope, x.shape) for slope in slopes], axis=-1)
+        steep = np.linalg.norm(gradient, axis=-1)
+        somewhere = np.isfinite(offsets).all(axis=-1)  # what has diverged is said elsewhere
+        wrong = somewhere & ~(np.isfinite(phi) & np.isfinite(steep) & (steep > 0))
+        if wrong.any():
+            place = ", ".join(f"{value:g}" for value in offsets[wrong][0])
+            raise InputError(f"phi = '{self.phi[:QUOTED]}' has no gradient, or no value, at x, y, z = {place}")
+        return phi / steep, gradient / steep[..., None]
+
+    def distance(self, offsets: Array) -> Array:
+        """Return phi over the length of its gradient."""
+        return self._to_first_order(offsets)[0]
+
+    def gradient(self, offsets: Array) -> Array:
+        """Return the direction of its gradient."""
+        return self._to_first_order(offsets)[1]
+
+
+Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule | FormulaBody, Field(discriminator="kind")]
 
 
 def deepest(obstacles: tuple[Any, ...], places: Array, time: float) -> float:

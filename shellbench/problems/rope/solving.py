@@ -80,7 +80,7 @@ class RopeSolver(ABC):
 
 
 class Watch:
-    """Sees the steps of one level: counts them, tells of them, and keeps frames for pictures.
+    """Sees the steps of one level: counts them, tells of them, and keeps states and frames for pictures.
 
     Frames are at the same times whatever the steps: between two steps they are on straight lines.
 
@@ -95,6 +95,7 @@ class Watch:
         self.every = max(FRAME, case.states[-1] / FRAMES)
         self.thin = -(-(len(case.masses) + case.chains) // DRAWN)
         self.frames: list[Array] = []
+        self.states: list[RopeState] = []
         self.before: tuple[float, Array] | None = None
 
     @property
@@ -155,10 +156,11 @@ def refined(
         watch = Watch(case, words, progress)
         try:
             motion = RopeMotion(case, tuple(follow(level, watch)))
-        except SolveFailure as failure:
+        except (SolveFailure, InputError) as failure:  # an obstacle's formula may have no value where a mass gets to
             if number < len(levels) - 1:
                 continue
-            partial = RopeMotion(case, tuple(failure.partial), tuple(history))
+            before = getattr(failure, "partial", None) or watch.states
+            partial = RopeMotion(case, tuple(before), tuple(history))
             raise SolveFailure(str(failure), partial) from None
         found.append({quantity.name: quantity.measure(motion) for quantity in case.quantities})
         last, seconds = motion.kept[-1], time.perf_counter() - began

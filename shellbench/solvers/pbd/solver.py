@@ -160,7 +160,7 @@ def followed(case: RopeCase, settings: Any, rate: float, watch: Watch) -> list[R
     drag = (case.wind.drag if case.wind else 0.0) * inverse[..., None]
     down = np.array([0.0, 0.0, -case.gravity])
     stiffness, compliance = getattr(settings, "stiffness", 1.0), getattr(settings, "compliance", None)
-    states: list[RopeState] = []
+    states = watch.states
     stretch, depth, time, first = 0.0, 0.0, 0.0, 1 if rope else 0
     now = [obstacle.at(time)[0] for obstacle in case.obstacles]
     for until, count, step in spans(case, rate):

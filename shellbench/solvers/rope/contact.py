@@ -2,8 +2,9 @@
 
 Three pushes. "gradient" goes the depth along the gradient of phi. "reverse" goes it back along the way of the step, as
 the paper proposes. Both may be repeated, and neither sees a mass that has passed an obstacle within one step. "history"
-is ours: it finds where the way enters the obstacle, by steps of the length phi, which can't miss it. The rest of the
-step goes on with the velocity after the impact, and what that leaves inside goes out along the gradient.
+is ours: it finds where the way enters the obstacle, by steps of the length phi. They can't miss it unless phi comes of
+a formula and exceeds the distance. The rest of the step goes on with the velocity after the impact, and what that
+leaves inside goes out along the gradient.
 
 All is seen from the obstacle, which moves without turning.
 """
@@ -82,7 +83,7 @@ def entered(obstacle: Any, start: Array, way: Array) -> Array:
     running = moves & ~met
     part = np.where(touching & ~met, LEAVING, 0.0)
     for _ in range(MARCHES):
-        distance = obstacle.distance(start + part[:, None] * way)
+        distance = obstacle.distance(start + np.minimum(part, 1.0)[:, None] * way)
         met |= running & (distance <= near)
         running &= ~met
         if not running.any():
@@ -130,11 +131,11 @@ def _followed(obstacle: Any, start: Array, end: Array, now: Array, body: Array, 
     way = end - start
     part = entered(obstacle, start, way)
     inside = (part < 1.0) | (obstacle.distance(end) < 0)
-    part = np.where(part < 1.0, part, 0.0)
-    met = start + part[:, None] * way
-    normals = obstacle.gradient(met)
-    after = rebound(velocities, body, normals, obstacle.friction)
-    offsets = met + ((1.0 - part) * step)[:, None] * (after - body)
-    offsets = pushed(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
-    chosen = inside[:, None]
-    return Met(np.where(chosen, now + offsets, now + end), np.where(chosen, after, velocities), inside)
+    ends, speeds = now + end, np.array(velocities)
+    if inside.any():
+        spent = np.where(part < 1.0, part, 0.0)[inside, None]
+        met = start[inside] + spent * way[inside]
+        speeds[inside] = rebound(velocities[inside], body, obstacle.gradient(met), obstacle.friction)
+        offsets = met + (1.0 - spent) * step * (speeds[inside] - body)
+        ends[inside] = now + pushed(obstacle, offsets, offsets, "gradient", LAST_PUSHES)
+    return Met(ends, speeds, inside)

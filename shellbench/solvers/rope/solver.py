@@ -130,7 +130,7 @@ def followed(case: RopeCase, scheme: Scheme, rate: float, watch: Watch) -> list[
     """
     chains, moving = chains_of(case)
     far = FAR * max(1.0, float(np.abs(moving.places).max()))
-    states: list[RopeState] = []
+    states = watch.states
     stretch, depth = 0.0, 0.0
     moving = Stepper(chains, scheme, 1.0 / rate).start(moving)
     for until, count, step in spans(case, rate):

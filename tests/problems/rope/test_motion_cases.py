@@ -7,7 +7,7 @@ from shellbench.bench import catalog, registry
 from shellbench.errors import InputError
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
-from shellbench.problems.rope.obstacle import Capsule, HalfSpace, Plate, Sphere, deepest
+from shellbench.problems.rope.obstacle import Capsule, FormulaBody, HalfSpace, Plate, Sphere, deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 
 DROP = {key: value for key, value in catalog.named_case("rope_drop").data().items() if key != "name"}
@@ -20,6 +20,8 @@ OBSTACLES = (
     Plate(kind="plate", centre=ORIGIN, normal=(0.0, 1.0, 1.0), half_thickness=0.2),
     Capsule(kind="capsule", centre=ORIGIN, half_axis=(0.5, 0.0, 0.4), radius=0.3),
 )
+FORMULAS = ("7*(sqrt(x**2 + y**2 + z**2) - 0.7)", "x - 2*y + z/2", "abs(y + z) - 0.2*sqrt(2)")  # no lengths, but levels
+FORMULA = {"kind": "formula", "centre": [0.0, 0.0, -0.5]}
 
 
 def rope(**changes):
@@ -43,6 +45,12 @@ def rope(**changes):
         (DROP | {"obstacles": [AROUND | {"centre": [0.0, 0.0, "2 - 2*t"]}]}, "an obstacle is around the root at t = 0.8"),
         (DROP | {"obstacles": [AROUND | {"centre": [0.0, 0.0, -0.2]}]}, "a mass is 0.25 m deep in an obstacle at the start"),
         (DROP | {"obstacles": [AROUND | {"kind": "cube"}]}, "found 'cube'"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "z - t"}]}, "uses the unknown name 't'; known are x, y, z, pi"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "z.real"}]}, "is not a formula"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "1"}]}, "phi = '1' has no gradient, or no value, at x, y, z = 0, 0, 0.4"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "log(x - 1)"}]}, "has no gradient, or no value, at x, y, z = 0, 0, 0.4"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "0.45 - z"}]}, "an obstacle is around the root at t = 0"),
+        (DROP | {"obstacles": [FORMULA | {"phi": "3*z - 1.5"}]}, "a mass is 0.1 m deep in an obstacle at the start"),
         (rope(count=0), "field 'rope.count': found 0, but it must be"),
         (
             rope(count=4, root=[1.0, 0.0, 0.0], start=[[1.0, 0.0, -0.1]])
@@ -85,6 +93,22 @@ def test_the_distance_leads_to_the_surface(obstacle):
     assert len(outside) > 20
     landed = outside - obstacle.distance(outside)[:, None] * obstacle.gradient(outside)
     assert np.abs(obstacle.distance(landed)).max() < 1e-12
+
+
+@pytest.mark.parametrize(("formula", "body"), [*zip(FORMULAS, OBSTACLES[:3], strict=True)])
+def test_formulas_are_the_bodies_that_they_describe(formula, body):
+    places = np.random.default_rng(4).normal(size=(100, 3))
+    described = FormulaBody(kind="formula", phi=formula)
+    assert described.distance(places) == pytest.approx(body.distance(places), abs=1e-14)
+    assert described.gradient(places) == pytest.approx(body.gradient(places), abs=1e-14)
+
+
+def test_what_is_no_distance_is_one_to_first_order():
+    """(r^2 - R^2) over its slope 2 r is d - d^2/(2 r), with d = r - R."""
+    places = np.random.default_rng(5).normal(size=(100, 3))
+    radii = np.linalg.norm(places, axis=1)
+    found = FormulaBody(kind="formula", phi="x**2 + y**2 + z**2 - 0.49").distance(places)
+    assert found == pytest.approx(radii - 0.7 - (radii - 0.7) ** 2 / (2 * radii), abs=1e-14)
 
 
 def test_what_moves_has_the_velocity_of_its_formula():

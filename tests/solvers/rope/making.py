@@ -28,5 +28,9 @@ def hanging(angle, lengths):
 
 def last(name, rate, **changes):
     """Return the last state of a case with so many steps a second."""
-    case = catalog.named_case(name)
+    return followed_last(catalog.named_case(name), rate, **changes)
+
+
+def followed_last(case, rate, **changes):
+    """Return the last state of a motion with so many steps a second."""
     return followed(case, scheme(**changes), rate, Watch(case, "", lambda _: None))[-1]

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 
-from shellbench.problems.rope.obstacle import HalfSpace, Plate, Sphere
+from shellbench.bench import catalog
+from shellbench.errors import SolveFailure
+from shellbench.problems.rope.case import RopeCase
+from shellbench.problems.rope.obstacle import FormulaBody, HalfSpace, Plate, Sphere
 from shellbench.solvers.rope.contact import collided, entered, pushed, rebound
-from tests.solvers.rope.making import last
+from shellbench.solvers.rope.solver import ExactSolver
+from tests.solvers.rope.making import followed_last, last
 
 ORIGIN = (0.0, 0.0, 0.0)
 FLOOR = HalfSpace(kind="plane", centre=ORIGIN, normal=(0.0, 0.0, 1.0))
@@ -16,11 +20,12 @@ OFFSETS = np.array([0.05, 0.2, 0.4, 0.6, 0.8, 0.95])
 
 @pytest.mark.parametrize("pushes", [1, 2, 5])
 @pytest.mark.parametrize("incidence", [10, 45, 80])
-def test_reverse_pushes_leave_a_known_depth(pushes, incidence):
+@pytest.mark.parametrize("floor", [FLOOR, FormulaBody(kind="formula", phi="3*z")], ids=lambda body: body.kind)
+def test_reverse_pushes_leave_a_known_depth(floor, pushes, incidence):
     """Each push by the depth, at an angle a to the normal, leaves 1 - cos a of it."""
     a = np.radians(incidence)
     back = 100 * np.array([[np.sin(a), 0.0, np.cos(a)]])
-    left = pushed(FLOOR, np.array([[0.0, 0.0, -1.0]]), back, "reverse", pushes)
+    left = pushed(floor, np.array([[0.0, 0.0, -1.0]]), back, "reverse", pushes)
     assert -left[0, 2] == pytest.approx((1 - np.cos(a)) ** pushes, rel=1e-9, abs=1e-15)
 
 
@@ -77,6 +82,35 @@ def test_figure_7_in_figures():
     assert reversed_[1] < 0.1
     assert ball(12, "history", "gradient")[0] < 1e-9
     assert ball(12, "reverse", "reverse")[2] == pytest.approx(0.0254, abs=5e-5)
+
+
+BALLS = ("sqrt(x**2 + y**2 + z**2) - 1", "x**2 + y**2 + z**2 - 1")
+DESCRIBED = [("rope_ball", BALLS[0]), ("rope_ball", BALLS[1]), ("rope_incline_slides", "0.5*x + 0.75**0.5*z")]
+
+
+@pytest.mark.parametrize(("name", "formula"), DESCRIBED)
+def test_what_a_formula_describes_is_met_as_the_body_itself(name, formula):
+    """Ways are followed to the surface, which is exact though the formula be no distance."""
+    case = catalog.named_case(name)
+    (body,) = case.obstacles
+    described = FormulaBody(kind="formula", centre=body.centre, friction=body.friction, phi=formula)
+    found, known = followed_last(case.model_copy(update={"obstacles": (described,)}), 8), last(name, 8)
+    assert found.nodes == pytest.approx(known.nodes, abs=1e-9)
+    assert found.velocities == pytest.approx(known.velocities, abs=1e-9)
+
+
+def test_where_a_formula_ends_the_motion_fails_with_what_came_before():
+    asked = [{"name": f"x_{1000 * at:.0f}", "kind": "position", "node": 0, "axis": "x", "at": at} for at in (0.25, 1.0)]
+    data = {
+        "kind": "rope", "title": "End", "description": "A formula that ends.", "theory": "rigid-links",
+        "particles": {"start": [[0.0, 0.0, 0.0]], "velocity": [1.0, 0.0, 0.0]},
+        "obstacles": [{"kind": "formula", "phi": "z + 1 + 0*log(0.5 - x)"}],
+        "quantities": [asked[0] | {"primary": True}, asked[1]],
+    }  # fmt: skip
+    with pytest.raises(SolveFailure, match=r"has no gradient, or no value, at x, y, z = 0\.5") as caught:
+        ExactSolver().solve(RopeCase.build(data, "end", "end.toml"), {"steps_per_second": 40.0})
+    (state,) = caught.value.partial.kept
+    assert state.nodes[0] == pytest.approx([0.25, 0.0, 0.0])
 
 
 @pytest.mark.parametrize(("rate", "error"), [(60, 0.0421), (240, 0.0106)])
