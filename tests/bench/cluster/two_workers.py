@@ -45,7 +45,9 @@ class Cluster:
         self.folder.mkdir(parents=True, exist_ok=True)
         listen = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show")
         self.scheduler = self._program("dask_scheduler", *listen, "--scheduler-file", str(self.file))
-        until(lambda: self.file.is_file() and self.file.read_text(encoding="utf-8").endswith("}"))  # it is written whole
+        until(
+            lambda: self.file.is_file() and self.file.read_text(encoding="utf-8").endswith("}")
+        )  # it is written whole
         self.ensure(workers)
         return self
 
