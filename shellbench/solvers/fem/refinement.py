@@ -45,6 +45,7 @@ ASYMPTOTIC = 4.0  # order of the element's energies and displacements: coarse me
 UNSEEN = 2.0  # rate that is believed where none is observed: half the element's
 SAFETY = 1.5  # of the error that extrapolation estimates
 RECENT = 2  # changes that bound the error; one more where they differ in sign
+ACCIDENT = 0.25  # of what a field changes by anywhere: no displacement is surer by one change of its own alone
 
 
 @dataclass(frozen=True)
@@ -265,13 +266,16 @@ def levels(
         energies.append(equilibrium.potential_energy)
         seen = observed_rate(energies[-3:], resolutions[-3:]) if len(energies) > 2 else None
         fastest = min(slowest, seen) if seen is not None else slowest if slowest < ASYMPTOTIC else None
+        difference = field_difference(solution, before) if before else None
+        # One change may be small by accident, as that of a place at which the field's change passes through zero.
+        least = ACCIDENT * difference if case.linear and difference is not None and len(resolutions) == 2 else 0.0
         estimates = {}
         for q in case.quantities:
             found = estimate(values[q.name], resolutions, fastest)
-            estimates[q.name] = replace(found, uncertainty=found.uncertainty + rounding(equilibrium, q, quantities))
+            sure = max(found.uncertainty, least if isinstance(q, LargestDisplacement | DisplacementQuantity) else 0.0)
+            estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
         # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
         error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
-        difference = field_difference(solution, before) if before else None
         yield Level(equilibrium, quantities, estimates, error, difference)
         before = solution
 
