@@ -41,17 +41,25 @@ def segments(body: Sequence[Capsule], stride: Array) -> Array:
 
 
 def distance(places: Array, axes: Array, radii: Array) -> Array:
-    """Return phi (..., n), m, at places (..., n, 3) for axes (..., c, 2, 3) and radii (c,), m."""
-    nearest = np.full(places.shape[:-1], np.inf, dtype=places.dtype)
-    for part, radius in enumerate(radii):
-        nearest = np.minimum(nearest, np.linalg.norm(_from_axis(places, axes[..., part, :, :]), axis=-1) - radius)
-    return np.asarray(nearest)
+    """Return phi (..., n), m, at places (..., n, 3) for axes (..., c, 2, 3) and radii (c,), m.
+
+    By products of matrices, which are far faster than sums over an axis of three: a training asks a million places a
+    second.
+    """
+    start, along = axes[..., 0, :], axes[..., 1, :] - axes[..., 0, :]
+    turned = np.swapaxes(places, -1, -2)
+    forth = along @ turned - _dot(along, start)[..., None]  # (..., c, n): the way along an axis times its length
+    from_start = _dot(places, places)[..., None, :] - 2 * (start @ turned) + _dot(start, start)[..., None]
+    square = np.maximum(_dot(along, along), TINY)[..., None]
+    share = np.clip(forth / square, 0.0, 1.0)
+    apart = np.sqrt(np.maximum(from_start - share * (2 * forth - share * square), 0.0))
+    return np.asarray((apart - radii[:, None]).min(axis=-2))
 
 
 def directions(places: Array, axes: Array) -> Array:
     """Return the direction (..., c, n, 3) from the axis of each capsule to each place (..., n, 3)."""
     apart = np.stack([_from_axis(places, axes[..., part, :, :]) for part in range(axes.shape[-3])], axis=-3)
-    return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=-1, keepdims=True), TINY))
+    return np.asarray(apart / np.maximum(_length(apart)[..., None], TINY))
 
 
 def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: Array | None = None) -> Array:
@@ -61,9 +69,9 @@ def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: A
     """
     for part, radius in enumerate(radii):
         apart = _from_axis(places, axes[..., part, :, :])
-        length = np.linalg.norm(apart, axis=-1, keepdims=True)
+        length = _length(apart)[..., None]
         way = apart / np.maximum(length, TINY) if along is None else along[..., part, :, :]
-        depth = radius + margin - (apart * way).sum(-1, keepdims=True)
+        depth = radius + margin - _dot(apart, way)[..., None]
         places = places + np.where(length < radius + margin, depth, 0.0) * way
     return places
 
@@ -71,5 +79,15 @@ def pushed_out(places: Array, axes: Array, radii: Array, margin: float, along: A
 def _from_axis(places: Array, axis: Array) -> Array:
     """Return what leads from the nearest point of a segment (..., 2, 3) to each place (..., n, 3)."""
     start, along = axis[..., None, 0, :], axis[..., None, 1, :] - axis[..., None, 0, :]
-    share = ((places - start) * along).sum(-1, keepdims=True) / np.maximum((along**2).sum(-1, keepdims=True), TINY)
-    return np.asarray(places - start - np.clip(share, 0.0, 1.0) * along)
+    apart = places - start
+    share = np.clip(_dot(apart, along) / np.maximum(_dot(along, along), TINY), 0.0, 1.0)
+    return np.asarray(apart - share[..., None] * along)
+
+
+def _dot(one: Array, other: Array) -> Array:
+    """Return scalar products (...): far faster than a sum over an axis of three."""
+    return np.asarray(np.einsum("...i,...i->...", one, other))
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(_dot(vectors, vectors)))

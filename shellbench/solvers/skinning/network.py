@@ -85,7 +85,7 @@ def train_dense(
     biases = [_drawn(draw, n, (m,)) for n, m in pairwise(widths)]
     x, wanted = _tensor((inputs - mean) / spread), _tensor(training.wanted)
     collide = Collision(training, settings.expansion) if settings.collision else None
-    optimizer = torch.optim.Adam([*weights, *biases], lr=settings.learning_rate)
+    optimizer = torch.optim.Adam([*weights, *biases], lr=settings.learning_rate, fused=True)
     slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
 
     def arrays() -> dict[str, NDArray[np.float32]]:
@@ -134,7 +134,7 @@ def train_recurrent(
         for tensor in unit.parameters():
             tensor.copy_(_drawn(draw, width, tuple(tensor.shape)).detach())
     out, bias = _drawn(draw, width, (width, count)), _drawn(draw, width, (count,))
-    optimizer = torch.optim.Adam([*unit.parameters(), out, bias], lr=settings.learning_rate)
+    optimizer = torch.optim.Adam([*unit.parameters(), out, bias], lr=settings.learning_rate, fused=True)
     slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
 
     def arrays() -> dict[str, NDArray[np.float32]]:
@@ -188,10 +188,13 @@ def pushed_targets(
     meshes: NDArray[np.floating], truth: NDArray[np.floating], axes: NDArray[np.floating], radii: NDArray[np.floating]
 ) -> NDArray[np.floating]:
     """Return places (n, v, 3), m: meshes, but vertices inside are pushed by their depth toward the truth."""
-    depth = np.maximum(-distance(meshes, axes, radii), 0.0)[..., None]
-    way = truth - meshes
-    length = np.linalg.norm(way, axis=-1, keepdims=True)
-    return np.asarray(meshes + depth * way / np.maximum(length, SMALL))
+    depth = -distance(meshes, axes, radii)
+    inside = depth > 0
+    way = (truth - meshes)[inside]
+    length = np.maximum(np.linalg.norm(way, axis=-1), SMALL)
+    found = meshes.copy()
+    found[inside] += (depth[inside] / length)[:, None] * way
+    return found
 
 
 def _drawn(draw: np.random.Generator, inputs: int, shape: tuple[int, ...]) -> Tensor:

@@ -52,7 +52,7 @@ class TrainingSettings(SeededSettings):
     """Settings of what trains."""
 
     modes: Count = Field(MODES, description="PCA modes, at most")
-    epochs: Count = Field(120, description="passes over the frames that are seen; the paper says nothing")
+    epochs: Count = Field(60, description="passes over the frames that are seen; the paper says nothing")
 
 
 class NetworkSettings(TrainingSettings):
@@ -60,7 +60,7 @@ class NetworkSettings(TrainingSettings):
 
     widths: Annotated[tuple[Count, ...], Field(min_length=1)] = Field((500, 500), description="of the hidden layers")
     learning_rate: Positive = Field(1e-4, description="of Adam at the start; a cosine leads it to 0")
-    batch: Count = Field(64, description="frames of a step; the paper says nothing")
+    batch: Count = Field(16, description="frames of a step; the paper says nothing")
     collision: bool = Field(True, strict=True, description="whether the loss counts vertices inside the body")
     data_weight: Positive = Field(0.1, description="of squared distances from the simulation")
     collision_weight: Positive = Field(1000.0, description="of squared pushes out of the body")
