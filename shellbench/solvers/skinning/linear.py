@@ -115,7 +115,7 @@ def bilinear_skin(arrays: Arrays, case: SkinningCase, clips: Clips, frames: Numb
     rows, columns = case.grid
     grid = bones(case, clips, frames).reshape(len(frames), len(rows), len(columns), 3)
     down, across = hats(rows, case.cape.rows), hats(columns, case.cape.columns)
-    return np.einsum("ri,cj,nijd->nrcd", down, across, grid, optimize=True).reshape(len(frames), -1)
+    return np.asarray(np.einsum("ri,cj,nijd->nrcd", down, across, grid, optimize=True).reshape(len(frames), -1))
 
 
 def hats(nodes: Numbers, count: int) -> Array:

@@ -52,7 +52,7 @@ class TrainingSettings(SeededSettings):
     """Settings of what trains."""
 
     modes: Count = Field(MODES, description="PCA modes, at most")
-    epochs: Count = Field(60, description="passes over the frames that are seen; the paper says nothing")
+    epochs: Count = Field(40, description="passes over the frames that are seen; the paper says nothing")
 
 
 class NetworkSettings(TrainingSettings):
