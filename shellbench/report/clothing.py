@@ -60,7 +60,7 @@ def _value(name: str, heading: str) -> Column:
 
     def written(value: Any, line: Line, notation: Notation) -> str:
         shown = significant(FIGURES)(value, line, notation)
-        spread = line.get(name + SPREAD)
+        spread: Any = line.get(name + SPREAD)
         return f"{shown} ± {notation.number(rounded(spread, spread / 9 or None))}" if present(spread) else shown
 
     return column(name, heading, written)
@@ -94,7 +94,7 @@ def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
     }
     lines = []
     for (case, name), alike in grouped(rows, lambda row: (row.case, solution_name(row))).items():
-        record = next((found.records[row.run_id] for row in alike if row.run_id in found.records), None)
+        record = next((found.records[one] for row in alike if (one := row.run_id or "") in found.records), None)
         line: dict[str, Any] = {"block": alike[0].case_title or case, "case": case, "solution": name}
         line["seeds"] = len({row.run_id for row in alike if row.run_id})
         for quantity, of_quantity in grouped(alike, lambda row: row.quantity).items():

@@ -55,7 +55,7 @@ class Training:
         """
         self.progress(Progress(epoch, of, f"loss {loss:.3g}"))
         if not np.isfinite(loss):
-            partial = self.last if self.history else None
+            partial = self.last if self.history else None  # type: ignore[has-type]
             raise SolveFailure(f"the training diverged in epoch {epoch}", partial)
         if epoch % max(of // LOOKS, 1) and epoch != of:
             return
@@ -188,7 +188,7 @@ def pushed_targets(
     meshes: NDArray[np.floating], truth: NDArray[np.floating], axes: NDArray[np.floating], radii: NDArray[np.floating]
 ) -> NDArray[np.floating]:
     """Return places (n, v, 3), m: meshes, but vertices inside are pushed by their depth toward the truth."""
-    depth = -distance(meshes, axes, radii)
+    depth = -distance(meshes, axes, radii)  # type: ignore[arg-type] # float32 too
     inside = depth > 0
     way = (truth - meshes)[inside]
     length = np.maximum(np.linalg.norm(way, axis=-1), SMALL)
@@ -207,4 +207,4 @@ def _tensor(values: Array) -> Tensor:
 
 
 def _batches(draw: np.random.Generator, count: int, size: int) -> Iterator[Tensor]:
-    yield from torch.from_numpy(draw.permutation(count)).split(size)
+    yield from torch.from_numpy(draw.permutation(count)).split(size)  # type: ignore[no-untyped-call]

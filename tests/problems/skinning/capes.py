@@ -13,7 +13,7 @@ SMALL: dict[str, Any] = {
     "cape": {"rows": 8, "columns": 6, "clips": 2, "frames": 10, "iterations": 4, "settling": 5},
     "body": [
         {"name": "trunk", "start": [0.0, 0.0, -0.1], "end": [0.0, 0.0, -0.5], "radius": 0.14},
-        {"name": "legs", "start": [0.0, 0.0, -0.5], "end": [0.0, 0.0, -1.3], "radius": 0.15, "swings": True},
+        {"name": "legs", "start": [0.0, 0.0, -0.5], "end": [0.0, 0.0, -1.3], "radius": 0.35, "swings": True},
     ],
     "bones": {"chains": 3, "nodes": 4},
     "split": {"by": "clips", "held_out": [1]},

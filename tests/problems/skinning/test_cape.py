@@ -25,7 +25,7 @@ def test_the_held_row_follows_the_body_and_no_vertex_is_inside():
     clips = clips_of(case)
     assert clips.meshes[:, 0] == pytest.approx(np.broadcast_to(case.cape.rest()[0], clips.meshes[:, 0].shape), abs=1e-7)
     phi = distance(clips.meshes[:, 1:].reshape(len(clips.meshes), -1, 3), clips.axes, clips.radii)
-    assert phi.min() >= case.margin - 1e-6  # float32 is kept
+    assert case.margin - 1e-6 <= phi.min() <= case.margin + 1e-6  # it lies on the body; float32 is kept
     assert np.ptp(clips.meshes[:, -1], axis=0).max() > 1e-3  # it moves
 
 

@@ -178,8 +178,7 @@ def test_networks_learn_and_repeat():
 
 
 def test_the_collision_loss_counts_what_is_inside_the_expanded_body():
-    wide = {"name": "wide", "start": [0.0, 0.0, -0.6], "end": [0.0, 0.0, -1.3], "radius": 0.4}
-    case = small(body=[wide])
+    case = small()
     training = network.Training(case, "any", forward.bone_skin, 5, lambda _: None)
     batch = torch.arange(4)
     found = torch.from_numpy(2 * training.wanted[:4]).float().requires_grad_()
