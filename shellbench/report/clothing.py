@@ -102,7 +102,9 @@ def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
         if record is not None:
             line["seconds"] = record.history[-1].seconds if record.history else record.seconds
             line["parameters"] = record.parameters
+        line["headline"] = next((line[row.quantity] for row in alike if row.primary), None)
         lines.append(line)
+    lines.sort(key=lambda line: (line["case"], line["headline"] is None, line["headline"]))  # the best first
     return Table(
         name="clothing",
         title="Skinning by method",
@@ -144,5 +146,4 @@ def worst_exhibits(found: Evidence, rows: Sequence[Row], kept: dict[str, tuple[s
 
 
 def _in_lines(name: str) -> str:
-    solver, _, variant = plain(name).partition(", ")
-    return f"{solver}\n{variant}"
+    return plain(name).replace(", ", "\n")
