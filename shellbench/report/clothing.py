@@ -26,6 +26,7 @@ WORST = "worst_"  # how names of figures begin
 CAMERA = Camera(12.0, 60.0)  # from behind, where a cape is
 IN_A_ROW = 5
 FIGURES = 3  # digits of a value
+MILLI = 1e3
 SPREAD = "_spread"  # ends the name of a column with the standard deviation over seeds
 
 
@@ -55,15 +56,18 @@ def _mean_and_spread(rows: Sequence[Row]) -> tuple[float | None, float | None]:
     return mean, float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
-def _value(name: str, heading: str) -> Column:
-    """Return a column of means, with the spread over seeds behind them."""
+def _value(name: str, heading: str, unit: str) -> Column:
+    """Return a column of means, with the spread over seeds behind them; metres are written as millimetres."""
+    scale, shown_unit = (MILLI, "mm") if unit == "m" else (1.0, unit)
 
     def written(value: Any, line: Line, notation: Notation) -> str:
-        shown = significant(FIGURES)(value, line, notation)
+        shown = significant(FIGURES)(scale * value, line, notation)
         spread: Any = line.get(name + SPREAD)
-        return f"{shown} ± {notation.number(rounded(spread, spread / 9 or None))}" if present(spread) else shown
+        if not present(spread):
+            return shown
+        return f"{shown} ± {notation.number(rounded(scale * spread, scale * spread / 9 or None))}"
 
-    return column(name, heading, written)
+    return column(name, heading, written, unit=shown_unit)
 
 
 def by_split(rows: Sequence[Row]) -> Table | None:
@@ -80,18 +84,16 @@ def by_split(rows: Sequence[Row]) -> Table | None:
     return None if len(cases) < 2 else Table(
         name="clothing_splits",
         title="Held-out figures, split by split",
-        caption=f"{headline[0].description or headline[0].quantity} ({unit}), and its standard deviation over seeds.",
+        caption=f"{headline[0].description or headline[0].quantity}, and its standard deviation over seeds.",
         data=frame(lines),
-        columns=("solution", *(_value(case, title) for case, title in cases.items())),
+        columns=("solution", *(_value(case, title, unit) for case, title in cases.items())),
         suite=headline[0].suite or "",
     )  # fmt: skip
 
 
 def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
     """Return all figures of each method, with what it cost."""
-    quantities = {
-        row.quantity: f"{row.quantity.replace('_', ' ')}{f' ({row.unit})' if row.unit else ''}" for row in rows
-    }
+    quantities = {row.quantity: (row.quantity.replace("_", " "), row.unit) for row in rows}
     lines = []
     for (case, name), alike in grouped(rows, lambda row: (row.case, solution_name(row))).items():
         record = next((found.records[one] for row in alike if (one := row.run_id or "") in found.records), None)
@@ -111,7 +113,13 @@ def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
         caption="Means over seeds, and standard deviations. Time is that of fitting or training, with the first seed;"
         " unknowns are all numbers that were fitted, modes among them.",
         data=frame(lines),
-        columns=("solution", "seeds", *(_value(*each) for each in quantities.items()), "seconds", "parameters"),
+        columns=(
+            "solution",
+            "seeds",
+            *(_value(name, *each) for name, each in quantities.items()),
+            "seconds",
+            "parameters",
+        ),
         notes=failures(found.runs[found.runs["case"].isin({row.case for row in rows})]),
     )
 

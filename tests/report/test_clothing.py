@@ -41,7 +41,7 @@ def test_the_best_method_comes_first_with_all_its_figures(tmp_path):
     first, second, _ = table.data.to_dict("records")
     assert (first["seeds"], second["seeds"], second["inside"]) == (1, 2, pytest.approx(0.3))
     text = table.write("text")
-    assert "0.0300 ± 0.014" in text
+    assert "30.0 ± 14" in text
     assert "inside" in text
 
 
