@@ -56,14 +56,14 @@ def _mean_and_spread(rows: Sequence[Row]) -> tuple[float | None, float | None]:
     return mean, float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
-def _value(name: str, heading: str, unit: str) -> Column:
-    """Return a column of means, with the spread over seeds behind them; metres are written as millimetres."""
+def _value(name: str, heading: str, unit: str, spreads: bool = True) -> Column:
+    """Return a column of means, and the spread over seeds if wanted; metres are written as millimetres."""
     scale, shown_unit = (MILLI, "mm") if unit == "m" else (1.0, unit)
 
     def written(value: Any, line: Line, notation: Notation) -> str:
         shown = significant(FIGURES)(scale * value, line, notation)
         spread: Any = line.get(name + SPREAD)
-        if not present(spread):
+        if not (spreads and present(spread)):
             return shown
         return f"{shown} ± {notation.number(rounded(scale * spread, scale * spread / 9 or None))}"
 
@@ -94,6 +94,7 @@ def by_split(rows: Sequence[Row]) -> Table | None:
 def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
     """Return all figures of each method, with what it cost."""
     quantities = {row.quantity: (row.quantity.replace("_", " "), row.unit) for row in rows}
+    headline = {row.quantity for row in rows if row.primary}
     lines = []
     for (case, name), alike in grouped(rows, lambda row: (row.case, solution_name(row))).items():
         record = next((found.records[one] for row in alike if (one := row.run_id or "") in found.records), None)
@@ -110,13 +111,13 @@ def by_method(found: Evidence, rows: Sequence[Row]) -> Table:
     return Table(
         name="clothing",
         title="Skinning by method",
-        caption="Means over seeds, and standard deviations. Time is that of fitting or training, with the first seed;"
-        " unknowns are all numbers that were fitted, modes among them.",
+        caption="Means over seeds, and the standard deviation of the first figure. Time is that of fitting"
+        " or training, with the first seed; unknowns are all numbers that were fitted, modes among them.",
         data=frame(lines),
         columns=(
             "solution",
             "seeds",
-            *(_value(name, *each) for name, each in quantities.items()),
+            *(_value(name, *each, name in headline) for name, each in quantities.items()),
             "seconds",
             "parameters",
         ),
