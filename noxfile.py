@@ -121,6 +121,19 @@ def rope(session: nox.Session) -> None:
     run_and_judge(session, "rope", beside, quick=("--solver", "rope-exact", "--solver", "pendulum-ode"), extras=extras)
 
 
+@nox.session
+def skinning(session: nox.Session) -> None:
+    """Skin a simulated cape from bones by lines and by networks; nothing is judged. `-- --solver NAME` asks fewer.
+
+    The first run simulates the clips, which takes half a minute; no method's time counts that.
+    """
+    install(session)
+    session.run("shellbench", "run", "--suite", "skinning", *ONE_THREAD, *session.posargs, success_codes=[0, 1])
+    session.run("shellbench", "table", "--suite", "skinning")
+    session.run("shellbench", "report", "--suite", "skinning", "--out", REPORT)
+    session.log(f"{REPORT}/index.html")
+
+
 def run_and_judge(
     session: nox.Session,
     suite: str,

@@ -24,6 +24,9 @@ from shellbench.problems.rope import obstacle
 from shellbench.problems.rope import quantities as asked
 from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case
+from shellbench.problems.skinning import body, cape
+from shellbench.problems.skinning import case as skinning
+from shellbench.problems.skinning import quantities as skinned
 
 PAGE = Path(__file__).with_name("case_format.md")
 SHOWN = "shellbench.problems", "shellbench.known"
@@ -323,7 +326,7 @@ def page() -> str:
     top = "## The file\n\nThe tables of a case file, and the fields that stand before them:\n\n" + table(Case, whole)
     complete = (Path(__file__).parents[1] / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8")
     last = f"## A whole file\n\n`examples/hyperbolic_paraboloid.toml`:\n\n```toml\n{complete.strip()}\n```"
-    return "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains()]) + "\n"
+    return "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains(), capes()]) + "\n"
 
 
 def chains() -> str:
@@ -363,6 +366,31 @@ def chains() -> str:
     for name in ("hanging_chain", "rope_drop"):
         file = (Path(__file__).parents[1] / f"cases/{name}.toml").read_text(encoding="utf-8")
         parts.append(f"`cases/{name}.toml`:\n\n```toml\n{file.strip()}\n```")
+    return "\n\n".join(parts)
+
+
+def capes() -> str:
+    """Return the reference of the kind of problem that skins a garment."""
+    own = {"theory", "cape", "body", "margin", "bones", "split", "quantities"}
+    parts = [
+        '## Capes\n\nA file with `kind = "skinning"` asks for the mesh of a simulated cape from a few bones, in frames that'
+        " are held out. It has the title, the description, the units and the suites of every case, and:",
+        table(skinning.SkinningCase, [name for name in skinning.SkinningCase.model_fields if name in own]),
+        f"`[cape]`: {summary(cape.Cape)}", table(cape.Cape, list(cape.Cape.model_fields)),
+        f"`[[body]]`: {summary(body.Capsule)}", table(body.Capsule, list(body.Capsule.model_fields)),
+        f"`[bones]`: {summary(skinning.Bones)}", table(skinning.Bones, list(skinning.Bones.model_fields)),
+        "`[split]` is one of two kinds.",
+    ]  # fmt: skip
+    for split in (skinning.ByClips, skinning.ByFrames):
+        by = split.model_json_schema()["properties"]["by"]["const"]
+        parts += [f"`{by}`: {summary(split)}", table(split, [name for name in split.model_fields if name != "by"])]
+    parts.append("`[[quantities]]` have the fields that those of shells have in common.")
+    for cls in (skinned.SkinError, skinned.PenetrationShare, skinned.PenetrationDepth):
+        field = cls.model_json_schema()["properties"]["kind"]
+        kinds = [field["const"]] if "const" in field else field["enum"]
+        parts.append(f"{', '.join(f'`{kind}`' for kind in kinds)}: {summary(cls)}")
+    file = (Path(__file__).parents[1] / "cases/cape_clips.toml").read_text(encoding="utf-8")
+    parts.append(f"`cases/cape_clips.toml`:\n\n```toml\n{file.strip()}\n```")
     return "\n\n".join(parts)
 
 

@@ -302,6 +302,11 @@ class Portrait:
         return None
 
     @property
+    def worst(self) -> tuple[str, str] | None:
+        """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and as it was skinned; else None."""
+        return None
+
+    @property
     def along(self) -> tuple[Along, ...]:
         """What is measured all along the way and is no energy: where it is, and what holds it."""
         return ()

@@ -14,6 +14,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Say, Store
 from shellbench.report import (
     calibration,
+    clothing,
     consistency,
     cost,
     engines,
@@ -54,6 +55,7 @@ MAKERS: tuple[Maker, ...] = (
     newton.section,
     trace_tables.cloth,
     ropes.section,
+    clothing.section,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     calibration.section,

@@ -1,19 +1,24 @@
 """Colours of the solvers of all suites: each has its own, and those that came later left the others what they were."""
 
+import pytest
+
 from shellbench.bench import catalog
 from shellbench.bench.suite import Suite, SuiteRun
 from shellbench.report.exhibit import COLOURS, MARKERS, OKABE_ITO, declared_solvers, inks
 
 
-def test_every_solver_of_the_suites_has_a_colour_and_a_marker_of_its_own():
-    found = inks(declared_solvers())
-    assert len({ink.colour for ink in found.values()}) == len(found) == len({ink.marker for ink in found.values()})
+@pytest.mark.parametrize("suite", catalog.suite_names())
+def test_every_solver_of_a_suite_has_a_colour_and_a_marker_of_its_own(suite):
+    every = inks(declared_solvers())
+    found = [every[solver] for solver in {run.solver for run in catalog.find_suite(suite).runs}]
+    assert len({ink.colour for ink in found}) == len(found) == len({ink.marker for ink in found})
 
 
 def test_solvers_of_engines_choose_last(monkeypatch):
-    """A suite of engines, whatever its name, takes no colour from the solvers of the others."""
+    """A suite of engines, whatever its name, takes no colour from the solvers of the others, but from peers."""
     names, find = catalog.suite_names(), catalog.find_suite
-    others = {run.solver for suite in map(find, names) if suite.study != "engines" for run in suite.runs}
+    suites = [suite for suite in map(find, names) if suite.study != "engines"]
+    others = {run.solver for suite in suites for run in suite.runs if not run.label}
     before = inks(others)
     guests = tuple(SuiteRun(solver=f"guest-{i}") for i in range(len(COLOURS)))
     first = Suite(name="a_first", title="", study="engines", runs=guests)

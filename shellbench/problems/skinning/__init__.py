@@ -1,0 +1,1 @@
+"""A garment's mesh from few bones: clips of a simulated cape, some of them held out."""

@@ -1,0 +1,130 @@
+"""Skinning: find a cape's mesh from a few bones in it, frame by frame, for frames that were held out.
+
+The interface is that of Jin et al., section 7: bones are points of the mesh, chains from the neck down, and everything
+is in the frame of the neck, so that rigid motion of the body is taken out. A solver sees the meshes of all frames but
+those that are held out, and of these the bones and the body's motion.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from shellbench.model import Finite, Model
+from shellbench.problem import Problem
+from shellbench.problems.skinning.body import Capsule
+from shellbench.problems.skinning.cape import Cape
+from shellbench.problems.skinning.quantities import SkinningQuantity
+
+Numbers = NDArray[np.int64]
+
+
+class Bones(Model):
+    """The bones: vertices of the mesh, evenly spread, in chains from the neck down."""
+
+    chains: int = Field(10, ge=2, strict=True, description="number of chains, from side to side")
+    nodes: int = Field(13, ge=2, strict=True, description="bones of each chain, from the neck to the hem")
+
+
+class ByClips(Model):
+    """Whole clips are held out: what they show was never seen."""
+
+    by: Literal["clips"]
+    held_out: Annotated[tuple[Annotated[int, Field(ge=0, strict=True)], ...], Field(min_length=1)] = Field(
+        description="numbers of the clips that are held out, from 0"
+    )
+
+
+class ByFrames(Model):
+    """Frames of all clips are held out at random: most have a neighbour 1/60 s away that was seen, and so leak."""
+
+    by: Literal["frames"]
+    share: Annotated[Finite, Field(gt=0, lt=1)] = Field(description="share of the frames that are held out")
+    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True, description="of the draw")
+
+
+class SkinningCase(Problem):
+    """A cape whose mesh is to be found from bones.
+
+    Attributes
+    ----------
+    cape
+        The cloth, its clips, and the seed of their motions.
+    body
+        What is under it.
+    margin
+        By how much the cloth is kept off the body, m.
+    bones
+        What is given of a frame.
+    split
+        Which frames are held out.
+    quantities
+        What is asked of every answer; exactly one is primary.
+    """
+
+    kind: Literal["skinning"]
+    theory: Literal["skinning"]
+    cape: Cape
+    body: Annotated[tuple[Capsule, ...], Field(min_length=1)]
+    margin: Annotated[Finite, Field(ge=0)] = 0.005
+    bones: Bones
+    split: Annotated[ByClips | ByFrames, Field(discriminator="by")]
+    quantities: Annotated[tuple[SkinningQuantity, ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        for name, bones, vertices in (
+            ("nodes", self.bones.nodes, self.cape.rows),
+            ("chains", self.bones.chains, self.cape.columns),
+        ):
+            if bones > vertices:
+                raise ValueError(f"there are {bones} {name} of bones, but only {vertices} vertices to put them on")
+        if isinstance(self.split, ByClips):
+            held = self.split.held_out
+            if len(set(held)) != len(held):
+                raise ValueError(f"a clip is held out twice: {', '.join(map(str, held))}")
+            if max(held) >= self.cape.clips:
+                raise ValueError(f"clip {max(held)} is held out, but there are only {self.cape.clips}, from 0")
+            if len(held) == self.cape.clips:
+                raise ValueError("all clips are held out, so that nothing is left to learn from")
+        elif not 0 < self._drawn < self.cape.clips * self.cape.frames:
+            raise ValueError(
+                f"a share of {self.split.share:g} holds out {self._drawn} frames: some must be, and not all"
+            )
+        return self
+
+    @property
+    def _drawn(self) -> int:
+        assert isinstance(self.split, ByFrames)
+        return round(self.split.share * self.cape.clips * self.cape.frames)
+
+    @cached_property
+    def held_out(self) -> Numbers:
+        """Numbers of the frames that are held out, those of all clips counted one after another, increasing."""
+        each, total = self.cape.frames, self.cape.clips * self.cape.frames
+        if isinstance(self.split, ByClips):
+            return np.concatenate([np.arange(each * clip, each * (clip + 1)) for clip in sorted(self.split.held_out)])
+        return np.sort(np.random.default_rng(self.split.seed).permutation(total)[: self._drawn])
+
+    @cached_property
+    def seen(self) -> Numbers:
+        """Numbers of the frames that may be learnt from, increasing."""
+        return np.setdiff1d(np.arange(self.cape.clips * self.cape.frames), self.held_out)
+
+    @cached_property
+    def groups(self) -> Numbers:
+        """For each frame that is seen, what must stay together in cross validation: its clip, or one of five parts."""
+        if isinstance(self.split, ByClips):
+            return self.seen // self.cape.frames
+        return np.asarray(np.random.default_rng([self.split.seed, 1]).integers(0, 5, len(self.seen)))
+
+    @cached_property
+    def grid(self) -> tuple[Numbers, Numbers]:
+        """Rows and columns of the mesh on which the bones are."""
+        rows = np.linspace(0, self.cape.rows - 1, self.bones.nodes).round().astype(int)
+        columns = np.linspace(0, self.cape.columns - 1, self.bones.chains).round().astype(int)
+        return rows, columns

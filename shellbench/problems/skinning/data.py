@@ -1,0 +1,121 @@
+"""The clips of a case: simulated when they are first needed, and kept in a folder of their own.
+
+The folder is that of the variable SHELLBENCH_DATA, or else `shellbench` in the user's folder of caches. The name of a
+file has a digest of the cape, the body and the code that simulates them: what was made otherwise is never read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.skinning import body, cape, motion
+from shellbench.problems.skinning.body import Capsule, segments
+from shellbench.problems.skinning.cape import Cape, draped, simulated
+from shellbench.problems.skinning.motion import BodyMotion, body_motion
+
+if TYPE_CHECKING:
+    from shellbench.problems.skinning.case import SkinningCase
+
+Array = NDArray[np.float64]
+FOLDER = "SHELLBENCH_DATA"
+MAKERS = (body, cape, motion)  # modules that decide what is simulated
+
+
+@dataclass(frozen=True)
+class Clips:
+    """All frames of all clips, one after another, in the frame of the neck.
+
+    Attributes
+    ----------
+    rest
+        Where the cape hangs still, (rows, columns, 3), m.
+    meshes
+        (n, rows, columns, 3), m; kept in float32, to 1e-7 m.
+    motion
+        Of the body.
+    axes
+        Ends of the body's capsules, (n, c, 2, 3), m.
+    radii
+        Of the capsules, (c,), m.
+    """
+
+    rest: Array
+    meshes: Array
+    motion: BodyMotion
+    axes: Array
+    radii: Array
+
+    @cached_property
+    def moved(self) -> Array:
+        """Displacements of all vertices from rest, (n, 3 v), m."""
+        return np.asarray((self.meshes - self.rest).reshape(len(self.meshes), -1))
+
+
+def clips_of(case: SkinningCase) -> Clips:
+    """Return the clips of a case, simulated if they are not kept yet."""
+    return _clips(case.cape, case.body, case.margin)
+
+
+@lru_cache(maxsize=2)
+def _clips(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Clips:
+    path = kept_at(cape, body, margin)
+    moves = body_motion(cape.seed, cape.clips, cape.frames)
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            found = {name: kept[name] for name in ("rest", "meshes")}
+        if found["meshes"].shape != (cape.clips, cape.frames, cape.rows, cape.columns, 3):
+            raise ValueError("of another shape")
+    except (OSError, KeyError, ValueError, EOFError, BadZipFile):  # not there, or damaged
+        found = _made(cape, body, margin, moves)
+        _keep(path, found)
+    meshes = found["meshes"].astype(float).reshape(-1, cape.rows, cape.columns, 3)
+    axes = segments(body, moves.stride).reshape(len(meshes), len(body), 2, 3)
+    return Clips(found["rest"].astype(float), meshes, moves, axes, np.array([part.radius for part in body]))
+
+
+def _made(cape: Cape, body: tuple[Capsule, ...], margin: float, moves: BodyMotion) -> dict[str, NDArray[Any]]:
+    tenth = max(cape.frames // 10, 1)
+
+    def say(frame: int, of: int) -> None:
+        if cape.rows * cape.columns * of > LONG and frame % tenth == 0:
+            print(f"simulating the cape: frame {frame} of {of}", file=sys.stderr, flush=True)
+
+    rest = draped(cape, body, margin)
+    meshes = simulated(cape, body, margin, moves, rest, say)
+    return {"rest": rest.astype(np.float32), "meshes": meshes.astype(np.float32)}
+
+
+LONG = 100_000  # vertices times frames beyond which progress is told
+
+
+def kept_at(cape: Cape, body: tuple[Capsule, ...], margin: float) -> Path:
+    """Return the file of the clips."""
+    root = os.environ.get(FOLDER) or Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "shellbench"
+    told = {"cape": cape.model_dump(mode="json"), "body": [part.model_dump(mode="json") for part in body]}
+    text = json.dumps(told | {"margin": margin}, sort_keys=True).encode()
+    code = b"".join(Path(str(maker.__file__)).read_bytes() for maker in MAKERS)
+    return Path(root) / f"cape_{hashlib.sha256(text + code).hexdigest()[:16]}.npz"
+
+
+def _keep(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays whole or not at all; what can't be written is simulated again next time."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
+            np.savez(file, **arrays)  # type: ignore[arg-type]
+        Path(file.name).replace(path)
+    except OSError as error:
+        print(f"the clips can't be kept in {path.parent}: {error.strerror}", file=sys.stderr)

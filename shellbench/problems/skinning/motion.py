@@ -1,0 +1,77 @@
+"""How a body moves: of each clip sums of sines with amplitudes, frequencies and phases drawn by its own seed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+RATE = 60.0  # frames a second
+SINES = 3  # of each coordinate
+SLOWEST, FASTEST = 0.25, 0.9  # Hz
+RAMP = 0.5  # s in which a motion begins
+AMPLITUDES = (0.14, 0.18, 0.03, np.radians(6), np.radians(6), np.radians(25), np.radians(10))
+"""Largest of each sine: of the neck's place (x, y, z), m; of lean about x, roll about y, yaw about z; of the stride."""
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """The body's frames: places (k, n, 3), m; rotations to the world (k, n, 3, 3); angles (k, n, 4), rad.
+
+    The angles are lean, roll, yaw, and that of the stride.
+    """
+
+    places: Array
+    rotations: Array
+    angles: Array
+
+    @property
+    def stride(self) -> Array:
+        """Angles of the stride, (k, n), rad."""
+        return self.angles[..., 3]
+
+    @property
+    def pose(self) -> Array:
+        """What a quasistatic network sees, (k, n, 3): the pull of gravity across the body, and the stride."""
+        down = -self.rotations[..., 2, :]  # of the world, in the frame of the body
+        return np.concatenate([down[..., :2], self.stride[..., None]], axis=-1)
+
+    @property
+    def course(self) -> Array:
+        """What a recurrent network sees, (k, n, 9): the pose, and the velocities of neck and turns in its frame."""
+        velocity = np.gradient(self.places, axis=1) * RATE if self.places.shape[1] > 1 else np.zeros_like(self.places)
+        local = np.einsum("knji,knj->kni", self.rotations, velocity)
+        turns = np.gradient(self.angles[..., :3], axis=1) * RATE if self.places.shape[1] > 1 else 0.0 * local
+        return np.concatenate([self.pose, local, turns], axis=-1)
+
+
+def body_motion(seed: int, clips: int, frames: int) -> BodyMotion:
+    """Return the motion of clips, which begin at rest; a clip is the same however many there are."""
+    time = np.arange(frames) / RATE
+    ramp = np.clip(time / RAMP, 0.0, 1.0)
+    ramp = ramp**2 * (3 - 2 * ramp)
+    found = np.empty((clips, frames, len(AMPLITUDES)))
+    for clip in range(clips):
+        draw = np.random.default_rng([seed, clip])
+        size = draw.uniform(0.2, 1.0, (SINES, len(AMPLITUDES), 1)) * np.array(AMPLITUDES)[:, None]
+        pace = draw.uniform(SLOWEST, FASTEST, size.shape)
+        phase = draw.uniform(0, 2 * np.pi, size.shape)
+        waves = size * (np.sin(2 * np.pi * pace * time + phase) - np.sin(phase))
+        found[clip] = (ramp * waves.mean(axis=0) * SINES**0.5).T
+    return BodyMotion(found[..., :3], rotations(found[..., 3:6]), found[..., 3:])
+
+
+def rotations(angles: Array) -> Array:
+    """Return the matrices (..., 3, 3) that lean about x, then roll about y, then turn about z, angles (..., 3), rad."""
+    lean, roll, yaw = np.moveaxis(angles, -1, 0)
+    one, none = np.ones_like(lean), np.zeros_like(lean)
+
+    def stacked(*rows: tuple[Array, Array, Array]) -> Array:
+        return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+    about_x = stacked((one, none, none), (none, np.cos(lean), -np.sin(lean)), (none, np.sin(lean), np.cos(lean)))
+    about_y = stacked((np.cos(roll), none, np.sin(roll)), (none, one, none), (-np.sin(roll), none, np.cos(roll)))
+    about_z = stacked((np.cos(yaw), -np.sin(yaw), none), (np.sin(yaw), np.cos(yaw), none), (none, none, one))
+    return about_z @ about_y @ about_x

@@ -1,0 +1,80 @@
+"""What can be asked of skinned meshes: how far they are from the simulation, and how much of them is in the body.
+
+A solution gives `meshes`, those of the frames that are held out, and `fitted`, those of the frames that were seen.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from shellbench.problem import Quantity
+from shellbench.problems.skinning.body import distance
+
+Array = NDArray[np.float64]
+
+
+def errors(solution: Any) -> Array:
+    """Return the root mean square over the vertices of each frame that is held out, (n,), m."""
+    return frame_errors(solution.meshes, solution.clips.meshes[solution.case.held_out])
+
+
+def frame_errors(meshes: Array, truth: Array) -> Array:
+    """Return the root mean square over the vertices of meshes (n, ..., 3), (n,), m."""
+    return np.asarray(np.sqrt(((meshes - truth) ** 2).sum(-1).reshape(len(meshes), -1).mean(1)))
+
+
+def depths(solution: Any) -> Array:
+    """Return how deep each vertex of each frame that is held out is in the body, (n, v), m; 0 outside.
+
+    The upper row, which the body holds, is left out.
+    """
+    held, clips = solution.case.held_out, solution.clips
+    free = solution.meshes[:, 1:].reshape(len(held), -1, 3)
+    return np.maximum(-distance(free, clips.axes[held], clips.radii), 0.0)
+
+
+class SkinError(Quantity):
+    """The distance of vertices from the simulation, over frames that are held out, or that were seen, m.
+
+    `error` and `fitted_error` are root mean squares over all vertices and frames, `worst_error` that of the worst
+    frame.
+    """
+
+    kind: Literal["error", "worst_error", "fitted_error"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the error, m."""
+        if self.kind == "fitted_error":
+            found = frame_errors(solution.fitted, solution.clips.meshes[solution.case.seen])
+        else:
+            found = errors(solution)
+        return float(found.max() if self.kind == "worst_error" else np.sqrt((found**2).mean()))
+
+
+class PenetrationShare(Quantity):
+    """The share of vertices that are inside the body."""
+
+    kind: Literal["penetration_share"]
+    unit: str = ""
+
+    def measure(self, solution: Any) -> float:
+        """Return the share, from 0 to 1."""
+        return float((depths(solution) > 0).mean())
+
+
+class PenetrationDepth(Quantity):
+    """How deep vertices are in the body, m: the root mean square over all vertices, of which most are outside."""
+
+    kind: Literal["penetration_depth", "deepest"]
+
+    def measure(self, solution: Any) -> float:
+        """Return the depth, m; the largest of all as `deepest`."""
+        found = depths(solution)
+        return float(found.max() if self.kind == "deepest" else np.sqrt((found**2).mean()))
+
+
+SkinningQuantity = Annotated[SkinError | PenetrationShare | PenetrationDepth, Field(discriminator="kind")]

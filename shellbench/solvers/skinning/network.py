@@ -1,0 +1,210 @@
+"""Networks that skin: the perceptron of Jin et al. (section 7), from bones or from the pose alone, and a recurrent one.
+
+All infer coefficients of PCA modes. Trained in float32, which resolves 1e-7 of a displacement, where errors are 1e-2;
+what is kept makes meshes without torch.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.skinning.body import distance
+from shellbench.problems.skinning.case import SkinningCase
+from shellbench.problems.skinning.data import clips_of
+from shellbench.solvers.skinning.forward import Given, course, dense_skin, recurrent_skin
+from shellbench.solvers.skinning.linear import coefficients, modes_of
+from shellbench.solvers.skinning.solution import Arrays, Skin, Skinned
+
+if TYPE_CHECKING:
+    from shellbench.solvers.skinning.solver import NetworkSettings, RecurrentSettings
+
+Array = NDArray[np.float64]
+LOOKS = 8  # times at which the course of a training is looked at, evenly spread
+SMALL = 1e-12  # m: a truth that is nearer than that says no direction
+
+
+class Training:
+    """What trainings have in common: the modes, what is wanted, the course, and an end if it diverges."""
+
+    def __init__(self, case: SkinningCase, solver: str, skin: Skin, count: int, progress: ProgressCallback) -> None:
+        self.case, self.solver, self.skin, self.progress = case, solver, skin, progress
+        self.clips = clips_of(case)
+        self.began = time.perf_counter()  # simulating the clips is no part of learning
+        self.basis = modes_of(self.clips.moved[case.seen], count)
+        self.wanted = coefficients(self.basis, self.clips.moved[case.seen])
+        self.scale = float(np.sqrt((self.wanted**2).mean())) or 1.0
+        self.history: list[Step] = []
+
+    def look(self, epoch: int, of: int, loss: float, arrays: Arrays) -> None:
+        """Note how far a training is, now and then.
+
+        Raises
+        ------
+        SolveFailure
+            If the loss is not finite; what was noted before comes with it.
+        """
+        self.progress(Progress(epoch, of, f"loss {loss:.3g}"))
+        if not np.isfinite(loss):
+            partial = self.last if self.history else None  # type: ignore[has-type]
+            raise SolveFailure(f"the training diverged in epoch {epoch}", partial)
+        if epoch % max(of // LOOKS, 1) and epoch != of:
+            return
+        seconds = time.perf_counter() - self.began
+        self.last = Skinned(self.case, self.solver, self.skin, self.basis | dict(arrays), tuple(self.history))
+        primary = self.case.primary
+        found = {primary.name: primary.measure(self.last)}
+        self.began += time.perf_counter() - self.began - seconds  # looking is no part of it either
+        self.history.append(Step(epoch, seconds, loss, self.last.parameters, quantities=found, iterations=epoch))
+
+    def end(self) -> Skinned:
+        """Return the last state with its history."""
+        return Skinned(self.case, self.solver, self.skin, self.last.arrays, tuple(self.history))
+
+
+def train_dense(
+    case: SkinningCase, solver: str, given: Given, settings: NetworkSettings, progress: ProgressCallback
+) -> Skinned:
+    """Train a perceptron from what a frame gives to coefficients, frames in random order."""
+    training = Training(case, solver, dense_skin(given), settings.modes, progress)
+    inputs = given(case, training.clips, case.seen)
+    mean, spread = inputs.mean(axis=0), inputs.std(axis=0)
+    spread[spread < SMALL] = 1.0  # the held bones do not move
+    draw = np.random.default_rng(settings.seed)
+    widths = (inputs.shape[1], *settings.widths, len(training.basis["modes"]))
+    weights = [_drawn(draw, n, (n, m)) for n, m in pairwise(widths)]
+    biases = [_drawn(draw, n, (m,)) for n, m in pairwise(widths)]
+    x, wanted = _tensor((inputs - mean) / spread), _tensor(training.wanted)
+    collide = Collision(training, settings.expansion) if settings.collision else None
+    optimizer = torch.optim.Adam([*weights, *biases], lr=settings.learning_rate, fused=True)
+    slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
+
+    def arrays() -> dict[str, NDArray[np.float32]]:
+        named = {f"weight_{i}": w for i, w in enumerate(weights)} | {f"bias_{i}": b for i, b in enumerate(biases)}
+        kept = {name: tensor.detach().numpy().copy() for name, tensor in named.items()}
+        return kept | {"input_mean": mean, "input_spread": spread, "scale": np.array([training.scale])}
+
+    for epoch in range(1, settings.epochs + 1):
+        total = 0.0
+        for batch in _batches(draw, len(x), settings.batch):
+            found = x[batch]
+            for place, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+                found = found @ weight + bias
+                found = torch.relu(found) if place < len(weights) - 1 else training.scale * found
+            # The modes are orthonormal: the squared distance of meshes is that of coefficients, and a constant.
+            loss = settings.data_weight * ((found - wanted[batch]) ** 2).sum(1).mean()
+            if collide is not None:
+                loss = loss + settings.collision_weight * collide(found, batch)
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            total += float(loss.detach()) * len(batch) / len(x)
+        slower.step()
+        training.look(epoch, settings.epochs, total, arrays())
+    return training.end()
+
+
+def train_recurrent(
+    case: SkinningCase, solver: str, settings: RecurrentSettings, progress: ProgressCallback
+) -> Skinned:
+    """Train a gated recurrent unit (Cho et al. 2014) from the body's motion to coefficients, clip by clip."""
+    training = Training(case, solver, recurrent_skin, settings.modes, progress)
+    frames, count = case.cape.frames, len(training.basis["modes"])
+    motion = course(training.clips)
+    seen = np.zeros(case.cape.clips * frames, dtype=bool)
+    seen[case.seen] = True
+    mean, spread = motion.reshape(-1, motion.shape[-1])[seen].mean(0), motion.reshape(-1, motion.shape[-1])[seen].std(0)
+    spread[spread < SMALL] = 1.0
+    wanted = np.zeros((len(seen), count))
+    wanted[seen] = training.wanted
+    x, mask = _tensor((motion - mean) / spread), torch.from_numpy(seen.reshape(-1, frames))
+    aim = _tensor(wanted.reshape(len(mask), frames, count))
+    draw, width = np.random.default_rng(settings.seed), settings.width
+    unit = torch.nn.GRU(x.shape[-1], width, batch_first=True)
+    with torch.no_grad():
+        for tensor in unit.parameters():
+            tensor.copy_(_drawn(draw, width, tuple(tensor.shape)).detach())
+    out, bias = _drawn(draw, width, (width, count)), _drawn(draw, width, (count,))
+    optimizer = torch.optim.Adam([*unit.parameters(), out, bias], lr=settings.learning_rate, fused=True)
+    slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, settings.epochs)
+
+    def arrays() -> dict[str, NDArray[np.float32]]:
+        kept = {name: tensor.detach().numpy().copy() for name, tensor in unit.named_parameters()}
+        kept |= {"out": out.detach().numpy().copy(), "out_bias": bias.detach().numpy().copy()}
+        return kept | {"input_mean": mean, "input_spread": spread, "scale": np.array([training.scale])}
+
+    learnt = np.flatnonzero(seen.reshape(-1, frames).any(axis=1))
+    for epoch in range(1, settings.epochs + 1):
+        total = 0.0
+        for batch in _batches(draw, len(learnt), settings.batch):
+            clips = torch.from_numpy(learnt[batch.numpy()])
+            hidden, _ = unit(x[clips])
+            found = training.scale * (hidden @ out + bias)
+            loss = (((found - aim[clips]) ** 2).sum(-1) * mask[clips]).sum() / mask[clips].sum()
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+            total += float(loss.detach()) * len(batch) / len(learnt)
+        slower.step()
+        training.look(epoch, settings.epochs, total, arrays())
+    return training.end()
+
+
+class Collision:
+    """The collision loss: vertices inside the expanded body, held to where a push toward the truth would bring them.
+
+    The push has the length of the depth and the direction r-hat to the truth, and is no function of the weights: so a
+    vertex' gradient is parallel to that of its distance from the truth. A push never passes the truth, for that is
+    outside, and no nearer than the depth.
+    """
+
+    def __init__(self, training: Training, expansion: float) -> None:
+        seen, clips = training.case.seen, training.clips
+        self.mean, self.modes = _tensor(training.basis["mean"]), _tensor(training.basis["modes"])
+        self.rest = _tensor(clips.rest.reshape(-1))
+        self.truth = clips.meshes[seen].reshape(len(seen), -1, 3).astype(np.float32)
+        self.axes = clips.axes[seen].astype(np.float32)
+        self.radii = clips.radii.astype(np.float32) + np.float32(expansion)
+
+    def __call__(self, found: Tensor, batch: Tensor) -> Tensor:
+        """Return the loss of coefficients (n, k), m^2, a mean over frames."""
+        meshes = (self.rest + self.mean + found @ self.modes).reshape(len(batch), -1, 3)
+        number = batch.numpy()
+        with np.errstate(over="ignore", invalid="ignore"):  # the loss tells of a training that diverges
+            target = pushed_targets(meshes.detach().numpy(), self.truth[number], self.axes[number], self.radii)
+        return ((meshes - torch.from_numpy(target)) ** 2).sum() / len(batch)
+
+
+def pushed_targets(
+    meshes: NDArray[np.floating], truth: NDArray[np.floating], axes: NDArray[np.floating], radii: NDArray[np.floating]
+) -> NDArray[np.floating]:
+    """Return places (n, v, 3), m: meshes, but vertices inside are pushed by their depth toward the truth."""
+    depth = -distance(meshes, axes, radii)  # type: ignore[arg-type] # float32 too
+    inside = depth > 0
+    way = (truth - meshes)[inside]
+    length = np.maximum(np.linalg.norm(way, axis=-1), SMALL)
+    found = meshes.copy()
+    found[inside] += (depth[inside] / length)[:, None] * way
+    return found
+
+
+def _drawn(draw: np.random.Generator, inputs: int, shape: tuple[int, ...]) -> Tensor:
+    """Return uniform weights within 1/sqrt(inputs), as torch draws them, but from the seed alone."""
+    return _tensor(draw.uniform(-1, 1, shape) / np.sqrt(inputs)).requires_grad_()
+
+
+def _tensor(values: Array) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))
+
+
+def _batches(draw: np.random.Generator, count: int, size: int) -> Iterator[Tensor]:
+    yield from torch.from_numpy(draw.permutation(count)).split(size)  # type: ignore[no-untyped-call]

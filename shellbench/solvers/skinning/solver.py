@@ -1,0 +1,298 @@
+"""The solvers of capes and their settings; what fits and trains is imported when it is called."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from shellbench.errors import InputError
+from shellbench.model import Finite, Positive
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings, Solution, Step
+from shellbench.problems.skinning.case import SkinningCase
+
+if TYPE_CHECKING:
+    from shellbench.solvers.skinning.solution import Skin, Skinned
+
+THEORIES = ("skinning",)
+MODES = 100  # as the paper has them: "about 100"
+Count = Annotated[int, Field(ge=1, strict=True)]
+
+
+class ModeSettings(Settings):
+    """Settings of solvers with PCA modes."""
+
+    modes: Count = Field(MODES, description="PCA modes, at most")
+
+
+class FloorSettings(ModeSettings):
+    """Settings of `skin-floor`."""
+
+    of: Literal["seen", "held out"] = Field("seen", description="frames whose PCA modes are taken")
+
+
+class BlendSettings(Settings):
+    """Settings of `skin-blend`."""
+
+    near: Count = Field(8, description="nearest bones that a vertex may follow")
+
+
+class RidgeSettings(ModeSettings):
+    """Settings of `skin-ridge`."""
+
+    penalty: Positive | None = Field(
+        None, description="over the mean variance of a bone's coordinate; chosen by cross validation if left out"
+    )
+
+
+class TrainingSettings(SeededSettings):
+    """Settings of what trains."""
+
+    modes: Count = Field(MODES, description="PCA modes, at most")
+    epochs: Count = Field(40, description="passes over the frames that are seen; the paper says nothing")
+
+
+class NetworkSettings(TrainingSettings):
+    """Settings of perceptrons; learning rate, widths and weights are the paper's."""
+
+    widths: Annotated[tuple[Count, ...], Field(min_length=1)] = Field((500, 500), description="of the hidden layers")
+    learning_rate: Positive = Field(1e-4, description="of Adam at the start; a cosine leads it to 0")
+    batch: Count = Field(16, description="frames of a step; the paper says nothing")
+    collision: bool = Field(True, strict=True, description="whether the loss counts vertices inside the body")
+    data_weight: Positive = Field(0.1, description="of squared distances from the simulation")
+    collision_weight: Positive = Field(1000.0, description="of squared pushes out of the body")
+    expansion: Annotated[Finite, Field(ge=0)] = Field(0.0025, description="of the body in the loss, m; ours")
+
+
+class QuasistaticSettings(NetworkSettings):
+    """Settings of `skin-quasistatic`: no collision loss unless asked for."""
+
+    collision: bool = Field(False, strict=True, description="whether the loss counts vertices inside the body")
+
+
+class RecurrentSettings(TrainingSettings):
+    """Settings of `skin-recurrent`; the paper gives none."""
+
+    width: Count = Field(200, description="of the hidden state")
+    learning_rate: Positive = Field(2e-3, description="of Adam at the start; a cosine leads it to 0")
+    batch: Count = Field(2, description="clips of a step")
+
+
+class SkinningSolver(ABC):
+    """A solver of capes; see `shellbench.problem.Solver`. A subclass gives `answer` and `skin`."""
+
+    name: ClassVar[str]
+    capabilities: ClassVar[Capabilities]
+    settings_type: ClassVar[type[Settings]] = Settings
+
+    def declines(self, case: SkinningCase) -> str | None:
+        """Return None: each takes every cape."""
+        return None
+
+    def solve(
+        self,
+        case: SkinningCase,
+        settings: Any = None,
+        start: Solution | Path | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> Solution:
+        """Fit to the frames that are seen.
+
+        Raises
+        ------
+        SolveFailure
+            If a training diverges; its last state comes with it.
+        InputError
+            If an earlier solution is given.
+        """
+        if start is not None:
+            raise InputError(f"{self.name} starts from no earlier solution")
+        chosen = (
+            settings if isinstance(settings, self.settings_type) else self.settings_type.model_validate(settings or {})
+        )
+        return self.answer(case, chosen, progress or (lambda _: None))
+
+    @abstractmethod
+    def answer(self, case: SkinningCase, settings: Any, progress: ProgressCallback) -> Skinned:
+        """Fit to the frames that are seen; see `solve`."""
+
+    @abstractmethod
+    def skin(self) -> Skin:
+        """Return how meshes are made of what was fitted."""
+
+    def load(self, path: Path) -> Skinned:
+        """Read a solution of this solver; InputError in one sentence if it is none."""
+        from shellbench.solvers.skinning.solution import Skinned
+
+        return Skinned.load(path, self.name, self.skin())
+
+    def fitted(self, case: SkinningCase, arrays: Any, began: float, **told: Any) -> Skinned:
+        """Return the solution of what was fitted at once, since a time of `time.perf_counter`, s."""
+        from shellbench.solvers.skinning.solution import Skinned
+
+        seconds = time.perf_counter() - began
+        made = Skinned(case, self.name, self.skin(), arrays, diagnostics=told)
+        return Skinned(case, self.name, made.skin, arrays, (Step(0, seconds, 0.0, made.parameters),), made.diagnostics)
+
+
+class FloorSolver(SkinningSolver):
+    """What no skinning by the same modes can be better than."""
+
+    name = "skin-floor"
+    capabilities = Capabilities(
+        THEORIES, "PCA floor: held-out frames themselves, projected onto modes; no method, for it sees the answer"
+    )
+    settings_type = FloorSettings
+
+    def answer(self, case: SkinningCase, settings: FloorSettings, progress: ProgressCallback) -> Skinned:
+        """Take the modes of the frames that are seen, or of those that are held out."""
+        from shellbench.problems.skinning.data import clips_of
+        from shellbench.solvers.skinning.linear import modes_of
+
+        clips, began = clips_of(case), time.perf_counter()
+        frames = case.seen if settings.of == "seen" else case.held_out
+        return self.fitted(case, modes_of(clips.moved[frames], settings.modes), began)
+
+    def skin(self) -> Skin:
+        """Return how meshes are made of modes."""
+        from shellbench.solvers.skinning.linear import floor_skin
+
+        return floor_skin
+
+
+class BilinearSolver(SkinningSolver):
+    """Interpolation, nothing fitted."""
+
+    name = "skin-bilinear"
+    capabilities = Capabilities(THEORIES, "bones' displacements, interpolated bilinearly over the mesh; nothing fitted")
+
+    def answer(self, case: SkinningCase, settings: Settings, progress: ProgressCallback) -> Skinned:
+        """Fit nothing."""
+        return self.fitted(case, {}, time.perf_counter())
+
+    def skin(self) -> Skin:
+        """Return how meshes are interpolated."""
+        from shellbench.solvers.skinning.linear import bilinear_skin
+
+        return bilinear_skin
+
+
+class BlendSolver(SkinningSolver):
+    """Linear blend skinning (Magnenat-Thalmann et al. 1988)."""
+
+    name = "skin-blend"
+    capabilities = Capabilities(
+        THEORIES, "linear blend skinning: rigid bones that turn with their chain, fitted weights"
+    )
+    settings_type = BlendSettings
+
+    def answer(self, case: SkinningCase, settings: BlendSettings, progress: ProgressCallback) -> Skinned:
+        """Fit the weights."""
+        from shellbench.problems.skinning.data import clips_of
+        from shellbench.solvers.skinning.linear import blend_fit
+
+        clips, began = clips_of(case), time.perf_counter()
+        count = min(settings.near, case.bones.chains * case.bones.nodes)
+        return self.fitted(case, blend_fit(case, clips, count), began)
+
+    def skin(self) -> Skin:
+        """Return how vertices follow bones."""
+        from shellbench.solvers.skinning.linear import blend_skin
+
+        return blend_skin
+
+
+class RidgeSolver(SkinningSolver):
+    """A linear map from bones to coefficients of PCA modes, where the paper has a network."""
+
+    name = "skin-ridge"
+    capabilities = Capabilities(
+        THEORIES, "ridge regression from bones to PCA coefficients, penalty by cross validation"
+    )
+    settings_type = RidgeSettings
+
+    def answer(self, case: SkinningCase, settings: RidgeSettings, progress: ProgressCallback) -> Skinned:
+        """Fit the map."""
+        from shellbench.problems.skinning.data import clips_of
+        from shellbench.solvers.skinning.linear import bones, coefficients, modes_of, ridge_fit
+
+        clips, began = clips_of(case), time.perf_counter()
+        moved = clips.moved[case.seen]
+        basis = modes_of(moved, settings.modes)
+        given, wanted = bones(case, clips, case.seen), coefficients(basis, moved)
+        found, penalty = ridge_fit(given, wanted, case.groups, settings.penalty)
+        return self.fitted(case, basis | found, began, penalty=penalty)
+
+    def skin(self) -> Skin:
+        """Return how bones are mapped."""
+        from shellbench.solvers.skinning.linear import ridge_skin
+
+        return ridge_skin
+
+
+class NetworkSolver(SkinningSolver):
+    """The paper's neural skinning."""
+
+    name = "skin-network"
+    capabilities = Capabilities(
+        THEORIES,
+        "neural skinning of Jin et al.: perceptron 2 x 500 from bones to PCA coefficients, with collision loss",
+    )
+    settings_type = NetworkSettings
+
+    def answer(self, case: SkinningCase, settings: NetworkSettings, progress: ProgressCallback) -> Skinned:
+        """Train from bones."""
+        from shellbench.solvers.skinning.linear import bones
+        from shellbench.solvers.skinning.network import train_dense
+
+        return train_dense(case, self.name, bones, settings, progress)
+
+    def skin(self) -> Skin:
+        """Return how the network makes meshes."""
+        from shellbench.solvers.skinning.forward import bone_skin
+
+        return bone_skin
+
+
+class QuasistaticSolver(SkinningSolver):
+    """A network that knows the pose, and nothing of motion."""
+
+    name = "skin-quasistatic"
+    capabilities = Capabilities(THEORIES, "quasistatic network: perceptron 2 x 500 from the body's pose alone")
+    settings_type = QuasistaticSettings
+
+    def answer(self, case: SkinningCase, settings: QuasistaticSettings, progress: ProgressCallback) -> Skinned:
+        """Train from poses."""
+        from shellbench.solvers.skinning.forward import pose
+        from shellbench.solvers.skinning.network import train_dense
+
+        return train_dense(case, self.name, pose, settings, progress)
+
+    def skin(self) -> Skin:
+        """Return how the network makes meshes."""
+        from shellbench.solvers.skinning.forward import pose_skin
+
+        return pose_skin
+
+
+class RecurrentSolver(SkinningSolver):
+    """A network with a memory instead of bones."""
+
+    name = "skin-recurrent"
+    capabilities = Capabilities(THEORIES, "gated recurrent unit from the body's motion, without bones")
+    settings_type = RecurrentSettings
+
+    def answer(self, case: SkinningCase, settings: RecurrentSettings, progress: ProgressCallback) -> Skinned:
+        """Train on clips."""
+        from shellbench.solvers.skinning.network import train_recurrent
+
+        return train_recurrent(case, self.name, settings, progress)
+
+    def skin(self) -> Skin:
+        """Return how the unit makes meshes."""
+        from shellbench.solvers.skinning.forward import recurrent_skin
+
+        return recurrent_skin
