@@ -38,9 +38,7 @@ def along(x: Array, cells: int, degree: int, order: int = 0) -> Sparse:
         k, t = degree - lost, at[lost : len(at) - lost]
         scale = k / (t[k + 1 : -1] - t[1 : -k - 1])
         matrix = matrix @ diags([-scale, scale], [0, 1], shape=(len(scale), len(scale) + 1))
-    matrix = csr_matrix(matrix)
-    matrix.sort_indices()
-    return matrix
+    return csr_matrix(matrix)
 
 
 def local(points: Array, cells: int, degree: int, orders: tuple[int, int] = (0, 0)) -> tuple[NDArray[np.int64], Array]:
@@ -55,12 +53,12 @@ def local(points: Array, cells: int, degree: int, orders: tuple[int, int] = (0, 
 
 def not_zero(x: Array, cells: int, degree: int, order: int) -> tuple[NDArray[np.int64], Array]:
     """Return the splines that are not zero at x (n,): their numbers and values, each (n, degree + 1)."""
+    cell = np.minimum((x * cells).astype(np.int64), cells - 1)
     if degree == 1 and order == 0:  # eq. (4), much faster
-        cell = np.minimum((x * cells).astype(np.int64), cells - 1)
         share = x * cells - cell
         return np.stack([cell, cell + 1], axis=1), np.stack([1 - share, share], axis=1)
-    found, shape = along(x, cells, degree, order), (len(x), degree + 1)
-    return found.indices.reshape(shape).astype(np.int64), found.data.reshape(shape)
+    numbers = cell[:, None] + np.arange(degree + 1)
+    return numbers, np.take_along_axis(along(x, cells, degree, order).toarray(), numbers, axis=1)
 
 
 def matrix(points: Array, cells: int, degree: int, orders: tuple[int, int] = (0, 0)) -> Sparse:
