@@ -11,3 +11,13 @@ class FieldPortrait(Portrait):
     """A field over the unit square, or points of a density."""
 
     problem: Any
+
+    @property
+    def learns(self) -> bool:
+        """Whether it asks for a field."""
+        return bool(self.problem.has_field)
+
+    @property
+    def sampled(self) -> tuple[str, str] | None:
+        """Names of the density and of the samples of answers that had some."""
+        return ("density", "points") if self.problem.has_field else None

@@ -29,7 +29,7 @@ def along_edge(edge: Edge, count: int = ALONG) -> np.ndarray[Any, Any]:
     return points
 
 
-class Value(Quantity):
+class PointValue(Quantity):
     """A component of the field at a point, or a derivative of it."""
 
     kind: Literal["value"]
@@ -70,7 +70,7 @@ class RmsError(Quantity):
         return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
 
 
-class Energy(Quantity):
+class MeanLoss(Quantity):
     """The mean of a loss of local structures, without its weight, or of all with their weights."""
 
     kind: Literal["strain", "bend", "gravity", "collision", "energy"]
@@ -171,15 +171,15 @@ class DistanceError(Quantity):
         return float(np.max(np.abs(solution.distance(solution.between))))
 
 
-FIT = (Value, Elongation, RmsError, Parameters, Energy)
-CLOTH = (Value, Elongation, Parameters, Energy)
+FIT = (PointValue, Elongation, RmsError, Parameters, MeanLoss)
+CLOTH = (PointValue, Elongation, Parameters, MeanLoss)
 DENSITY = (Cell, Cumulative, ChiSquared, Mean)
 BODY = (Distance, DistanceError)
 FieldQuantity = Annotated[
-    Value
+    PointValue
     | Elongation
     | RmsError
-    | Energy
+    | MeanLoss
     | Parameters
     | Cell
     | Cumulative
