@@ -162,8 +162,14 @@ def field_hang() -> dict[str, Estimate]:
         return brentq(lambda stretch: strip_force(stretch) - force, 1.0 + 1e-12, 1.1, xtol=1e-15) - 1 if below else 0.0
 
     places, weights = np.polynomial.legendre.leggauss(24)
-    value = sum(w / 2 * excess((x + 1) / 2) for x, w in zip(places, weights, strict=True))
-    return {"elongation": Estimate(float(value), 1e-11, "m")}
+
+    def below(height: float) -> Estimate:
+        """Return the displacement of a height: what the strip above it has grown."""
+        share = 1 - height
+        value = sum(w / 2 * share * excess(height + share * (x + 1) / 2) for x, w in zip(places, weights, strict=True))
+        return Estimate(float(value), 1e-11, "m")
+
+    return {"elongation": below(0.0), "middle": Estimate(-below(0.5).value, 1e-11, "m")}
 
 
 def field_hang_by_energy() -> dict[str, Estimate]:
@@ -175,9 +181,17 @@ def field_hang_by_energy() -> dict[str, Estimate]:
         length = np.sqrt(cos2 + stretch**2 * sin2)
         return float(3 * np.mean(2 * (length - 1) * stretch * sin2 / length))
 
-    top = brentq(lambda stretch: force(stretch) - WEIGHT / STRAIN_WEIGHT, 1.0, 1.1, xtol=1e-15)
-    loss = strain_loss_by_directions(np.diag([1.0, top]))
-    return {"elongation": Estimate(top - 1 - loss * STRAIN_WEIGHT / WEIGHT, 1e-11, "m")}
+    def stretch_and_loss(height: float) -> tuple[float, float]:
+        stretch = brentq(lambda s: force(s) - WEIGHT * height / STRAIN_WEIGHT, 1.0, 1.1, xtol=1e-15)
+        return stretch, strain_loss_by_directions(np.diag([1.0, stretch]))
+
+    (top, most), (middle, less) = map(stretch_and_loss, (1.0, 0.5))
+    scale = STRAIN_WEIGHT / WEIGHT
+    grown = top - 1 - (middle - 1) / 2 - (most - less) * scale
+    return {
+        "elongation": Estimate(top - 1 - most * scale, 1e-11, "m"),
+        "middle": Estimate(-grown, 1e-11, "m"),
+    }
 
 
 # Constant curvature: three pairs of faces.

@@ -29,6 +29,7 @@ from shellbench.report.table import Table
 Array = NDArray[np.float64]
 LEARNED, SAMPLES = "learned_", "samples_"  # how names of figures begin
 ERRORS = (5e-3, 2e-3, 1e-3, 5e-4)  # of which the table says after how many epochs they are reached
+PERCENT = 100.0
 MOST_DRAWN = 4  # densities side by side
 DOTS = 600  # samples of a picture
 PANEL, TALL, MARGIN = 3.1, 2.5, 1.4  # inches of a panel, and for the legend
@@ -63,7 +64,14 @@ def section(found: Evidence) -> Section | None:
     runs = list(learned(found))
     if not runs:
         return None
-    by_case = grouped(runs, lambda run: run.row.case)
+    by_case = {
+        case: of_case
+        for case, of_case in grouped(runs, lambda run: run.row.case).items()
+        if any(len(run.epochs) > 1 or _kept(run, found) is not None for run in of_case)
+    }
+    runs = [run for of_case in by_case.values() for run in of_case]
+    if not runs:
+        return None
     figures = [figure for case in by_case.values() for figure in (*course_exhibits(case, found), *samples(case, found))]
     return Section("learned", "Fields on the unit square", (), given(table(runs)), tuple(figures), place="its suites")
 
@@ -90,22 +98,24 @@ def table(runs: Sequence[Learned]) -> Table:
         row = run.row
         line: dict[str, Any] = {"block": row.case_title or row.case, "case": row.case, "run": run.name}
         line |= {"parameters": run.record.parameters, "seconds": row.seconds, "error": run.error}
+        line |= {"relative": PERCENT * run.error / abs(row.reference) if row.reference else None}
         line |= {"epochs": run.epochs[-1] if run.epochs else None}
-        lines.append(line | {name: run.reaches(error) for name, error in names.items()})
+        lines.append(line | {name: None if row.reference else run.reaches(error) for name, error in names.items()})
     columns: tuple[str | Column, ...] = (
         column("run", "Run", words),
         column("parameters", "Parameters", count),
         column("seconds", "Seconds", seconds),
         column("error", "Error", significant(3)),
+        column("relative", "Relative (%)", significant(3)),
         column("epochs", "Epochs", count),
         *(column(name, f"to {error:g}", count) for name, error in names.items()),
     )
     return Table(
         name="learned",
         title="Parameters and epochs",
-        caption="Headline error in its unit, and the first epoch that was looked at with an error so small; a dash"
-        " where there was none, or where nothing is trained.",
-        data=frame(lines, ["block", "case", "run", "parameters", "seconds", "error", "epochs", *names]),
+        caption="Headline error in its unit, and relative to the known value; where that is zero, the first epoch that"
+        " was looked at with an error so small. A dash where there was none, or where nothing is trained.",
+        data=frame(lines, ["block", "case", "run", "parameters", "seconds", "error", "relative", "epochs", *names]),
         columns=columns,
     )
 

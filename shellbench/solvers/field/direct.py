@@ -275,5 +275,5 @@ def minimised(case: FieldCase, cells: int, degree: int, play: Play, progress: Pr
         before, shares = shares, losses / losses.mean()
         if np.abs(shares - before).max() <= STEADY * shares.max():
             break
-    pictures = {"points": points, "density": shares}
+    pictures = {"points": points, "density": shares} if play.share else {}
     return LayeredField(case, found.tensors, form, tuple(history), diagnostics={"plays": plays}, pictures=pictures)

@@ -71,8 +71,8 @@ class TrainedSettings(SampledSettings):
 class PrintedSettings(TrainedSettings):
     """Settings of `PrintedGridSolver`: the choices that the paper makes, where it says them."""
 
-    sampler: SamplerName = Field(
-        "adaptive", description="points by chance, one in each cell, or where losses are large"
+    sampler: SamplerName | None = Field(  # type: ignore[assignment]
+        None, description="as of others; None: one in each cell to match a function, adaptive to minimise"
     )
     weighted: bool = Field(False, description="whether adaptive samples are weighed by their area; the paper's are not")
     basis: Literal["bilinear", "cubic"] = Field("bilinear", description="splines of the grid")
@@ -229,7 +229,7 @@ def trained(
     spent = SPENT | ({"epochs": case.training.epochs, "samples": case.training.samples} if case.training else {})
     epochs = settings.epochs or spent["epochs"]
     sampler = Sampler(
-        settings.sampler,
+        settings.sampler or ("stratified" if case.match else "adaptive"),
         settings.weighted,
         settings.adaptive_share,
         settings.kept_density,

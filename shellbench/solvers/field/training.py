@@ -217,9 +217,9 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
                 fresh = losses_at(case, weights, middles, TURN * random.random(size**2)).cpu().numpy()
             cells = cells.mixed(positive(fresh.astype(float)).reshape(size, size), choice.sampler.kept)
         points, ones = sampled(choice, cells, random)
-        loss = (losses_at(case, weights, points, TURN * random.random(len(points))) * weights.tensor(ones)).mean()
-        optimiser.step(loss)
-        value = float(loss.detach())
+        loss = (losses_at(case, weights, points, TURN * random.random(len(points))) * weights.tensor(ones)).sum()
+        optimiser.step(loss)  # a sum, as in eq. (20): of a mean the slopes would be lost beside Adam's epsilon
+        value = float(loss.detach()) / len(points)
         if not math.isfinite(value):
             raise SolveFailure(f"the loss is not finite at epoch {epoch}", found)
         recent = [*recent[-9:], value]
@@ -229,7 +229,8 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
             history.append(Step(epoch + 1, time.perf_counter() - began, value, found.parameters, quantities=values))
             progress(Progress(epoch + 1, choice.epochs, f"loss {value:.3g}"))
     uncertainty = spread(history) | known_by_loss(case, recent)
-    pictures = {"points": points, "density": cells.shares * size**2}
+    drawn = choice.sampler.kind == "adaptive"
+    pictures = {"points": points, "density": cells.shares * size**2 / cells.shares.sum()} if drawn else {}
     told = {"seed": choice.seed, "learning_rate": choice.rate}
     return LayeredField(case, found.tensors, choice.form, tuple(history), uncertainty, told, pictures=pictures)
 
