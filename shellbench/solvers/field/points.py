@@ -6,14 +6,16 @@ Shu et al., section 3.2, eq. (8) to (13); section 3.3.4, eq. (26)
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
+from shellbench.model import Finite
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
 from shellbench.problems.field.solving import ROUNDING, FieldSolver
@@ -57,6 +59,12 @@ class Drawn(FieldAnswer):
         return Cells(self.case.density.shares)
 
 
+class DrawSettings(SeededSettings):
+    """Settings of `InverseTransformSolver`."""
+
+    draws: int | None = Field(None, ge=1, le=10_000_000, strict=True, description="points; None: what the case says")
+
+
 class InverseTransformSolver(FieldSolver):
     """Points by inverse transform of a density by cells."""
 
@@ -64,27 +72,28 @@ class InverseTransformSolver(FieldSolver):
     capabilities: ClassVar[Capabilities] = Capabilities(
         ("sampling",), "points of a density by inverse transform, as published"
     )
-    settings_type: ClassVar[type[SeededSettings]] = SeededSettings
+    settings_type: ClassVar[type[DrawSettings]] = DrawSettings
 
-    def answer(self, case: FieldCase, settings: SeededSettings, progress: ProgressCallback) -> Drawn:
+    def answer(self, case: FieldCase, settings: DrawSettings, progress: ProgressCallback) -> Drawn:
         """Draw points, or take the quantiles. What is drawn is as uncertain as its statistic is."""
         from shellbench.solvers.field.sampling import Cells
 
         density = case.density
         assert density is not None
+        count = settings.draws or density.draws
         if density.points == "draws":
-            points = Cells(density.shares).draw(density.draws, np.random.default_rng(settings.seed))
+            points = Cells(density.shares).draw(count, np.random.default_rng(settings.seed))
         else:
-            middles = (np.arange(density.draws) + 0.5) / density.draws
+            middles = (np.arange(count) + 0.5) / count
             shares = density.shares[:, 0]
             edges = np.linspace(0, 1, len(shares) + 1)
             places = np.interp(middles, np.concatenate([[0.0], np.cumsum(shares)]), edges)
-            points = np.stack([places, np.full(density.draws, 0.5)], axis=1)
+            points = np.stack([places, np.full(count, 0.5)], axis=1)
         answer = Drawn(case, {"points": points})
         drawn = density.points == "draws"
         spread = {
             "chi_squared": math.sqrt(2 * (np.count_nonzero(density.shares) - 1)),
-            "mean": 1 / math.sqrt(12 * density.draws) if drawn else ROUNDING,
+            "mean": 1 / math.sqrt(12 * count) if drawn else ROUNDING,
         }
         return Drawn(case, answer.tensors, uncertainty={q.name: spread.get(q.kind, ROUNDING) for q in case.quantities})
 
@@ -108,7 +117,14 @@ class Vertices(FieldAnswer):
 
         nearest = cKDTree(self.tensors["places"]).query(places)[1]
         apart = places - self.tensors["places"][nearest]
-        return np.asarray(np.sum(apart * self.tensors["normals"][nearest], axis=1))
+        along = np.sum(apart * self.tensors["normals"][nearest], axis=1)
+        return np.asarray(along - self.form["epsilon"])
+
+
+class VertexSettings(Settings):
+    """Settings of `NearestVertexSolver`."""
+
+    epsilon: Finite = Field(0.0, ge=0, description="what (26) takes off a distance, m; the paper gives no number")
 
 
 class NearestVertexSolver(FieldSolver):
@@ -118,8 +134,9 @@ class NearestVertexSolver(FieldSolver):
     capabilities: ClassVar[Capabilities] = Capabilities(
         ("nearest-vertex",), "distance from the plane of the nearest vertex, as published"
     )
+    settings_type: ClassVar[type[VertexSettings]] = VertexSettings
 
-    def answer(self, case: FieldCase, settings: Any, progress: ProgressCallback) -> Vertices:
+    def answer(self, case: FieldCase, settings: VertexSettings, progress: ProgressCallback) -> Vertices:
         """Return the body's vertices; between them lie the circumcentres of the triangles of their hull."""
         from scipy.spatial import ConvexHull
 
@@ -130,13 +147,14 @@ class NearestVertexSolver(FieldSolver):
         middles /= np.linalg.norm(middles, axis=1, keepdims=True)
         middles *= np.sign(np.sum(middles * triangles[:, 0], axis=1))[:, None]
         between = np.array(case.body.centre) + case.body.radius * middles
-        found = Vertices(case, {"places": case.body.places, "normals": normals, "between": between})
+        tensors = {"places": case.body.places, "normals": normals, "between": between}
+        found = Vertices(case, tensors, {"epsilon": settings.epsilon})
         # At r from the centre the error is r (1 - cos a), a the angle to the nearest vertex.
         worst = float(np.max(np.abs(found.distance(between)))) / case.body.radius
         known = {q.name: ROUNDING for q in case.quantities} | {
             q.name: worst * math.dist(q.place, case.body.centre) for q in case.quantities if q.kind == "distance"
         }
-        return Vertices(case, found.tensors, uncertainty=known)
+        return replace(found, uncertainty=known)
 
     def load(self, path: Path) -> Vertices:
         """Read vertices that were saved."""

@@ -218,7 +218,7 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
             cells = cells.mixed(positive(fresh.astype(float)).reshape(size, size), choice.sampler.kept)
         points, ones = sampled(choice, cells, random)
         loss = (losses_at(case, weights, points, TURN * random.random(len(points))) * weights.tensor(ones)).sum()
-        optimiser.step(loss)  # a sum, as in eq. (20): of a mean the slopes would be lost beside Adam's epsilon
+        optimiser.step(loss)  # a sum, as in eq. (20); only Adam's epsilon knows it from a mean
         value = float(loss.detach()) / len(points)
         if not math.isfinite(value):
             raise SolveFailure(f"the loss is not finite at epoch {epoch}", found)
