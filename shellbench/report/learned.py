@@ -182,7 +182,8 @@ def _dashes(runs: Sequence[Learned]) -> dict[str, Dashes]:
 
 def samples(runs: Sequence[Learned], found: Evidence) -> Iterator[Exhibit]:
     """Yield the figure of densities that samples follow, and of the samples, run by run."""
-    kept = [(run, arrays) for run in runs if (arrays := _kept(run, found)) is not None]
+    by_draws = sorted(runs, key=lambda run: not run.epochs)  # what is trained first: its samples are drawn
+    kept = [(run, arrays) for run in by_draws if (arrays := _kept(run, found)) is not None]
     shown = [(run, arrays) for run, arrays in kept if np.ptp(arrays[0]) > 0][:MOST_DRAWN]
     if not shown:
         return
