@@ -21,7 +21,6 @@ from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldSolution
 from shellbench.problems.field.solving import FieldSolver, measured, told_by_levels
-from shellbench.solvers.field.field import LayeredField
 
 Share = Annotated[Finite, Field(ge=0, le=1)]
 SamplerName = Literal["uniform", "stratified", "adaptive"]
@@ -98,6 +97,8 @@ class OfFields(FieldSolver):
 
     def load(self, path: Path) -> FieldSolution:
         """Read what a field has saved; InputError in one sentence if it is none."""
+        from shellbench.solvers.field.field import LayeredField
+
         return LayeredField.load(path)
 
 
