@@ -134,6 +134,14 @@ def skinning(session: nox.Session) -> None:
     session.log(f"{REPORT}/index.html")
 
 
+@nox.session
+def field(session: nox.Session) -> None:
+    """Ask fields on grids, samplers and bodies of vertices, and judge; studies stand beside. `-- --quick`."""
+    beside = () if "--quick" in session.posargs else ("sampling_bias", "field_training")
+    quick = ("grid", "grid-adaptive", "inverse-transform", "nearest-vertex")
+    run_and_judge(session, "field", beside, quick=tuple(word for name in quick for word in ("--solver", name)))
+
+
 def run_and_judge(
     session: nox.Session,
     suite: str,

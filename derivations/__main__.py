@@ -40,6 +40,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .discrete_catenary import hanging_chain
+from .fields import JUDGES as FIELDS
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 
@@ -65,6 +66,7 @@ CASES = {
     "free_fall": free_fall,
     "hanging_chain": hanging_chain,
     **ROPES,
+    **FIELDS,
     "napkin_plane": napkin_plane,
     "napkin_soft_pin": napkin_soft_pin,
     "napkin_corner": napkin_corner,

@@ -18,7 +18,11 @@ from typing import Any
 
 from shellbench.bench.listing import attributes
 from shellbench.model import Model
+from shellbench.problem import Problem
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
+from shellbench.problems.field import body as ball
+from shellbench.problems.field import case as field
+from shellbench.problems.field import quantities as of_fields
 from shellbench.problems.rope import case as rope
 from shellbench.problems.rope import obstacle
 from shellbench.problems.rope import quantities as asked
@@ -326,7 +330,10 @@ def page() -> str:
     top = "## The file\n\nThe tables of a case file, and the fields that stand before them:\n\n" + table(Case, whole)
     complete = (Path(__file__).parents[1] / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8")
     last = f"## A whole file\n\n`examples/hyperbolic_paraboloid.toml`:\n\n```toml\n{complete.strip()}\n```"
-    return "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains(), capes()]) + "\n"
+    return (
+        "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains(), capes(), fields()])
+        + "\n"
+    )
 
 
 def chains() -> str:
@@ -386,11 +393,43 @@ def capes() -> str:
         parts += [f"`{by}`: {summary(split)}", table(split, [name for name in split.model_fields if name != "by"])]
     parts.append("`[[quantities]]` have the fields that those of shells have in common.")
     for cls in (skinned.SkinError, skinned.PenetrationShare, skinned.PenetrationDepth):
-        field = cls.model_json_schema()["properties"]["kind"]
-        kinds = [field["const"]] if "const" in field else field["enum"]
-        parts.append(f"{', '.join(f'`{kind}`' for kind in kinds)}: {summary(cls)}")
+        kind = cls.model_json_schema()["properties"]["kind"]
+        kinds = [kind["const"]] if "const" in kind else kind["enum"]
+        parts.append(f"{', '.join(f'`{one}`' for one in kinds)}: {summary(cls)}")
     file = (Path(__file__).parents[1] / "cases/cape_clips.toml").read_text(encoding="utf-8")
     parts.append(f"`cases/cape_clips.toml`:\n\n```toml\n{file.strip()}\n```")
+    return "\n\n".join(parts)
+
+
+def fields() -> str:
+    """Return the reference of the third kind of problem, fields on the unit square."""
+    own = set(field.FieldCase.model_fields) - {*Problem.model_fields, "kind"} | {"theory"}
+    parts = [
+        '## Fields\n\nA file with `kind = "field"` is about a vector field over the unit square of u and v, points of a density,'
+        " or distances from a body of vertices. It has the title, the description, the units and the suites of every case, and:",
+        table(field.FieldCase, [name for name in field.FieldCase.model_fields if name in own]),
+    ]
+    tables = {
+        "match": field.Match,
+        "cloth": field.Cloth,
+        "training": field.Training,
+        "density": field.Density,
+        "body": ball.Ball,
+    }
+    for name, cls in tables.items():
+        parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
+    parts += [f"`[[pins]]`: {summary(field.Pin)}", table(field.Pin, list(field.Pin.model_fields))]
+    parts.append("`[[quantities]]` have the fields that those of shells have in common, but for `at`.")
+    common = {"kind", *quantities.ShellQuantity.model_fields}
+    for cls in dict.fromkeys((*of_fields.FIT, *of_fields.CLOTH, *of_fields.DENSITY, *of_fields.BODY)):
+        kind = cls.model_json_schema()["properties"]["kind"]
+        kinds = [kind["const"]] if "const" in kind else kind["enum"]
+        parts.append(f"{', '.join(f'`{one}`' for one in kinds)}: {summary(cls)}")
+        if own_fields := [name for name in cls.model_fields if name not in common]:
+            parts.append(table(cls, own_fields))
+    for name in ("field_sine", "field_hang", "field_sampler"):
+        file = (Path(__file__).parents[1] / f"cases/{name}.toml").read_text(encoding="utf-8")
+        parts.append(f"`cases/{name}.toml`:\n\n```toml\n{file.strip()}\n```")
     return "\n\n".join(parts)
 
 

@@ -307,6 +307,16 @@ class Portrait:
         return None
 
     @property
+    def learns(self) -> bool:
+        """Whether answers are fields on the unit square, trained or solved for with a number of parameters."""
+        return False
+
+    @property
+    def sampled(self) -> tuple[str, str] | None:
+        """Names of the arrays of a density by cells (m, n) and of samples (k, 2) that answers may keep."""
+        return None
+
+    @property
     def along(self) -> tuple[Along, ...]:
         """What is measured all along the way and is no energy: where it is, and what holds it."""
         return ()

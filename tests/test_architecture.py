@@ -159,7 +159,8 @@ def test_the_bench_knows_no_solver_by_name():
 
 
 @pytest.mark.parametrize(
-    ("one", "other"), list(combinations(("fem", "ndf", "cst", "kratos", "mujoco", "rope", "pbd", "pendulum"), 2))
+    ("one", "other"),
+    list(combinations(("fem", "ndf", "cst", "kratos", "mujoco", "rope", "pbd", "pendulum", "field"), 2)),
 )
 def test_the_solvers_share_no_mechanics(one, other):
     """No function body of some length stands on both sides."""

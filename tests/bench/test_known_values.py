@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import derivations as origins
-from derivations import elastica, plane_strip, roll_up, ropes, shapes_by_series, spiral
+from derivations import elastica, fields, plane_strip, roll_up, ropes, shapes_by_series, spiral
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
 from derivations.exponential_shells import free_cylinder_by_exponentials, roof_by_exponentials
@@ -64,6 +64,7 @@ ORIGINS = {
     "hemisphere_hole_nonlinear": origins.hemisphere_hole_nonlinear,
     **shapes_by_series.JUDGES,
     **ropes.JUDGES,
+    **fields.JUDGES,
 }
 LONG = {
     "pendulum_strip",

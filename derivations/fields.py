@@ -1,0 +1,34 @@
+"""Which function judges which case of fields, and its second form."""
+
+from functools import partial
+
+from . import field_closed as closed
+
+JUDGES = {
+    "field_count_plain": closed.field_count_plain,
+    "field_count_positional": closed.field_count_positional,
+    "field_count_grid": closed.field_count_grid,
+    "field_count_vertices": closed.field_count_vertices,
+    "field_sine": closed.field_sine,
+    "field_stretch": closed.field_stretch,
+    "field_hang": closed.field_hang,
+    "field_curvature": closed.field_curvature,
+    "field_sampler": closed.field_sampler,
+    "field_empty_row": closed.field_empty_row,
+    "field_lloyd": closed.field_lloyd,
+    "field_ball": closed.field_ball,
+}
+SECOND_FORMS = {
+    "field_count_plain": partial(closed.printed, 47_427),
+    "field_count_positional": partial(closed.printed, 47_363),
+    "field_count_grid": partial(closed.printed, 47_369),
+    "field_count_vertices": partial(closed.printed, 49_152),
+    "field_sine": closed.field_sine_by_cosines,
+    "field_stretch": closed.field_stretch_by_directions,
+    "field_hang": closed.field_hang_by_energy,
+    "field_curvature": closed.field_curvature_by_triangles,
+    "field_sampler": closed.field_sampler_by_counting,
+    "field_empty_row": closed.field_empty_row_by_counting,
+    "field_lloyd": closed.field_lloyd_by_modes,
+    "field_ball": closed.field_ball_by_regions,
+}

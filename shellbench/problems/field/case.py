@@ -1,0 +1,197 @@
+"""Fields over the unit square, and what belongs to them.
+
+A file has one of these tables. `[match]` is a function that a field is fitted to. `[cloth]` weighs losses of local
+structures, whose mean over the square a field minimises; beside `[match]` it only says what is measured. `[density]` is
+a probability by cells that points are drawn from. `[body]` is a ball of vertices, whose distance is asked.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from shellbench.model import Finite, Model, Positive
+from shellbench.problem import Problem
+from shellbench.problems.field.body import Ball
+from shellbench.problems.field.formulas import Formulas, evaluated
+from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity
+from shellbench.problems.field.structure import WIDEST, lattice
+
+Array = NDArray[np.float64]
+NotNegative = Annotated[Finite, Field(ge=0)]
+LOOKED_AT = 50  # cells along a side at whose midpoints formulas must be finite
+MOST = 1000  # rows and columns of a density
+
+
+class Match(Model):
+    """The function that the field is fitted to."""
+
+    function: Formulas = Field(description="components, m: numbers, or formulas of u and v")
+
+
+class Training(Model):
+    """What a trained answer may spend; it binds no solver that does not train."""
+
+    epochs: int = Field(ge=1, le=1_000_000, strict=True, description="steps of the optimiser")
+    samples: int = Field(64, ge=1, le=1000, strict=True, description="samples of an epoch: so many, squared")
+
+
+class Cloth(Model):
+    """Losses of local structures, each with its weight."""
+
+    side: Annotated[Finite, Field(gt=0, lt=1 / WIDEST)] = Field(description="of a triangle, m")
+    strain: NotNegative = Field(0.0, description="weight of eq. (19)")
+    bend: NotNegative = Field(0.0, description="weight of eq. (22)")
+    gravity: NotNegative = Field(0.0, description="weight of eq. (24)")
+    collision: NotNegative = Field(0.0, description="weight of eq. (26)")
+    mass_gravity: Positive = Field(1.0, description="m g of eq. (24): mass of a sample times acceleration, N")
+    rest: Formulas = Field(("u", "v", 0.0), description="places without displacement, m; z points upward")
+    confined: tuple[Axis, ...] = Field((), description="components of the displacement that are zero everywhere")
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """Weights by loss."""
+        return {name: getattr(self, name) for name in ("strain", "bend", "gravity", "collision")}
+
+
+class Pin(Model):
+    """Edges whose displacement is given."""
+
+    on: Annotated[tuple[Edge, ...], Field(min_length=1)] = Field(description="edges")
+    displacement: Formulas = Field((0.0, 0.0, 0.0), description="m: numbers, or formulas of u and v")
+
+
+class Density(Model):
+    """A probability by cells of the unit square: rows along u, columns along v."""
+
+    cells: Annotated[tuple[Annotated[tuple[NotNegative, ...], Field(min_length=1, max_length=MOST)], ...],
+                     Field(min_length=1, max_length=MOST)] = Field(
+        description="of each cell, a list a row; any positive sum"
+    )  # fmt: skip
+    draws: int = Field(1000, ge=1, le=10_000_000, strict=True, description="points to draw")
+    points: Literal["draws", "quantiles"] = Field(
+        "draws", description="whether points are drawn, or are quantiles along u of a density with one column"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_density(self) -> Self:
+        if len({len(row) for row in self.cells}) > 1:
+            raise ValueError("the rows of 'cells' differ in length")
+        if not sum(map(sum, self.cells)) > 0:
+            raise ValueError("the sum of 'cells' must be positive")
+        if self.points == "quantiles" and len(self.cells[0]) != 1:
+            raise ValueError(f"quantiles need one column in 'cells', but there are {len(self.cells[0])}")
+        return self
+
+    @property
+    def shares(self) -> Array:
+        """Probabilities (m, n), whose sum is 1."""
+        cells = np.array(self.cells)
+        return np.asarray(cells / cells.sum())
+
+
+class FieldCase(Problem):
+    """A field over the unit square, or points, or distances, and what is asked of them.
+
+    Attributes
+    ----------
+    match
+        A function that the field is fitted to.
+    cloth
+        Losses of local structures.
+    network
+        How the field must be represented, where its parameters are counted: the published plain network, the one with
+        positional encoding, the multi-resolution grid with its decoder, or the vertices of a mesh.
+    training
+        What a trained answer may spend.
+    pins
+        Edges whose displacement is given.
+    density
+        A probability that points are drawn from.
+    body
+        A ball of vertices.
+    quantities
+        What is asked of every answer; exactly one is primary.
+    """
+
+    kind: Literal["field"]
+    theory: Literal["fit", "local-structures", "sampling", "nearest-vertex"]
+    match: Match | None = None
+    cloth: Cloth | None = None
+    network: Literal["plain", "positional", "grid", "vertices"] | None = None
+    training: Training | None = None
+    pins: tuple[Pin, ...] = ()
+    density: Density | None = None
+    body: Ball | None = None
+    quantities: Annotated[tuple[FieldQuantity, ...], Field(min_length=1)]
+
+    @property
+    def has_field(self) -> bool:
+        """Whether a field is asked for."""
+        return self.match is not None or self.cloth is not None
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that an answer depends on; tables that the file does not have are left out."""
+        tables = ("match", "cloth", "network", "training", "pins", "density", "body")
+        return {key: value for key, value in super().physics().items() if value or key not in tables}
+
+    def rest(self, points: Array) -> Array:
+        """Return places (n, 3) of points (n, 2) without displacement, m."""
+        return evaluated(self.cloth.rest if self.cloth else ("u", "v", 0.0), points)
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> Self:
+        asked = {
+            "fit": (self.match is not None, "match", FIT),
+            "local-structures": (self.cloth is not None and self.match is None, "cloth", CLOTH),
+            "sampling": (self.density is not None, "density", DENSITY),
+            "nearest-vertex": (self.body is not None, "body", BODY),
+        }
+        there, table, allowed = asked[self.theory]
+        if not there:
+            raise ValueError(f"theory '{self.theory}' needs the table '{table}'" + (
+                " without 'match'" if table == "cloth" and self.cloth else ""
+            ))  # fmt: skip
+        others = {"density": self.density, "match": self.match, "body": self.body} | (
+            {} if self.match else {"cloth": self.cloth}
+        )
+        for name, other in others.items():
+            if other is not None and name != table:
+                raise ValueError(f"theory '{self.theory}' has no table '{name}'")
+        if self.pins and self.theory != "local-structures":
+            raise ValueError("only a field of local structures has pins")
+        for quantity in self.quantities:
+            if not isinstance(quantity, allowed):
+                raise ValueError(f"quantity '{quantity.name}' can't be asked with theory '{self.theory}'")
+            if quantity.kind in ("strain", "bend", "gravity", "energy") and self.cloth is None:
+                raise ValueError(f"quantity '{quantity.name}' needs the table 'cloth'")
+            if quantity.kind == "collision":
+                raise ValueError(f"quantity '{quantity.name}' needs a body beside the cloth, which is not offered yet")
+        if self.cloth and self.cloth.collision:
+            raise ValueError("field 'cloth.collision': a cloth can't meet a body yet, so that it must be 0")
+        self._check_density()
+        self._check_formulas()
+        return self
+
+    def _check_density(self) -> None:
+        if self.density is None:
+            return
+        rows, columns = self.density.shares.shape
+        for quantity in self.quantities:
+            if quantity.kind == "cumulative" and not (quantity.row <= rows and quantity.column <= columns):
+                raise ValueError(f"quantity '{quantity.name}' is of a cell beyond {rows} rows and {columns} columns")
+
+    def _check_formulas(self) -> None:
+        """Refuse formulas that are not finite somewhere on the square."""
+        points = lattice(LOOKED_AT)
+        named = {f"pins.{number}.displacement": pin.displacement for number, pin in enumerate(self.pins)}
+        named |= {"match.function": self.match.function} if self.match else {}
+        named |= {"cloth.rest": self.cloth.rest} if self.cloth else {}
+        for name, formulas in named.items():
+            bad = ~np.isfinite(evaluated(formulas, points)).all(axis=1)
+            if bad.any():
+                u, v = points[bad.argmax()]
+                raise ValueError(f"field '{name}' is not finite at u = {u:g}, v = {v:g}")

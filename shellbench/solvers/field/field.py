@@ -1,0 +1,72 @@
+"""The field of all solvers here: features of a point, and layers that decode them.
+
+Features are those of multi-resolution grids (Shu et al., eq. (4) and (5)), sines and cosines of a positional encoding,
+or the point itself. Without layers the levels of a grid, of three features each, are added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shellbench.problems.field.quantities import AXES
+from shellbench.problems.field.solution import FieldSolution
+from shellbench.solvers.field.basis import matrix
+
+Array = NDArray[np.float64]
+OMEGA = (
+    30.0  # of a sine's argument, Sitzmann et al., "Implicit Neural Representations with Periodic Activation Functions"
+)
+
+
+def encoded(points: Array, frequencies: int) -> Array:
+    """Return points (n, 2) followed by their sines and cosines at frequencies pi, 2 pi, 4 pi, ...: (n, 2 + 4 f)."""
+    angles = np.pi * (points[:, None, :] * 2.0 ** np.arange(frequencies)[:, None]).reshape(len(points), -1)
+    return np.concatenate([points, np.sin(angles), np.cos(angles)], axis=1)
+
+
+def free_factor(points: Array, held: list[str]) -> Array:
+    """Return what a trained displacement is multiplied by at points (n, 2): zero on held edges, one far from them."""
+    factor = np.ones(len(points))
+    for edge in held:
+        x = points[:, "uv".index(edge[0])]
+        factor *= 1 - x if edge.endswith("max") else x
+    return factor
+
+
+@dataclass(frozen=True)
+class LayeredField(FieldSolution):
+    """A field by its weights.
+
+    `form` has `cells` of each level and the `degree`; `frequencies` of the encoding; `layers`, their number, and the
+    `activation`; `held` edges and `confined` components. `tensors` are `grid_0`, ... (splines, features), `weight_0`,
+    ... (in, out) and `bias_0`, ... (out,).
+    """
+
+    def displacement(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
+        """Return the displacement (n, 3), m, or a derivative of it; ValueError if there is none."""
+        form = self.form
+        if sum(orders) and (form["layers"] or form["held"]):
+            raise ValueError("only a grid without layers, solved for, has derivatives here")
+        values = self.features(points, orders)
+        for number in range(form["layers"]):
+            values = values @ self.tensors[f"weight_{number}"] + self.tensors[f"bias_{number}"]
+            if number < form["layers"] - 1:
+                values = np.maximum(values, 0) if form["activation"] == "relu" else np.sin(OMEGA * values)
+        values = values * free_factor(points, form["held"])[:, None]
+        values[:, [AXES.index(axis) for axis in form["confined"]]] = 0.0
+        return np.asarray(values)
+
+    def features(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
+        """Return the input of the first layer, or the displacement of a field without layers."""
+        form: Any = self.form
+        if not form["cells"]:
+            return encoded(points, form["frequencies"])
+        levels = [
+            matrix(points, cells, form["degree"], orders) @ self.tensors[f"grid_{number}"].astype(float)
+            for number, cells in enumerate(form["cells"])
+        ]
+        return np.concatenate(levels, axis=1) if form["layers"] else np.asarray(sum(levels))

@@ -1,0 +1,184 @@
+"""The gate of fields is tested: mistakes that solvers really make are injected, and each must turn a figure red.
+
+A fault is put into the mechanics, a case is solved, and its values are judged as the gate does: by the known value and
+the frozen tolerance. The same path without a fault is green.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.bench.registry import load_solver, solver_entries
+from shellbench.errors import SolveFailure
+from shellbench.problems.field import solution, structure
+from shellbench.solvers.field import basis, direct, field, sampling, solver
+
+SMALLER = {"field_stretch": {"resolution": 8}, "field_hang": {"resolution": 8}}  # as right, and cheaper
+LONG = {"field_sine", "field_stretch", "field_hang", "field_ball"}
+RUNS = sorted((case, name) for name, held in catalog.tolerances().items() for case in held if case.startswith("field_"))
+
+
+def exceeded(case_name: str, solver_name: str) -> set[str]:
+    """Solve a case, and return the quantities whose error is larger than their frozen tolerance."""
+    case, known = catalog.named_case(case_name), catalog.known_values(case_name)
+    allowed = catalog.tolerances()[solver_name][case_name]
+    settings = SMALLER.get(case_name, {})
+    try:
+        answer = load_solver(solver_entries()[solver_name]).solve(case, settings)
+    except SolveFailure:
+        return set(allowed)
+    red = set()
+    for quantity, tolerance in allowed.items():
+        judge = known.judge(quantity, case.theory).value
+        try:
+            error = abs(case.quantity(quantity).measure(answer) - judge)
+        except ValueError:
+            error = np.inf
+        limit = tolerance.absolute if tolerance.is_absolute else tolerance.relative * abs(judge)
+        if not error <= limit:
+            red.add(quantity)
+    return red
+
+
+def marked(runs):
+    return [pytest.param(*run, marks=[pytest.mark.long] if run[0] in LONG else []) for run in runs]
+
+
+@pytest.mark.parametrize(("case", "name"), marked(RUNS))
+def test_without_a_fault_only_open_findings_are_red(case, name):
+    found = catalog.tolerances()[name][case]
+    assert exceeded(case, name) == {name for name, allowed in found.items() if allowed.open_finding}
+
+
+class Fault(NamedTuple):
+    """What is broken, where it must show, and in whose answer."""
+
+    name: str
+    case: str
+    solver: str
+    inject: Callable[[pytest.MonkeyPatch], None]
+
+
+def wrapped(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that changes its result."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(owner, name)
+        patch.setattr(owner, name, lambda *args, **more: change(original(*args, **more)))
+
+    return inject
+
+
+def given(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
+    """Replace a function by one that gets other arguments."""
+
+    def inject(patch: pytest.MonkeyPatch) -> None:
+        original = getattr(owner, name)
+        patch.setattr(owner, name, lambda *args, **more: original(*change(*args), **more))
+
+    return inject
+
+
+def instead(owner: Any, name: str, other: Any) -> Callable[[pytest.MonkeyPatch], None]:
+    return lambda patch: patch.setattr(owner, name, other)
+
+
+def unnormalised(cells: sampling.Cells) -> np.ndarray:
+    return np.cumsum(cells.shares.sum(axis=1) / cells.shares.max())
+
+
+def of_rows_alone(cells: sampling.Cells, row: int) -> np.ndarray:
+    """The whole density's columns in the place of the row's."""
+    return np.cumsum(cells.shares.sum(axis=0) / cells.shares.sum())
+
+
+def not_above_zero(cells: sampling.Cells, u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    rows = np.searchsorted(cells.marginal(), u)
+    return rows, np.array([np.searchsorted(np.cumsum(cells.shares[r]), x) for r, x in zip(rows, v, strict=True)])
+
+
+def leaking(case: Any, cells: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """A pin whose last spline is free."""
+    known, values = HELD(case, cells, degree)
+    return known & (np.arange(len(known)) % (cells + degree) < cells + degree - 1)[:, None], values
+
+
+def first_order(points: np.ndarray, cells: int, degree: int, orders: Any = (0, 0)) -> tuple[np.ndarray, np.ndarray]:
+    """Features of the nearest node alone."""
+    numbers, values = LOCAL(points, cells, degree, orders)
+    return numbers, np.eye(values.shape[1])[values.argmax(axis=1)]
+
+
+HELD, LOCAL = direct.held, basis.local
+SINE, HANG, STRETCH, BEND = (
+    ("field_sine", "grid"),
+    ("field_hang", "grid"),
+    ("field_stretch", "grid"),
+    ("field_curvature", "grid"),
+)
+DRAWS, EMPTY = ("field_sampler", "inverse-transform"), ("field_empty_row", "inverse-transform")
+LLOYD, BALL = ("field_lloyd", "inverse-transform"), ("field_ball", "nearest-vertex")
+CELLS = sampling.Cells
+FAULTS = (
+    Fault("the second coordinate's splines are the first's", *SINE, given(direct, "evaluated", lambda f, p: (f, p[:, ::-1] ** 1.001))),
+    Fault("a level weighs one percent more in the answer", *SINE, wrapped(field, "matrix", lambda m: 1.01 * m)),
+    Fault("nearest node instead of interpolation", *SINE, instead(basis, "local", first_order)),
+    Fault("derivatives lack the degree's factor", *BEND, wrapped(basis, "along", lambda m: m / 1.01)),
+    Fault("a layer is missing", "field_count_positional", "mlp", instead(solver, "HIDDEN", 2)),
+    Fault("the strain counts two edges", *STRETCH, instead(solution, "strain", lambda x, r: structure.strain(x, r) * 2 / 3)),
+    Fault("the strain is not relative", *STRETCH, instead(solution, "strain", lambda x, r: structure.strain(x, r) * 1e-6)),
+    Fault("bending counts the faces' edges twice", *BEND, instead(solution, "bend", lambda x: 2 * structure.bend(x))),
+    Fault("bending leaves out a pair of faces", *BEND, instead(structure, "OUTER", structure.OUTER[:2])),
+    Fault("outer corners are too near", *BEND, wrapped(solution, "corners", lambda at: np.concatenate(
+        [at[:, :3], 0.95 * at[:, 3:] + 0.05 * at[:, :3].mean(axis=1, keepdims=True)], axis=1))),
+    Fault("the side is halved", *BEND, given(solution, "corners", lambda p, a, side, n: (p, a, side / 2, n))),
+    Fault("edges of minimised structures are twice as soft", *HANG, wrapped(
+        direct, "stretched", lambda found: tuple(part / 2 for part in found))),
+    Fault("rest lengths are 1 % short", *HANG, given(direct, "stretched", lambda edge, rest: (edge, 0.99 * rest))),
+    Fault("gravity is taken at half the places", *HANG, wrapped(direct, "gauss", lambda found: (found[0] ** 1.05, found[1]))),
+    Fault("samples near an edge weigh less than their area", *HANG, wrapped(direct, "gauss", lambda found: (
+        found[0], found[1] * (1 - 0.1 * found[0][:, 1])))),
+    Fault("a pin leaks", *HANG, instead(direct, "held", leaking)),
+    Fault("pins are a hundredth off", *STRETCH, wrapped(direct, "held", lambda found: (found[0], 1.01 * found[1]))),
+    Fault("samples follow the density though they are weighed", *HANG, instead(direct, "PLAYS", 3)),
+    Fault("the marginal is not normalised", *DRAWS, instead(CELLS, "marginal", unnormalised)),
+    Fault("columns are drawn from the whole density", *DRAWS, instead(CELLS, "conditional", of_rows_alone)),
+    Fault("rows and columns change places", *DRAWS, given(CELLS, "__init__", lambda self, shares: (self, shares.T))),
+    Fault("all points lie in the cells' corners above", *DRAWS, wrapped(CELLS, "draw", lambda found: np.minimum(found + 0.01, 0.999))),
+    Fault("zero picks an empty row", *EMPTY, instead(CELLS, "pick", not_above_zero)),
+    Fault("the search goes past equal numbers", *DRAWS, given(CELLS, "pick", lambda self, u, v: (self, u + 1e-12 + 0.01 * (u == 0.3), v))),
+    Fault("relaxation moves points half the way too far", *LLOYD, instead(
+        sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, int(1.01 * steps)))),
+    Fault("regions at the ends reach to the first point only", *LLOYD, instead(
+        sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, steps) + 1e-9)),
+    Fault("normals are turned", *BALL, instead(
+        type(catalog.named_case("field_ball").body), "normals", property(lambda self: NORMALS(self)[:, [1, 2, 0]] * 0.999))),
+)  # fmt: skip
+RELAXED = sampling.relaxed_on_a_line
+NORMALS = type(catalog.named_case("field_ball").body).normals.fget
+
+
+def weighed_yet_biased(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(direct.Play, "__init__", lambda self, share, weighted, cells: self.__dict__.update(
+        share=0.5, weighted=False, cells=cells))  # fmt: skip
+
+
+FAULTS = tuple(f if "though they are weighed" not in f.name else f._replace(inject=weighed_yet_biased) for f in FAULTS)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [pytest.param(f, id=f"{f.case}: {f.name}", marks=[pytest.mark.long] if f.case in LONG else []) for f in FAULTS],
+)
+def test_a_fault_is_red(fault, monkeypatch):
+    fault.inject(monkeypatch)
+    with np.errstate(all="ignore"):
+        assert exceeded(fault.case, fault.solver)
+
+
+def test_every_case_of_the_suite_has_a_fault():
+    counts = {"field_count_plain", "field_count_grid", "field_count_vertices"}  # of which the fourth stands for all
+    assert {fault.case for fault in FAULTS} == {case for case, _ in RUNS} - counts
