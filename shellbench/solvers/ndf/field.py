@@ -27,6 +27,7 @@ from shellbench.solvers.ndf.jets import (
     D1,
     VALUE,
     Array,
+    Integers,
     Placement,
     activation,
     compose,
@@ -343,7 +344,7 @@ class Features:
         parts = [np.ones((3, self.network.width), dtype=bool), self.fixed.allowed()]
         return np.concatenate([*parts, *([self.beside.allowed()] if self.beside else [])], axis=1)
 
-    def pairs(self, part: Array) -> Array:
+    def pairs(self, part: Integers) -> Array:
         """Return which of the (component, feature) pairs (3 M,) are solved for, of features with these numbers."""
         allowed = self.allowed()
         return np.concatenate([part[allowed[c, part]] + c * self.count for c in range(3)])

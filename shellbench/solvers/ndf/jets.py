@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -26,6 +26,7 @@ from torch import Tensor
 from shellbench.errors import InputError
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.integer[Any]]
 
 VALUE, D1, D2, D11, D12, D22 = range(6)
 PLANES: tuple[tuple[int, int], ...] = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))

@@ -29,7 +29,7 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.energy import NormalEquations
 from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, from_derivatives
+from shellbench.solvers.ndf.jets import D1, D2, VALUE, Integers, from_derivatives
 from shellbench.solvers.ndf.quadrature import RuleSpec, edge_rule
 from shellbench.solvers.ndf.sampled import FeatureSet
 from shellbench.solvers.ndf.supports import edge_supports, point_supports
@@ -185,7 +185,7 @@ def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
 
 
 def solve_part(
-    ansatz: Ansatz, features: Features, equations: NormalEquations, part: Array, level: float = JITTER
+    ansatz: Ansatz, features: Features, equations: NormalEquations, part: Integers, level: float = JITTER
 ) -> OutputLayer:
     """Solve for the weights of some features, by their numbers (n,); all others are zero."""
     # One matrix serves all bases whose features are among its own.
