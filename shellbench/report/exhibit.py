@@ -103,15 +103,23 @@ def inks(solvers: Iterable[str]) -> Mapping[str, Ink]:
 
     A solver's place in the palette follows from its name, so that it looks the same in every report. Of names that fall
     on one place, those that the suites declare choose first, whether they are drawn or not; the others take, in
-    alphabetical order, the next place that is least in use.
+    alphabetical order, the next place that is least in use. What no suite joins, not by others either, is never in one
+    figure: solvers of ropes take no colour from those of shells.
     """
     wanted = set(solvers)
     places: dict[str, int] = {}
+    company = {solver: number for number, solvers in enumerate(companies()) for solver in solvers}
     for solver in (*declared_solvers(), *sorted(wanted)):
         if solver in places:
             continue
         place = int(hashlib.sha256(solver.encode()).hexdigest(), 16) % len(OKABE_ITO)
-        taken = Counter(places.values())
+        taken: Counter[int] = Counter()
+        for other, there in places.items():
+            # Who is in no suite keeps away from all, and from others like him first.
+            if solver not in company:
+                taken[there] += 1 if other in company else len(company) + 1
+            elif company.get(other) == company[solver]:
+                taken[there] += 1
         ring = ((place + i) % len(OKABE_ITO) for i in range(len(OKABE_ITO)))
         places[solver] = min((*ring, *range(len(OKABE_ITO), len(COLOURS))), key=taken.__getitem__)
     return {solver: Ink(COLOURS[places[solver]], MARKERS[places[solver]]) for solver in sorted(wanted)}
@@ -125,6 +133,16 @@ def dashes_of(solutions: Iterable[str]) -> dict[str, Dashes]:
         solver = name.partition(", ")[0]
         found[name] = DASHES[seen[solver] % len(DASHES)]
         seen[solver] += 1
+    return found
+
+
+def companies() -> list[set[str]]:
+    """Return the sets of solvers that suites join, directly or by others."""
+    found: list[set[str]] = []
+    for name in catalog.suite_names():
+        joined = {run.solver for run in catalog.find_suite(name).runs}
+        apart = [each for each in found if not each & joined]
+        found = [*apart, joined.union(*(each for each in found if each & joined))]
     return found
 
 
