@@ -1,17 +1,15 @@
 """Colours of the solvers of all suites: each has its own, and those that came later left the others what they were."""
 
-import pytest
-
 from shellbench.bench import catalog
 from shellbench.bench.suite import Suite, SuiteRun
-from shellbench.report.exhibit import COLOURS, MARKERS, OKABE_ITO, declared_solvers, inks
+from shellbench.report.exhibit import COLOURS, MARKERS, OKABE_ITO, companies, declared_solvers, inks
 
 
-@pytest.mark.parametrize("suite", catalog.suite_names())
-def test_every_solver_of_a_suite_has_a_colour_and_a_marker_of_its_own(suite):
+def test_every_solver_has_a_colour_and_a_marker_of_its_own_among_those_that_suites_join():
     every = inks(declared_solvers())
-    found = [every[solver] for solver in {run.solver for run in catalog.find_suite(suite).runs}]
-    assert len({ink.colour for ink in found}) == len(found) == len({ink.marker for ink in found})
+    for company in companies():
+        found = [every[solver] for solver in company]
+        assert len({ink.colour for ink in found}) == len(found) == len({ink.marker for ink in found}), company
 
 
 def test_solvers_of_engines_choose_last(monkeypatch):
