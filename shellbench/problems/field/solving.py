@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
-from shellbench.errors import InputError
-from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problem import Solution
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.solution import FieldAnswer
+from shellbench.problems.solving import FreshSolver
 
 ROUNDING = 1e-14  # relative: what no level tells
 
 
-class FieldSolver(ABC):
-    """A solver of problems of kind `field`; see `shellbench.problem.Solver` for the protocol.
+class FieldSolver(FreshSolver):
+    """A solver of problems of kind `field`.
 
     A subclass says which theories it takes, and gives `answer` and what it refuses beyond them by `refuses`.
     """
-
-    name: ClassVar[str]
-    capabilities: ClassVar[Capabilities]
-    settings_type: ClassVar[type[Settings]] = Settings
 
     def declines(self, case: Any) -> str | None:
         """Return why it can't take a problem, as one clause, or None if it can."""
@@ -34,34 +30,6 @@ class FieldSolver(ABC):
     def refuses(self, case: FieldCase) -> str | None:
         """Return why it can't take a field of its theories."""
         return None
-
-    def solve(
-        self,
-        case: FieldCase,
-        settings: Any = None,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> Solution:
-        """Solve a case with settings, or what makes some.
-
-        Raises
-        ------
-        SolveFailure
-            If no trustworthy answer was reached.
-        InputError
-            If an earlier solution is given, or the case is declined.
-        """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        if reason := self.declines(case):
-            raise InputError(f"{case.name}: {reason}")
-        kind = self.settings_type
-        chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
-        return self.answer(case, chosen, progress or (lambda _: None))
-
-    @abstractmethod
-    def answer(self, case: FieldCase, settings: Any, progress: ProgressCallback) -> Solution:
-        """Solve a case that is not declined; see `solve`."""
 
     @abstractmethod
     def load(self, path: Path) -> Solution:

@@ -7,21 +7,21 @@ from __future__ import annotations
 
 import math
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.errors import InputError, SolveFailure
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.rope.case import RopeCase
 from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solution import RopeMotion, RopeState
+from shellbench.problems.solving import FreshSolver
 
 Array = NDArray[np.float64]
 
@@ -32,47 +32,11 @@ FRAMES, FRAME = 120, 1 / 60  # most frames that are kept for pictures, and the s
 DRAWN = 200  # most nodes of a frame
 
 
-class RopeSolver(ABC):
-    """A solver of chains or loose masses; see `shellbench.problem.Solver` for the protocol.
+class RopeSolver(FreshSolver):
+    """A solver of chains or loose masses.
 
     A subclass gives `declines` and `answer`. It is a light module: what solves is imported when it is called.
     """
-
-    name: ClassVar[str]
-    capabilities: ClassVar[Capabilities]
-    settings_type: ClassVar[type[Settings]] = Settings
-
-    @abstractmethod
-    def declines(self, case: Any) -> str | None:
-        """Return why it can't take a problem, as one clause, or None if it can."""
-
-    def solve(
-        self,
-        case: RopeCase,
-        settings: Any = None,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> Solution:
-        """Solve a case with settings, or what makes some.
-
-        Raises
-        ------
-        SolveFailure
-            If no trustworthy answer was reached; the states before come with it.
-        InputError
-            If an earlier solution is given, or the case is declined.
-        """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        if reason := self.declines(case):
-            raise InputError(f"{case.name}: {reason}")
-        kind = self.settings_type
-        chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
-        return self.answer(case, chosen, progress or (lambda _: None))
-
-    @abstractmethod
-    def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> Solution:
-        """Solve a case that is not declined; see `solve`."""
 
     def load(self, path: Path) -> Solution:
         """Read what `RopeMotion.save` wrote; InputError in one sentence if it is none."""

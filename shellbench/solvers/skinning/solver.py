@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from shellbench.errors import InputError
 from shellbench.model import Finite, Positive
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings, Solution, Step
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Settings, Step
 from shellbench.problems.skinning.case import SkinningCase
+from shellbench.problems.solving import FreshSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.skinning.solution import Skin, Skinned
@@ -81,43 +81,12 @@ class RecurrentSettings(TrainingSettings):
     batch: Count = Field(2, description="clips of a step")
 
 
-class SkinningSolver(ABC):
-    """A solver of capes; see `shellbench.problem.Solver`. A subclass gives `answer` and `skin`."""
+class SkinningSolver(FreshSolver):
+    """A solver of capes. A subclass gives `answer` and `skin`."""
 
-    name: ClassVar[str]
-    capabilities: ClassVar[Capabilities]
-    settings_type: ClassVar[type[Settings]] = Settings
-
-    def declines(self, case: SkinningCase) -> str | None:
-        """Return None: each takes every cape."""
-        return None
-
-    def solve(
-        self,
-        case: SkinningCase,
-        settings: Any = None,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
-    ) -> Solution:
-        """Fit to the frames that are seen.
-
-        Raises
-        ------
-        SolveFailure
-            If a training diverges; its last state comes with it.
-        InputError
-            If an earlier solution is given.
-        """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        chosen = (
-            settings if isinstance(settings, self.settings_type) else self.settings_type.model_validate(settings or {})
-        )
-        return self.answer(case, chosen, progress or (lambda _: None))
-
-    @abstractmethod
-    def answer(self, case: SkinningCase, settings: Any, progress: ProgressCallback) -> Skinned:
-        """Fit to the frames that are seen; see `solve`."""
+    def declines(self, case: Any) -> str | None:
+        """Return why it can't take a problem: each takes every cape."""
+        return None if isinstance(case, SkinningCase) else "it solves problems of kind 'skinning' only"
 
     @abstractmethod
     def skin(self) -> Skin:
