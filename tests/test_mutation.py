@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
+from shellbench.bench.reference import Tolerance
+from tests.bench.test_classes import figure
 from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
-from tests.mutation.exam import VALUE
+from tests.mutation.exam import VALUE, finds_a_mistake
 from tests.mutation.operators import RULES
 from tests.mutation.report import PAGE, SCORE, Excuse, add, excuses, page, read_runs, scores, stale_excuses, summary
 from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
@@ -174,6 +176,12 @@ def test_the_exam_tells_a_fault_from_none(change: tuple[str, str, str], red: boo
     (answer,), why = _answers(planted(*change), [PLATE], (), lambda _: 300.0)
     assert not why
     assert answer.red.startswith(VALUE) if red else not answer.red
+
+
+@pytest.mark.parametrize(("error", "found"), [(5e-2, False), (5e-4, False), (-2.0, True)])
+def test_an_answer_that_passes_against_expectation_is_no_mistake(error: float, found: bool) -> None:
+    opened = Tolerance(relative=1e-3, open_finding="known to be off")
+    assert finds_a_mistake(figure(error).judged(opened).finding()) is found
 
 
 def entry(name: str, red: str) -> dict[str, Any]:

@@ -114,7 +114,13 @@ def first_red(question: Question) -> str:
     judged = [finding for finding in findings if finding.row.case == question.case]
     if not judged:
         return f"{FAILED}: no row is judged"
-    return next((_told(finding) for finding in judged if finding.colour == "red"), "")
+    return next((_told(finding) for finding in judged if finds_a_mistake(finding)), "")
+
+
+def finds_a_mistake(finding: Any) -> bool:
+    """Whether a finding is red over an answer that falls short: one that passes against expectation is no worse."""
+    better = finding.row.open_finding is not None and finding.row.why_short(finding.row.tolerance) is None
+    return bool(finding.colour == "red" and not better)
 
 
 def _told(finding: Any) -> str:
