@@ -1,6 +1,7 @@
-"""Take from built pages what README and docs show, small enough to be committed: `python docs/evidence.py`.
+"""Take from built pages what README and docs show, small enough to be committed.
 
-`nox -s example` builds two pages of some 60 MB under reports/pages. Kept of them are
+`python docs/evidence.py course` takes the page that `nox -s obstacle_course` has written; `python docs/evidence.py`
+takes the two pages of some 60 MB that `nox -s example` has built under reports/pages. Kept of them are
 
 - the rows of the gated suites and of the ablations, and the headlines of the engines (table.json);
 - the CSV files whose figures are quoted;
@@ -13,13 +14,18 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
-PAGES = ROOT / "reports/pages"
 FIGURES = ROOT / "docs/figures"
+BUILT = {
+    "course": ROOT / "reports/latest",
+    "example": ROOT / "reports/pages/example",
+    "example_engines": ROOT / "reports/pages/example_engines",
+}
 
 WHOLE_SUITES = {"obstacle_course", "verification", "nonlinear", "cloth", "ablations", "strain_ablation"}
 HEADLINE_SUITES = {"engines", "motion_engines"}
@@ -29,7 +35,8 @@ CONTRACT = {
     "relative_error", "absolute_error", "tolerance", "passed", "status", "seconds", "peak_memory_bytes", "parameters",
     "storage_bytes", "run_id",
 }  # fmt: skip
-QUOTED_CSV = {
+QUOTED_CSV: dict[str, tuple[str, ...]] = {
+    "course": (),
     "example": (
         "consistency", "cost_seconds", "memory", "memory_rounding", "newton", "sampling", "strains",
         "thinness_pinched_cylinder_rigid_diaphragms",
@@ -37,9 +44,9 @@ QUOTED_CSV = {
     "example_engines": ("cross_check",),
 }  # fmt: skip
 SHOWN = {
+    "course": ("course_obstacle_course",),
     "example": (
-        "cost_scordelis_lo", "course_obstacle_course", "frames_napkin_soft_pin", "newton", "states_cantilever_moment",
-        "strain_rolled_plate",
+        "cost_scordelis_lo", "frames_napkin_soft_pin", "newton", "states_cantilever_moment", "strain_rolled_plate",
     ),
     "example_engines": ("cross_check",),
 }  # fmt: skip
@@ -62,20 +69,23 @@ def reduce_table(source: Path, target: Path) -> None:
     target.write_text("[\n" + ",\n".join(rows) + "\n]\n", encoding="utf-8")
 
 
-def main() -> None:
-    """Replace the committed evidence by that of the built pages."""
-    for name, csv_names in QUOTED_CSV.items():
-        built, kept = PAGES / name, ROOT / "reports" / name
+def main(names: list[str]) -> None:
+    """Replace the committed evidence of these pages by that of the built ones; none named are those of the example."""
+    for name in names or ["example", "example_engines"]:
+        built, kept = BUILT[name], ROOT / "reports" / name
         if not built.is_dir():  # such as the engines, which only Linux has
             continue
+        for figure in SHOWN[name]:
+            if not (built / "figures" / f"{figure}.png").is_file():
+                raise SystemExit(f"{built} does not show {figure}: it is another page")
         shutil.rmtree(kept, ignore_errors=True)
         kept.mkdir(parents=True)
         reduce_table(built / "table.json", kept / "table.json")
-        for csv_name in csv_names:
+        for csv_name in QUOTED_CSV[name]:
             shutil.copy(built / f"{csv_name}.csv", kept)
         for figure in SHOWN[name]:
             shutil.copy(built / "figures" / f"{figure}.png", FIGURES)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

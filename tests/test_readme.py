@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from shellbench.bench.row import Row
+from shellbench.problem import VARIANT
 from shellbench.report import tables
 from shellbench.report.notation import byte_size, duration, percent, quoted, rounded
 
@@ -72,7 +73,10 @@ def rows(folder, name):
 @cache
 def objects(folder):
     """Rows of the JSON table of an example."""
-    return [Row.model_validate(row) for row in json.loads((ROOT / "reports" / folder / "table.json").read_bytes())]
+    found = json.loads((ROOT / "reports" / folder / "table.json").read_bytes())
+    for row in found:  # a row has both in one name
+        row["case"] += f"{VARIANT}{variant}" if (variant := row.pop("variant", None)) else ""
+    return [Row.model_validate(row) for row in found]
 
 
 def one(found):
@@ -121,6 +125,11 @@ def error(relative):
     return f"{text_of(percent(float(relative)))} %"
 
 
+def told(relative, unknown):
+    """A relative error, or that it is smaller than what is known."""
+    return error(relative) if abs(relative) > unknown else f"below {size(unknown).replace('.0e', 'e')}"
+
+
 def size(relative):
     """A relative error without its sign."""
     return f"{text_of(percent(abs(float(relative)), signed=False))} %"
@@ -145,7 +154,7 @@ COURSE = {
 
 def mean_error(case, solver):
     """Relative error of the headline, mean over the seeds of the obstacle course."""
-    found = [r for r in objects("example") if (r.case, r.solver) == (case, solver) and r.primary]
+    found = [r for r in objects("course") if (r.case, r.solver) == (case, solver) and r.primary]
     errors = [r.relative_error for r in found if "obstacle_course" in r.suites and r.default_settings]
     assert len(errors) == (1 if solver == "fem" else 3)
     return sum(errors) / len(errors)
@@ -154,12 +163,13 @@ def mean_error(case, solver):
 def the_course():
     """The table of the README."""
     for case, title in COURSE.items():
-        headline = next(r.quantity for r in objects("example") if r.case == case and r.primary)
+        headline = next(r.quantity for r in objects("course") if r.case == case and r.primary)
         said = {v["label"]: v["value"] for v in known(case) if v["quantity"] == headline and v.get("label")}
         value = one(v for v in known(case) if (v["quantity"], v["role"]) == (headline, "judge"))
         yield (
             f"| {title}, m | {{}} | {{}} | {{}} | {{}} | {{}} | {{}} |",
-            text_of(rounded(value["value"], value["uncertainty"])), *(error(mean_error(case, s)) for s in ("fem", "ndf-ritz", "ndf")),
+            text_of(rounded(value["value"], value["uncertainty"])),
+            *(told(mean_error(case, s), value["uncertainty"] / value["value"]) for s in ("fem", "ndf-ritz", "ndf")),
             *(text_of(quoted(said[label])) for label in ("Analytical", "NeuralClothSim")),
         )  # fmt: skip
 
@@ -406,8 +416,9 @@ SOURCES = (
 
 
 def whole_table(suite):
-    """The table of a suite as `shellbench table --suite` prints it from the example's records, without its notes."""
-    found = [r.model_copy(update={"suite": suite, "suites": (suite,)}) for r in objects("example") if suite in r.suites]
+    """The table of a suite as `shellbench table --suite` prints it from the kept records, without its notes."""
+    records = objects("course" if suite == "obstacle_course" else "example")
+    found = [r.model_copy(update={"suite": suite, "suites": (suite,)}) for r in records if suite in r.suites]
     lines = tables.render(found, "text").splitlines()
     last = max(k for k, line in enumerate(lines) if line.startswith("---"))
     return "\n".join(lines[: last + 1]) + "\n"
@@ -498,6 +509,18 @@ def test_a_figure_that_is_changed_is_seen(monkeypatch):
     assert len(wrong(costs, text)) == 1
 
 
-if __name__ == "__main__":
+def write():
+    """Write the whole tables, and that of the README, anew."""
     for suite, path in TABLES.items():
         path.write_text(read(path).replace(printed_table(read(path)), whole_table(suite)), encoding="utf-8")
+    readme = ROOT / "README.md"
+    lines = {
+        template.partition("|")[2].partition("|")[0]: template.format(*values)
+        for template, values in sentences(the_course)
+    }
+    old = read(readme).splitlines()
+    readme.write_text("\n".join(lines.get(line[1:].partition("|")[0], line) for line in old) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write()
