@@ -65,7 +65,11 @@ class Quantity(Model):
     factor
         What its measured value is multiplied by before it is recorded: 0.001 of a displacement in a case in
         millimetres whose known values are in metres.
+    is_an_error
+        Of a class: its value is an error already. Solvers are not held against each other over it.
     """
+
+    is_an_error: ClassVar[bool] = False
 
     name: Name
     description: str = ""

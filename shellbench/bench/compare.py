@@ -144,8 +144,10 @@ def rows_of(current: CurrentRuns, planned: Sequence[Task] = ()) -> list[Row]:
     found = with_distinct_titles(found)
     suites = {row.suite for row in found}.intersection(catalog.suite_names())
     members = {suite: [case.name for case in catalog.cases_of(suite)] for suite in suites if suite is not None}
+    errors = {(run.case.name, q.name) for run in current.runs for q in run.case.quantities if q.is_an_error}
+    alone = [row for row in found if (row.case, row.quantity) in errors]
     return sorted(
-        held_against_each_other(found),
+        [*alone, *held_against_each_other(row for row in found if (row.case, row.quantity) not in errors)],
         key=lambda row: _position(row, order[row.case, row.quantity], members.get(row.suite or "", [])),
     )
 

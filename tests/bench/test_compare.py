@@ -13,6 +13,7 @@ from shellbench.bench.compare import Row, as_json, held_against_each_other, rows
 from shellbench.bench.current import current_runs
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
+from shellbench.problem import Quantity
 from tests.bench import strip
 from tests.bench.conftest import forget, tolerances_of
 from tests.bench.running import run
@@ -160,6 +161,13 @@ def test_without_a_known_value_solvers_are_held_against_each_other(store: Store,
         if row.solver == "toy-noisy" and row.value is not None:
             assert row.disagreement_with == "toy"
             assert row.disagreement == pytest.approx((row.value - strip.CENTRE) / strip.CENTRE, abs=1e-15)
+
+
+def test_over_what_is_an_error_already_solvers_are_not_held_against_each_other(store, own_case, monkeypatch) -> None:
+    run(store, str(own_case), solvers=("toy", "toy-noisy"))
+    assert any(row.disagreement for row in rows(store) if row.quantity == "centre")
+    monkeypatch.setattr(Quantity, "is_an_error", True)
+    assert not any(row.disagreement for row in rows(store))
 
 
 def test_the_newest_physics_of_an_own_case_counts(store: Store, own_case: Path) -> None:

@@ -44,6 +44,8 @@ class SkinError(Quantity):
     frame.
     """
 
+    is_an_error = True
+
     kind: Literal["error", "worst_error", "fitted_error"]
 
     def measure(self, solution: Any) -> float:
@@ -58,6 +60,8 @@ class SkinError(Quantity):
 class PenetrationShare(Quantity):
     """The share of vertices that are inside the body."""
 
+    is_an_error = True
+
     kind: Literal["penetration_share"]
     unit: str = ""
 
@@ -68,6 +72,8 @@ class PenetrationShare(Quantity):
 
 class PenetrationDepth(Quantity):
     """How deep vertices are in the body, m: the root mean square over all vertices, of which most are outside."""
+
+    is_an_error = True
 
     kind: Literal["penetration_depth", "deepest"]
 
