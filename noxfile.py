@@ -81,6 +81,12 @@ def variants(session: nox.Session) -> None:
 
 
 @nox.session
+def shape_variants(session: nox.Session) -> None:
+    """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
+    run_and_judge(session, "shape_variants")
+
+
+@nox.session
 def calibration(session: nox.Session) -> None:
     """Hold what solvers state of their errors against the errors: all linear shells, their variants, and 48 drawn ones.
 

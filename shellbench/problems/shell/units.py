@@ -38,6 +38,7 @@ class Units:
 
 MILLIMETRES_KILONEWTONS = Units(1000.0, 1e-3, "millimetres and kilonewtons")
 MILLIMETRES_TONNES = Units(1000.0, 1.0, "mm, t, s")  # whose unit of force is the newton
+KILOMETRES_GRAMS = Units(1e-3, 1.0, "km, g, s")  # whose unit of force is the newton, too
 
 
 def converted_data(case: Shell, units: Units) -> dict[str, Any]:

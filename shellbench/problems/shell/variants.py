@@ -17,7 +17,7 @@ from shellbench.problems.shell import reparametrisation
 from shellbench.problems.shell.placing import CYCLE, placed_data, turning
 from shellbench.problems.shell.quantities import CentreOfMass, PositionQuantity
 from shellbench.problems.shell.shell import Shell
-from shellbench.problems.shell.units import MILLIMETRES_TONNES, converted_data
+from shellbench.problems.shell.units import KILOMETRES_GRAMS, MILLIMETRES_TONNES, Units, converted_data
 
 SHIFT = (0.3, -0.7, 1.1)  # of the shell's size
 
@@ -39,10 +39,10 @@ def _turned(case: Shell) -> dict[str, Any]:
     return placed_data(case, turning(case), [part * unit for part in SHIFT])
 
 
-def _in_millimetres(case: Shell) -> dict[str, Any]:
+def _in_units(case: Shell, units: Units) -> dict[str, Any]:
     if case.path.control != "load":
         raise InputError("a displacement in metres marks the states of its path")
-    return converted_data(case, MILLIMETRES_TONNES)
+    return converted_data(case, units)
 
 
 def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, Any]]:
@@ -52,7 +52,8 @@ def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, 
 VARIANTS: Mapping[str, Variant] = {
     "axes": Variant("axes permuted", _permuted),
     "turned": Variant("turned and shifted in space", _turned),
-    "units": Variant("in mm, t and s", _in_millimetres),
+    "units": Variant("in mm, t and s", partial(_in_units, units=MILLIMETRES_TONNES)),
+    "kilometres": Variant("in km, g and s", partial(_in_units, units=KILOMETRES_GRAMS)),
     "flipped": Variant("xi1 reversed, other normal", _in_chart(reparametrisation.flipped)),
     "swapped": Variant("xi1 and xi2 exchanged, other normal", _in_chart(reparametrisation.swapped)),
     "stretched": Variant("coordinates stretched", _in_chart(reparametrisation.stretched)),

@@ -77,7 +77,14 @@ def test_every_shell_can_be_asked_otherwise(name):
     refused = {name for name, found in variants_of(case).items() if isinstance(found, str)}
     local = any(getattr(load, "frame", "global") == "local" for load in case.loads)
     kinked = any(case.kinks)
-    assert refused <= {"helical", "units"} | ({"swapped"} if local else set()) | ({"oblique"} if kinked else set())
+    assert refused <= {"helical", "units", "kilometres"} | ({"swapped"} if local else set()) | (
+        {"oblique"} if kinked else set()
+    )
+
+
+def length_of(variant):
+    """Units of length of a variant in a metre."""
+    return {"units": 1000.0, "kilometres": 1e-3}.get(variant.name.partition("@")[2], 1.0)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -85,7 +92,7 @@ def test_area_and_loads_stay(name):
     case = catalog.named_case(name)
     area, force, square = invariants(case)
     for variant in variants(name):
-        length = 1000.0 if variant.name.endswith("@units") else 1.0
+        length = length_of(variant)
         found = invariants(variant)
         assert found[0] == pytest.approx(area * length**2, rel=2e-6)
         assert found[1] == pytest.approx(force, rel=2e-6, abs=1e-9)
@@ -102,7 +109,7 @@ def test_points_of_quantities_stay_where_they_are(name):
         chart = variant.name.partition(VARIANT)[2] in CHARTS
         if not chart:
             after = variant.surface.position(np.reshape([variant.places[place].xi for place in names], (-1, 2)))
-            unit = 1000.0 if variant.name.endswith("@units") else 1.0
+            unit = length_of(variant)
             np.testing.assert_allclose(distances(after), unit * distances(before), atol=1e-9 * unit)
         for asked, other in zip(case.quantities, variant.quantities, strict=True):
             if chart and hasattr(asked, "points"):
