@@ -14,7 +14,6 @@ from .estimate import Estimate
 from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .guided_plate import guided_plate, guided_plate_by_ritz
-from .leaning_moment import leaning_moment, leaning_moment_by_polynomials
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
@@ -56,7 +55,6 @@ JUDGES: dict[str, Values] = {
     "pushed_plate": pushed_plate,
     "raft": raft,
     "blown_tube": blown_tube,
-    "leaning_moment": leaning_moment,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -81,5 +79,4 @@ SECOND_FORMS: dict[str, Values] = {
     "pushed_plate": pushed_plate_by_newton,
     "raft": raft_by_ritz,
     "blown_tube": blown_tube_by_samples,
-    "leaning_moment": leaning_moment_by_polynomials,
 }
