@@ -178,9 +178,7 @@ def _by_ritz(degree: int) -> dict[str, float]:
     # 1. What the case declares: loads, bed and the wall's translation, about which the plate's own motion is a sum.
     case, points, weights = _rule()
     x, y = place(points)
-    area, edge = (
-        next(load for load in case.loads if isinstance(load, kind)).vector for kind in (AreaLoad, EdgeLoad)
-    )
+    area, edge = (next(load for load in case.loads if isinstance(load, kind)).vector for kind in (AreaLoad, EdgeLoad))
     density = case.evaluate(area, points)[0, 0]
     nodes, along = legendre.leggauss(GAUSS)
     ends = np.stack([np.ones(GAUSS), (nodes + 1) / 2], axis=-1)
