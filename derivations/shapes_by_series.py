@@ -13,6 +13,7 @@ from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, 
 from .estimate import Estimate
 from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
+from .guided_plate import guided_plate, guided_plate_by_ritz
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
@@ -50,6 +51,7 @@ JUDGES: dict[str, Values] = {
     "sheared_sleeve": sheared_sleeve,
     "turned_cantilever": turned_cantilever,
     "bedded_plate": bedded_plate,
+    "guided_plate": guided_plate,
     "pushed_plate": pushed_plate,
     "raft": raft,
     "blown_tube": blown_tube,
@@ -73,6 +75,7 @@ SECOND_FORMS: dict[str, Values] = {
     "sheared_sleeve": sleeve_by_ritz,
     "turned_cantilever": turned_cantilever_by_polynomials,
     "bedded_plate": bedded_plate_by_ritz,
+    "guided_plate": guided_plate_by_ritz,
     "pushed_plate": pushed_plate_by_newton,
     "raft": raft_by_ritz,
     "blown_tube": blown_tube_by_samples,

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from derivations import blown_tube, clamped_plate, oval_tube, pressed_motion, raft, rigid_turn, ring_twist
+from derivations import blown_tube, clamped_plate, guided_plate, oval_tube, pressed_motion, raft, rigid_turn, ring_twist
 from derivations.goursat_plate import goursat
 from derivations.navier_plate import SquarePlate
 from derivations.navier_plate import navier as navier_of_a_square
@@ -226,6 +226,19 @@ def test_the_bed_carries_what_presses_the_raft():
     pressed = sum(peak * 2 / np.pi * (end - start) for start, end, peak in raft.LOADED)
     assert carried == pytest.approx(pressed, rel=1e-10)
     assert 0 < bed < work / 2
+
+
+def test_the_bed_stores_what_the_guided_plate_stores_to_five_digits():
+    membrane, bending, of_unit = guided_plate.stored()
+    assert 0 < 1 - guided_plate.BED * of_unit / (membrane + bending) < 1e-5
+
+
+def test_the_wall_of_the_guided_plate_is_moved_and_nothing_turns_at_its_ends():
+    y, step = np.linspace(0.0, guided_plate.B, 7), 1e-3
+    for x, inward in ((0.0, step), (guided_plate.A, -step)):
+        end, beside, beyond = (guided_plate.prescribed(np.full(7, x + k * inward), y)[:, 2] for k in (0, 1, 2))
+        assert np.abs(4 * beside - 3 * end - beyond).max() < 1e-9 * step * guided_plate.BENT[0]
+    assert guided_plate.prescribed(np.zeros(7), y) == pytest.approx(np.tile([1.5, 0.0, 6.0], (7, 1)))
 
 
 def test_a_tube_that_grows_little_is_barlow_s():
