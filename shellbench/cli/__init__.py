@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from shellbench.cli.compare import compare_command
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
 from shellbench.cli.options import INTERRUPTED, say
 from shellbench.cli.solve import check_solver_command, list_command, run
@@ -51,6 +52,7 @@ app.command("list")(list_command)
 app.command()(run)
 app.command()(table)
 app.command("gate")(gate_command)
+app.command("compare")(compare_command)
 app.command("baseline")(baseline_command)
 app.command()(report)
 app.command()(export)

@@ -19,8 +19,10 @@ from shellbench.cli.options import (
     SolverOption,
     StoreOption,
     SuiteOption,
+    WideOption,
     note,
     say,
+    text_width,
     warn,
 )
 from shellbench.errors import InputError
@@ -31,6 +33,7 @@ def table(
     store: StoreOption = DEFAULT_STORE,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
+    wide: WideOption = False,
 ) -> None:
     """Print the headline figures, the known values beside them, the errors and what each answer cost.
 
@@ -53,7 +56,8 @@ def table(
 
     if not rows:
         say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
-    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
+    shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
+    typer.echo(shown, nl=False)
     if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
         typer.echo(f"\n{more}")
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +12,7 @@ from typing import Annotated
 import typer
 
 INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
+LEAST_WIDTH = 60  # letters: less than that no table can be
 LARGEST_SEED = 2**31 - 1
 DEFAULT_STORE = Path("reports/runs")
 DEFAULT_REPORT = Path("reports/latest")
@@ -49,6 +53,16 @@ CasesArgument = Annotated[
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
 ]
+WideOption = Annotated[
+    bool, typer.Option("--wide", help="All columns, however wide; a terminal is shown those that it has room for.")
+]
+
+
+def text_width(wide: bool) -> int | None:
+    """Return the letters that a line of a table may have: those of the terminal; None, for any, where there is none."""
+    if wide or not (sys.stdout.isatty() or os.environ.get("COLUMNS")):
+        return None
+    return max(LEAST_WIDTH, shutil.get_terminal_size().columns)
 
 
 def say(sentence: str) -> None:
