@@ -9,7 +9,9 @@ from typing import Annotated
 import typer
 
 from shellbench.cli.options import (
+    CASES,
     DEFAULT_STORE,
+    SOLVERS,
     SolverOption,
     StoreOption,
     SuiteOption,
@@ -30,11 +32,11 @@ class ComparisonFormat(StrEnum):
 
 
 def compare_command(
-    a: Annotated[str, typer.Argument(metavar="A", help=f"What was: {SIDE}.")],
-    b: Annotated[str, typer.Argument(metavar="B", help=f"What is: {SIDE}.")],
+    a: Annotated[str, typer.Argument(metavar="A", help=f"What was: {SIDE}.", **SOLVERS)],
+    b: Annotated[str, typer.Argument(metavar="B", help=f"What is: {SIDE}.", **SOLVERS)],
     case: Annotated[
         list[str] | None,
-        typer.Option("--case", metavar="CASE|PATH.toml", help="Only this case; may be repeated."),
+        typer.Option("--case", metavar="CASE|PATH.toml", help="Only this case; may be repeated.", **CASES),
     ] = None,
     suite: SuiteOption = None,
     solver: SolverOption = None,

@@ -8,10 +8,12 @@ from typing import Annotated, Any, cast
 import typer
 
 from shellbench.cli.options import (
+    CASES,
     DEFAULT_BASELINE,
     DEFAULT_REPORT,
     DEFAULT_STORE,
     LARGEST_SEED,
+    SOLVERS,
     BaselineOption,
     CasesArgument,
     Format,
@@ -179,8 +181,10 @@ def report(
 
 
 def export(
-    case: Annotated[str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.")],
-    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.")],
+    case: Annotated[
+        str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.", **CASES)
+    ],
+    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.", **SOLVERS)],
     out: Annotated[
         Path, typer.Option("--out", metavar="FILE", help="File to write: .npz (arrays), .obj (deformed shape) or .vtu.")
     ],

@@ -36,19 +36,48 @@ class Format(StrEnum):
     json = "json"
 
 
+def _complete_cases(incomplete: str) -> list[str]:
+    from shellbench.bench import catalog
+
+    return [name for name in catalog.case_names() if name.startswith(incomplete)]
+
+
+def _complete_suites(incomplete: str) -> list[str]:
+    from shellbench.bench import catalog
+
+    return [name for name in catalog.suite_names() if name.startswith(incomplete)]
+
+
+def _complete_solvers(incomplete: str) -> list[str]:
+    from shellbench.bench.registry import solver_entries
+
+    return [name for name in solver_entries() if name.startswith(incomplete)]
+
+
+def _complete_names(incomplete: str) -> list[str]:
+    return [*_complete_cases(incomplete), *_complete_suites(incomplete), *_complete_solvers(incomplete)]
+
+
+# What shells offer on the tabulator key (`shellbench --install-completion`).
+CASES, SUITES, SOLVERS, NAMES = (
+    {"autocompletion": complete} for complete in (_complete_cases, _complete_suites, _complete_solvers, _complete_names)
+)
 StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the records.")]
 SuiteOption = Annotated[
-    list[str] | None, typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.")
+    list[str] | None,
+    typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.", **SUITES),
 ]
 SolverOption = Annotated[
-    list[str] | None, typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.")
+    list[str] | None,
+    typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.", **SOLVERS),
 ]
 SeedOption = Annotated[
     list[int] | None,
     typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
 ]
 CasesArgument = Annotated[
-    list[str] | None, typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.")
+    list[str] | None,
+    typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.", **CASES),
 ]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
