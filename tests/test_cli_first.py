@@ -100,7 +100,9 @@ def test_a_new_solver_is_whole_and_solves(tmp_path: Path, monkeypatch: pytest.Mo
     case = catalog.named_case("square_plate")
     assert solver.name == "my-plate"
     judge = catalog.known_values("square_plate").judge(case.primary.name, case.theory)
-    assert case.primary.measure(solver.solve(case, solver.settings_type())) == pytest.approx(judge.value, rel=1e-6)
+    solution = solver.solve(case, solver.settings_type())
+    assert case.primary.measure(solution) == pytest.approx(judge.value, rel=1e-6)
+    assert "<td>centre_deflection</td><td>0.48748232</td>" in solution._repr_html_()
 
 
 @pytest.mark.parametrize(

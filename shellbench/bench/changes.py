@@ -284,7 +284,7 @@ def _cost(old: Sequence[Row], new: Sequence[Row], before: Side, after: Side, lim
 
 
 def _hardware(rows: Sequence[Row], records: Mapping[str, Record]) -> set[tuple[object, ...]]:
-    found = [records[row.run_id] for row in rows if row.run_id in records]
+    found = [records[row.run_id] for row in rows if row.run_id is not None and row.run_id in records]
     return {(r.environment.processor, r.environment.threads, r.identity.device, r.environment.gpu) for r in found}
 
 
