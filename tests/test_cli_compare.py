@@ -148,6 +148,7 @@ def test_formats(shellbench, both, monkeypatch: pytest.MonkeyPatch) -> None:  # 
     assert code == 1
     assert out.startswith("**")
     assert "1 lost" in out.splitlines()[0]
+    assert "\n- loss: strip toy" in out
     assert out.count("<details>") == out.count("</details>") == 1
     monkeypatch.setenv("COLUMNS", "80")
     lines = compare(shellbench, both)[1].splitlines()

@@ -21,6 +21,7 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+from shellbench import __main__ as program
 from shellbench import cli
 from shellbench.bench import catalog, doctor, templates
 from shellbench.bench.display import Lines, display
@@ -218,6 +219,16 @@ def test_any_command_that_is_interrupted_says_so_and_exits_130(shellbench, monke
     monkeypatch.setattr(Store, "read", interrupt)
     for command in (("table",), ("gate",), ("report",), ("compare", "a", "b")):
         assert shellbench(*command) == (cli.INTERRUPTED, "", "shellbench: interrupted\n")
+
+
+def test_an_interrupt_outside_of_any_command_says_so_too(capfd, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "main", interrupt)
+    with pytest.raises(SystemExit, match="130"):
+        program.main()
+    assert capfd.readouterr() == ("", "shellbench: interrupted\n")
 
 
 def test_verbose_shows_where_an_error_came_from(shellbench, capfd, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: F811

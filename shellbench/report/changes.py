@@ -28,7 +28,8 @@ def as_text(found: Comparison, width: int | None = None, every: bool = False) ->
 def as_markdown(found: Comparison) -> str:
     """Return a comparison as Markdown for a pull request: the verdict first, what is the same folded away."""
     told = [change for change in found.changes if change.verdict != "same"]
-    parts = [f"**{MARKDOWN.escape(verdict_words(found))}**", *map(MARKDOWN.escape, _closing(found))]
+    said = "\n".join(f"- {MARKDOWN.escape(line)}" for line in _closing(found))
+    parts = [f"**{MARKDOWN.escape(verdict_words(found))}**", *([said] if said else [])]
     if told:
         parts.append(_figures(found, told).write("markdown"))
     folded = [table.write("markdown") for table in _tables(found, every=True)]
