@@ -1,8 +1,23 @@
-"""shellbench: validation and benchmarks for thin-shell solvers, neural and classical."""
+"""shellbench: validation and benchmarks for thin-shell solvers, neural and classical.
 
+`shellbench.run` solves cases and `shellbench.table` returns what was run, both as a pandas DataFrame; see
+`shellbench.interface`, which is imported when one of them is first asked for.
+"""
+
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+__all__ = ["__version__", "run", "table"]
 
 try:
     __version__ = version("shellbench")
 except PackageNotFoundError:  # a source tree that was never installed
     __version__ = "0+unknown"
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("run", "table"):
+        # By a name that is put together: how runs are asked for is no part of the code whose digest a record keeps.
+        return getattr(import_module(f"{__name__}.interface"), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

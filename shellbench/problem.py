@@ -24,6 +24,7 @@ from shellbench.known import Known, check_known
 from shellbench.model import LONGEST_TITLE, Finite, Model, Name, Positive, one_sentence, read_toml
 from shellbench.portrait import Portrait
 from shellbench.sample import Sample
+from shellbench.shown import case_html
 
 Device = Literal["cpu", "cuda"]
 NumberFormat = Literal["float64", "float32", "float16"]
@@ -227,6 +228,10 @@ class Problem(Model):
     def data(self) -> dict[str, Any]:
         """Return the problem as JSON data from which it can be made again."""
         return self.model_dump(mode="json", exclude_unset=True)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return case_html(self)
 
     @model_validator(mode="after")
     def _one_quantity_is_primary(self) -> Self:

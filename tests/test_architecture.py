@@ -20,6 +20,7 @@ KINDS, SOLVERS = "problems", "solvers"
 BASE = {
     "",
     "errors",
+    "nearest",
     "model",
     "engine",
     "account",
@@ -28,6 +29,7 @@ BASE = {
     "problem",
     "load_curve",
     "known",
+    "shown",
 }  # what all stand on
 BELOW = {  # what a layer may import beside itself
     "base": BASE,
@@ -36,6 +38,7 @@ BELOW = {  # what a layer may import beside itself
     "bench": BASE | {"bench"},
     "report": BASE | {"bench", "report"},
     "testing": BASE | {"problems", "bench", "testing"},
+    "interface": BASE | {"bench"},
     "cli": BASE | {"bench", "testing", "report", "cli"},
     "__main__": {"cli"},
 }

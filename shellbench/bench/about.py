@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
@@ -11,14 +10,16 @@ from typing import Any
 from shellbench.bench import catalog
 from shellbench.bench.compare import gated_quantities
 from shellbench.bench.kinds import find_kind
-from shellbench.bench.listing import WIDTH, list_solver, list_suite, run_words
+from shellbench.bench.listing import list_solver, list_suite, run_words
 from shellbench.bench.plan import declines
 from shellbench.bench.reference import KnownValue, Tolerance, claimed
 from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
 from shellbench.errors import InputError
+from shellbench.nearest import nearest
 from shellbench.problem import VARIANT, Problem, Quantity
 
 Data = dict[str, Any]
+WIDTH = 80  # letters of a line
 ROLES = ("judge", "origin", "literature", "published")
 NO_PART_OF_THE_QUESTION = {"name", "kind", "title", "description", "suites", "units", "theory", "quantities", "picture"}
 
@@ -40,8 +41,7 @@ def about(name: str) -> Data:
         return about_suite(name)
     if name in solver_entries():
         return about_solver(solver_entries()[name])
-    names = [*catalog.case_names(), *catalog.suite_names(), *solver_entries()]
-    near = difflib.get_close_matches(base, names, n=3, cutoff=0.6)
+    near = nearest(base, [*catalog.case_names(), *catalog.suite_names(), *solver_entries()])
     meant = f"the nearest is {near[0]}" if len(near) == 1 else f"the nearest are {', '.join(near)}"
     hint = f"{meant}; " if near else ""
     raise InputError(f"no case, suite or solver is called '{name}': {hint}`shellbench list` shows all")

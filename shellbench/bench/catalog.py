@@ -15,6 +15,7 @@ from shellbench.bench.reference import FOLDER, KnownValues, Tolerance, Tolerance
 from shellbench.bench.suite import Suite, read_suite
 from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE, one_sentence, read_toml
+from shellbench.nearest import did_you_mean
 from shellbench.problem import VARIANT, Problem
 
 LOCK = "lock.json"  # see `shellbench.bench.lock`
@@ -114,7 +115,8 @@ def find_case(text: str) -> Problem:
     path = Path(text)
     if path.suffix == ".toml":
         return read_problem(path)
-    raise InputError(f"unknown case '{text}': name one of {', '.join(case_names())}, or a path to a .toml file")
+    hint = did_you_mean(text.partition(VARIANT)[0], case_names())
+    raise InputError(f"unknown case '{text}'{hint}: `shellbench list` shows all, and a path ends in .toml")
 
 
 def is_own(case: Problem) -> bool:
@@ -126,7 +128,8 @@ def is_own(case: Problem) -> bool:
 def find_suite(name: str) -> Suite:
     """Return the suite of this name; InputError if there is none."""
     if name not in suite_names():
-        raise InputError(f"unknown suite '{name}': suites are {', '.join(suite_names())}")
+        hint = did_you_mean(name, suite_names())
+        raise InputError(f"unknown suite '{name}'{hint}: suites are {', '.join(suite_names())}")
     return read_suite(data_folder("cases") / "suites" / f"{name}.toml")
 
 

@@ -18,7 +18,7 @@ from shellbench.bench.current import CurrentRun, CurrentRuns, case_of_planned, c
 from shellbench.bench.planned import DID_NOT_END, not_ended, read_planned
 from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues, Tolerance
-from shellbench.bench.row import Row
+from shellbench.bench.row import Row, in_suites
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
@@ -59,9 +59,7 @@ def rows_and_notes(
     # for.
     current, planned = as_files_say(current_runs(store.read()), cases), read_planned(store)
     found = rows_of(current, not_ended(planned, (run.record for run in current.runs)))
-    if suites:
-        asked = [(row, tuple(name for name in row.suites if name in suites)) for row in found]
-        found = [row.model_copy(update={"suite": kept[0], "suites": kept}) for row, kept in asked if kept]
+    found = in_suites(found, suites)
     if cases:
         found = [row for row in found if (row.case, row.own_case) in wanted]
     return found, (*current.notes, *planned.damaged)

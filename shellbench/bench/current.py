@@ -160,8 +160,12 @@ class CurrentRuns:
         return reasons[-1] if reasons else None
 
 
-def current_runs(contents: Contents) -> CurrentRuns:
-    """Sort out which records count."""
+def current_runs(contents: Contents, *, any_code: bool = False) -> CurrentRuns:
+    """Sort out which records count.
+
+    With `any_code` they count whatever the code of their solver and its engine were: so states of the code are
+    compared. Of records that differ in their code alone the newest counts.
+    """
     # A record counts if it would be made again today. Checked in turn, the first that fails is the reason:
     # 1. Its case can be read.
     # 2. The case has the same digest today: that of the suite, or the newest one of a user's own.
@@ -169,7 +173,8 @@ def current_runs(contents: Contents) -> CurrentRuns:
     # 4. Its engine has the same version, if that is installed.
     # Of those that count one is taken for each case, solver, settings and seed. It is the newest on a CPU, if there is
     # one.
-    sources = _current_sources({(record.identity.solver, kind_name(record.case)) for record in contents.records})
+    asked = {(record.identity.solver, kind_name(record.case)) for record in contents.records}
+    sources = {} if any_code else _current_sources(asked)
     # A user's own case has no file here to compare with: its newest record says what it is.
     own_physics = {r.case_name: r.identity.case for r in contents.records if r.own_case}  # the newest one's
     stale: dict[str, tuple[Record, str]] = {}
@@ -188,10 +193,11 @@ def current_runs(contents: Contents) -> CurrentRuns:
         # Of a solver that is not installed the digest is taken to be the same.
         elif sources.get((identity.solver, case.kind), identity.source) != identity.source:
             stale[record.run_id] = (record, "the solver has changed since")
-        elif (changed := _changed_engine(identity.settings)) is not None:
+        elif not any_code and (changed := _changed_engine(identity.settings)) is not None:
             stale[record.run_id] = (record, changed)
         else:
-            key = (record.own_case, record.case_name, identity.solver, repr(identity.settings), identity.seed)
+            settings = overrides_of(record) if any_code else identity.settings  # older code may have had fewer
+            key = (record.own_case, record.case_name, identity.solver, repr(settings), identity.seed)
             # Another device's answer counts only where no CPU has answered.
             if key not in runs or runs[key].record.identity.device != "cpu" or identity.device == "cpu":
                 installed = (identity.solver, case.kind) in sources and not _lacks_engine(identity.settings)

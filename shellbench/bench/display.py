@@ -9,6 +9,7 @@ from typing import IO
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Column
 from rich.text import Text
 
 from shellbench import problem
@@ -17,6 +18,7 @@ from shellbench.bench.kinds import problem_of
 from shellbench.bench.record import NOT_SETTLED, Record
 from shellbench.bench.task import Task
 
+BAR = 16  # letters of a bar: names and words need the room of 80 columns
 COLOURS = {"ok": "green", NOT_SETTLED: "yellow", "failed": "red", "timeout": "red"}
 
 
@@ -34,20 +36,28 @@ class Silent:
 
 
 class Lines:
-    """Prints a line for each run that has ended, and nothing else: for pipes and files."""
+    """Prints a line for each run that has ended: for pipes and files. If `verbose`, for each step of a run too."""
 
-    def __init__(self, file: IO[str]) -> None:
+    def __init__(self, file: IO[str], verbose: bool = False) -> None:
         self.file = file
+        self.verbose = verbose
 
     def started(self, task: Task) -> None:
-        """Print nothing."""
+        """Print that a run begins, if so much is wanted."""
+        if self.verbose:
+            self._print(f"begins {run_name(task)}")
 
     def progressed(self, task: Task, progress: problem.Progress) -> None:
-        """Print nothing."""
+        """Print a step, if so much is wanted."""
+        if self.verbose:
+            of = "" if progress.total is None else f"/{progress.total}"
+            self._print(f"  step {progress.step}{of} {run_name(task)}  {progress.message}")
 
     def ended(self, outcome: Outcome) -> None:
         """Print the line at once: who reads a pipe wants to know how far the runs are."""
-        words = Text.from_markup(_line(outcome)).plain
+        self._print(Text.from_markup(_line(outcome)).plain)
+
+    def _print(self, words: str) -> None:
         shown = "".join(letter if letter.isprintable() else " " for letter in words)
         print(" ".join(shown.split()), file=self.file, flush=True)
 
@@ -80,22 +90,22 @@ class Bars:
 
 
 @contextlib.contextmanager
-def display(console: Console, total: int) -> Iterator[Observer]:
-    """Show so many runs: bars on a terminal, plain lines where the console writes to none."""
+def display(console: Console, total: int, verbose: bool = False) -> Iterator[Observer]:
+    """Show so many runs: bars on a terminal, plain lines where the console writes to none; steps too if `verbose`."""
     if not total:
         yield Silent()
         return
     if not console.file.isatty():  # whatever variables like FORCE_COLOR say: a pipe is a pipe
-        yield Lines(console.file)
+        yield Lines(console.file, verbose)
         return
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
+        TextColumn("{task.description}", table_column=Column(ratio=1, no_wrap=True, overflow="ellipsis")),
+        BarColumn(bar_width=BAR),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=console, transient=True) as bars:
+    with Progress(*columns, console=console, transient=True, expand=True) as bars:
         yield Bars(bars, total)
 
 

@@ -56,7 +56,7 @@ def environment(
         processor=_processor(),
         cores=cores(),
         threads=threads_each or threads(),
-        gpu=_gpu() if device == "cuda" else None,
+        gpu=gpu() if device == "cuda" else None,
         git_sha=sha,
         git_dirty=dirty,
     )
@@ -90,7 +90,8 @@ def _processor() -> str:
 
 
 @cache
-def _gpu() -> str | None:
+def gpu() -> str | None:
+    """Return the name of the first GPU, as its driver says; None if there is none."""
     answer = _ask("nvidia-smi", "--query-gpu=name", "--format=csv,noheader")
     return answer.splitlines()[0].strip() if answer else None
 

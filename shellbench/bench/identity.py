@@ -21,6 +21,7 @@ from shellbench.bench.registry import SolverEntry
 from shellbench.bench.source import source_digest
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
+from shellbench.nearest import did_you_mean
 from shellbench.problem import Problem, SeededSettings, Settings, Solver
 
 MEASURING = "shellbench.bench.worker"  # what measures a solution counts as its source
@@ -89,7 +90,9 @@ def make_settings(solver: Solver, overrides: Mapping[str, Any], seed: int, devic
         return solver.settings_type.model_validate({**overrides, **apart})
     except ValidationError as error:
         known = sorted(set(solver.settings_type.model_fields) - APART)
-        hint = f"; its settings are {', '.join(known)}" if "is not known here" in one_sentence(error) else ""
+        wrong = next((str(key) for key in overrides if key not in known), "")
+        unknown = wrong and "is not known here" in one_sentence(error)
+        hint = f"{did_you_mean(wrong, known)}; its settings are {', '.join(known)}" if unknown else ""
         raise InputError(f"settings of solver '{solver.name}': {one_sentence(error)}{hint}") from None
 
 

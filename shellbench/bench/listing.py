@@ -128,20 +128,22 @@ def as_json() -> str:
     return json.dumps(contents(), indent=1)
 
 
-def as_text() -> str:
-    """Return what there is as text."""
+def as_text(width: int | None = None) -> str:
+    """Return what there is as text; names and titles alone where a width is given that has no room for more."""
     found = contents()
-    console = Console(file=StringIO(), width=WIDTH)
-    cases = _table("Cases", "name", "title", "theory", "suites")
+    narrow = width is not None and width < WIDTH
+    console = Console(file=StringIO(), width=width if narrow else WIDTH)
+    cases = _table("Cases", *("name", "title", "theory", "suites")[: 2 if narrow else None])
     for case in found["cases"]:
         shown = [case["title"], case["theory"], ", ".join(case["suites"])] if case["available"] else [case["reason"]]
-        cases.add_row(case["name"], *map(escape, shown))
-    suites = _table("Suites", "name", "title", "cases", "runs")
+        cases.add_row(case["name"], *map(escape, shown[: len(cases.columns) - 1]))
+    suites = _table("Suites", *("name", "title", "cases", "runs")[: 2 if narrow else None])
     for suite in found["suites"]:
         runs = ", ".join(run_words(run) for run in suite["runs"])
         asked = [*suite["cases"], *([f"{len(suite['variants'])} variants"] if suite["variants"] else [])]
-        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(asked), runs)))
-    solvers = _table("Solvers", "name", "what it is", "engine", "devices", "theories", "seeds")
+        suites.add_row(suite["name"], *map(escape, (suite["title"], ", ".join(asked), runs)[: len(suites.columns) - 1]))
+    headings = ("name", "what it is", "engine", "devices", "theories", "seeds")
+    solvers = _table("Solvers", *headings[: 2 if narrow else None])
     for solver in found["solvers"]:
         if solver["available"]:
             seeds = "yes" if solver["seeded"] else "no"
@@ -149,13 +151,14 @@ def as_text() -> str:
             shown = [solver["label"], engine, devices, ", ".join(solver["theories"]), seeds]
         else:
             shown = [solver["reason"].removeprefix(f"solver '{solver['name']}' can't be used: ")]
-        solvers.add_row(solver["name"], *map(escape, shown))
+        solvers.add_row(solver["name"], *map(escape, shown[: len(solvers.columns) - 1]))
     for table in (cases, suites, solvers):
         console.print(table)
         console.print()
     file = console.file
     assert isinstance(file, StringIO)
-    return "\n".join(line.rstrip() for line in file.getvalue().rstrip().splitlines())
+    more = ["", "`shellbench list NAME` says all about one; --wide shows more columns."] if narrow else []
+    return "\n".join([*(line.rstrip() for line in file.getvalue().rstrip().splitlines()), *more])
 
 
 def _table(title: str, *columns: str) -> Table:

@@ -14,6 +14,7 @@ from importlib import import_module
 from importlib.metadata import Distribution, entry_points
 
 from shellbench.errors import InputError
+from shellbench.nearest import did_you_mean
 from shellbench.problem import Solver
 
 GROUP = "shellbench.solvers"
@@ -71,7 +72,8 @@ def find_solver(name: str) -> SolverEntry:
     """Return the registered solver of this name; InputError, naming the known ones, if there is none."""
     entries = solver_entries()
     if name not in entries:
-        raise InputError(f"unknown solver '{name}': solvers are {', '.join(entries) or 'not installed'}")
+        hint = did_you_mean(name, entries)
+        raise InputError(f"unknown solver '{name}'{hint}: solvers are {', '.join(entries) or 'not installed'}")
     return entries[name]
 
 

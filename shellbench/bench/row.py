@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -224,3 +225,11 @@ class Finding:
     row: Row
     colour: Colour
     sentence: str
+
+
+def in_suites(rows: Sequence[Row], suites: Sequence[str]) -> list[Row]:
+    """Return the rows that belong to one of the suites, each narrowed to these; all if no suite is named."""
+    if not suites:
+        return list(rows)
+    asked = [(row, tuple(name for name in row.suites if name in suites)) for row in rows]
+    return [row.model_copy(update={"suite": kept[0], "suites": kept}) for row, kept in asked if kept]

@@ -39,6 +39,12 @@ def as_text(
     return "\n".join(lines)
 
 
+def in_short(verdict: Verdict) -> str:
+    """Return what the accuracy gate and the lock say, and the verdict."""
+    lines = [*_gate("accuracy", verdict.accuracy, verbose=False), *_lock(verdict.lock)]
+    return "\n".join([*lines, "every gate holds" if verdict.good() else "a gate fell short"])
+
+
 def _gate(
     name: str, findings: Sequence[Finding], verbose: bool, judged: bool = True, otherwise: str = "changed"
 ) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""The command line: ``shellbench list | run | table | gate | baseline | report | export | check-solver``.
+"""The command line: ``shellbench list | run | table | gate | compare | ...``.
 
 Exit codes: 0 good; 1 a gate fell short or a run failed; 2 bad input or usage; 130 interrupted (the shell's own).
 Every error is one sentence on standard error. Each command imports what it needs when it is called: nothing for
@@ -7,11 +7,16 @@ Every error is one sentence on standard error. Each command imports what it need
 
 from __future__ import annotations
 
+import functools
 import sys
-from typing import Annotated
+import traceback
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
+from shellbench.cli.compare import compare_command
+from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
 from shellbench.cli.options import INTERRUPTED, say
 from shellbench.cli.solve import check_solver_command, list_command, run
@@ -19,12 +24,13 @@ from shellbench.errors import ShellbenchError
 
 __all__ = ["INTERRUPTED", "app", "main"]
 
+VERBOSE = "--verbose"
+
 app = typer.Typer(
     name="shellbench",
     help="How right is this thin-shell solver, and what does it cost?\n\n"
     "Cases are declared once, solved by every solver that is asked for, and the answers held against known values.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -43,24 +49,52 @@ def shellbench(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option(VERBOSE, help="Before COMMAND: print also where an error came from.")
+    ] = False,
 ) -> None:
     """Take what is common to all commands."""
 
 
-app.command("list")(list_command)
-app.command()(run)
-app.command()(table)
-app.command("gate")(gate_command)
-app.command("baseline")(baseline_command)
-app.command()(report)
-app.command()(export)
-app.command("check-solver")(check_solver_command)
+def _stoppable(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command that says so in one sentence when Ctrl-C ends it."""
+
+    @functools.wraps(command)
+    def called(*arguments: Any, **options: Any) -> Any:
+        try:
+            return command(*arguments, **options)
+        except KeyboardInterrupt:
+            say("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+
+    return called
+
+
+COMMANDS: dict[str, Callable[..., Any]] = {
+    "quick": quick,
+    "doctor": doctor,
+    "list": list_command,
+    "run": run,
+    "table": table,
+    "gate": gate_command,
+    "compare": compare_command,
+    "baseline": baseline_command,
+    "report": report,
+    "export": export,
+    "check-solver": check_solver_command,
+    "new-case": new_case,
+    "new-solver": new_solver,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(_stoppable(command))
 
 
 def main() -> None:
     """Run the program; errors become one sentence and their exit code."""
     try:
-        app()
+        app(prog_name="shellbench")
     except ShellbenchError as error:
+        if VERBOSE in sys.argv[1:2]:
+            traceback.print_exc()
         say(" ".join(str(error).split()))
         sys.exit(error.exit_code)

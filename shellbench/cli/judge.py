@@ -8,10 +8,12 @@ from typing import Annotated, Any, cast
 import typer
 
 from shellbench.cli.options import (
+    CASES,
     DEFAULT_BASELINE,
     DEFAULT_REPORT,
     DEFAULT_STORE,
     LARGEST_SEED,
+    SOLVERS,
     BaselineOption,
     CasesArgument,
     Format,
@@ -19,8 +21,10 @@ from shellbench.cli.options import (
     SolverOption,
     StoreOption,
     SuiteOption,
+    WideOption,
     note,
     say,
+    text_width,
     warn,
 )
 from shellbench.errors import InputError
@@ -31,6 +35,7 @@ def table(
     store: StoreOption = DEFAULT_STORE,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.text,
     suite: SuiteOption = None,
+    wide: WideOption = False,
 ) -> None:
     """Print the headline figures, the known values beside them, the errors and what each answer cost.
 
@@ -53,7 +58,8 @@ def table(
 
     if not rows:
         say(f"store {store} has no records that count of what was asked for: make some by `shellbench run`")
-    typer.echo(tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite)), nl=False)
+    shown = tables.render(rows, cast(Any, format.value), store=Store(store), whole=bool(suite), width=text_width(wide))
+    typer.echo(shown, nl=False)
     if rows and format in {Format.text, Format.markdown} and not suite and (more := compare.beyond(rows)):
         typer.echo(f"\n{more}")
 
@@ -175,8 +181,10 @@ def report(
 
 
 def export(
-    case: Annotated[str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.")],
-    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.")],
+    case: Annotated[
+        str, typer.Argument(metavar="CASE|PATH.toml", help="Name of a case, or path to one of your own.", **CASES)
+    ],
+    solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.", **SOLVERS)],
     out: Annotated[
         Path, typer.Option("--out", metavar="FILE", help="File to write: .npz (arrays), .obj (deformed shape) or .vtu.")
     ],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import sys
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +12,7 @@ from typing import Annotated
 import typer
 
 INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
+LEAST_WIDTH = 60  # letters: less than that no table can be
 LARGEST_SEED = 2**31 - 1
 DEFAULT_STORE = Path("reports/runs")
 DEFAULT_REPORT = Path("reports/latest")
@@ -32,23 +36,62 @@ class Format(StrEnum):
     json = "json"
 
 
+def _complete_cases(incomplete: str) -> list[str]:
+    from shellbench.bench import catalog
+
+    return [name for name in catalog.case_names() if name.startswith(incomplete)]
+
+
+def _complete_suites(incomplete: str) -> list[str]:
+    from shellbench.bench import catalog
+
+    return [name for name in catalog.suite_names() if name.startswith(incomplete)]
+
+
+def _complete_solvers(incomplete: str) -> list[str]:
+    from shellbench.bench.registry import solver_entries
+
+    return [name for name in solver_entries() if name.startswith(incomplete)]
+
+
+def _complete_names(incomplete: str) -> list[str]:
+    return [*_complete_cases(incomplete), *_complete_suites(incomplete), *_complete_solvers(incomplete)]
+
+
+# What shells offer on the tabulator key (`shellbench --install-completion`).
+CASES, SUITES, SOLVERS, NAMES = (
+    {"autocompletion": complete} for complete in (_complete_cases, _complete_suites, _complete_solvers, _complete_names)
+)
 StoreOption = Annotated[Path, typer.Option("--store", metavar="DIR", help="Folder of the records.")]
 SuiteOption = Annotated[
-    list[str] | None, typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.")
+    list[str] | None,
+    typer.Option("--suite", metavar="NAME", help="Suite; may be repeated. See `shellbench list`.", **SUITES),
 ]
 SolverOption = Annotated[
-    list[str] | None, typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.")
+    list[str] | None,
+    typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.", **SOLVERS),
 ]
 SeedOption = Annotated[
     list[int] | None,
     typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
 ]
 CasesArgument = Annotated[
-    list[str] | None, typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.")
+    list[str] | None,
+    typer.Argument(metavar="[CASE|PATH.toml]...", help="Only these cases, of all that were run.", **CASES),
 ]
 BaselineOption = Annotated[
     Path, typer.Option("--baseline", metavar="FILE", help="What the regression and cost gates remember.")
 ]
+WideOption = Annotated[
+    bool, typer.Option("--wide", help="All columns, however wide; a terminal is shown those that it has room for.")
+]
+
+
+def text_width(wide: bool) -> int | None:
+    """Return the letters that a line of a table may have: those of the terminal; None, for any, where there is none."""
+    if wide or not (sys.stdout.isatty() or os.environ.get("COLUMNS")):
+        return None
+    return max(LEAST_WIDTH, shutil.get_terminal_size().columns)
 
 
 def say(sentence: str) -> None:

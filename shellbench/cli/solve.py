@@ -8,20 +8,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from shellbench.cli.options import (
+    CASES,
     DEFAULT_STORE,
     INTERRUPTED,
+    NAMES,
+    SOLVERS,
     Device,
     SeedOption,
     SolverOption,
     StoreOption,
     SuiteOption,
+    WideOption,
     say,
+    text_width,
     warn,
 )
 
 if TYPE_CHECKING:
     from shellbench.bench.execute import Executor, Outcome
-    from shellbench.bench.plan import Plan
+    from shellbench.bench.plan import Plan, Request
+    from shellbench.bench.store import Store
 
 
 QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
@@ -30,9 +36,12 @@ QUICK_SOLVERS = ("fem", "ndf-ritz")  # of either kind the one that takes seconds
 def list_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver."),
+        typer.Argument(
+            metavar="[NAME|PATH.toml]", help="A case, a variant such as CASE@oblique, a suite or a solver.", **NAMES
+        ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
+    wide: WideOption = False,
 ) -> None:
     """List the cases, the suites and the solvers; with a name, all about that one.
 
@@ -48,7 +57,7 @@ def list_command(
     from shellbench.bench import about, listing
 
     if name is None:
-        typer.echo(listing.as_json() if json else listing.as_text())
+        typer.echo(listing.as_json() if json else listing.as_text(text_width(wide)))
     else:
         typer.echo(about.as_json(name) if json else about.as_text(name))
 
@@ -56,7 +65,9 @@ def list_command(
 def run(
     cases: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own."),
+        typer.Argument(
+            metavar="[CASE|PATH.toml]...", help="Names of cases, or paths to case files of your own.", **CASES
+        ),
     ] = None,
     suite: SuiteOption = None,
     solver: SolverOption = None,
@@ -106,6 +117,12 @@ def run(
     timeout: Annotated[
         float | None, typer.Option("--timeout", metavar="S", help="Stop a run, that run only, after so many seconds.")
     ] = None,
+    verbose: Annotated[
+        bool,
+        typer.Option(
+            "--verbose", "-v", help="Print each step where there is no terminal, and what failed runs have written."
+        ),
+    ] = False,
 ) -> None:
     """Solve cases and keep the answers as records.
 
@@ -129,12 +146,8 @@ def run(
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
     """
-    from rich.console import Console
-
-    from shellbench.bench.display import display
-    from shellbench.bench.execute import execute
     from shellbench.bench.identity import parse_setting
-    from shellbench.bench.plan import DEFAULT_SUITE, Request, make_plan
+    from shellbench.bench.plan import DEFAULT_SUITE, Request
     from shellbench.bench.store import Store
 
     if timeout is not None and not 0 < timeout < float("inf"):
@@ -153,22 +166,49 @@ def run(
         threads=threads,
         quick=QUICK_SOLVERS if quick else (),
     )
-    where = Store(store)
+    executor = _executor(scheduler, jobs, threads, timeout)
+    raise typer.Exit(carry_out(request, Store(store), executor, force=force, verbose=verbose))
+
+
+def carry_out(request: Request, where: Store, executor: Executor, *, force: bool = False, verbose: bool = False) -> int:
+    """Plan, run and tell; return the exit code."""
+    from rich.console import Console
+
+    from shellbench.bench.display import display
+    from shellbench.bench.execute import execute
+    from shellbench.bench.plan import make_plan
+
     contents = where.read()
     warn(contents.damaged)
     outcomes: list[Outcome] = []
     try:
-        with contextlib.closing(_executor(scheduler, jobs, threads, timeout)) as executor:
+        with contextlib.closing(executor):
             plan = make_plan(request, contents, force, executor.expect)
             warn(plan.notes)
             for declined in plan.declined:
                 say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
-            with display(Console(), len(plan.tasks)) as observer:
+            with display(Console(), len(plan.tasks), verbose) as observer:
                 outcomes = execute(plan.tasks, where, observer, executor)
     except KeyboardInterrupt:
         say("interrupted: what had ended is kept, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
-    raise typer.Exit(_summary(plan, outcomes))
+    code = _summary(plan, outcomes)
+    if verbose:
+        _print_logs(where, outcomes)
+    return code
+
+
+def _print_logs(where: Store, outcomes: list[Outcome]) -> None:
+    """Print what runs wrote that did not end well."""
+    from shellbench.bench.display import run_name
+    from shellbench.bench.store import LOG
+
+    for outcome in outcomes:
+        record = outcome.record
+        log = where.file(f"{record.run_id}.{LOG}") if record and record.status != "ok" else None
+        if record and log:
+            say(f"{run_name(record)} wrote, in {log}:")
+            typer.echo(log.read_text(encoding="utf-8", errors="replace").rstrip(), err=True)
 
 
 def _executor(scheduler: str | None, jobs: int | None, threads: int | None, timeout: float | None) -> Executor:
@@ -209,7 +249,7 @@ def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
 
 
 def check_solver_command(
-    solver: Annotated[str, typer.Argument(metavar="NAME", help="Solver to check; see `shellbench list`.")],
+    solver: Annotated[str, typer.Argument(metavar="NAME", help="Solver to check; see `shellbench list`.", **SOLVERS)],
     cases: Annotated[
         list[str] | None,
         typer.Option("--case", metavar="CASE|PATH.toml", help="Case to solve; may be repeated. Default: a cheap one."),

@@ -15,6 +15,8 @@ LaTeX's fonts lack are written by what they have, so that a table compiles in an
 from __future__ import annotations
 
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -53,6 +55,7 @@ GAP_LETTERS = 2  # what \tabcolsep takes on both sides of a column
 WORDS_LETTERS = 30  # a wider column of words is broken into lines, where the table is too wide
 LETTER_EM = 0.5  # mean width of a letter
 RULED_LINES = 1.5  # a heading with the rule above it
+LEAST_FIRST = 24  # letters of the first column on a narrow terminal
 PACKAGES = ("array", "booktabs", "graphicx")
 
 
@@ -86,6 +89,8 @@ class Table:
         That it is about, if it is about one; else its cases say so.
     heading
         What its section is called, where that depends on what it is about.
+    spare
+        Headings of the columns that a narrow terminal goes without, the first of them first.
     """
 
     name: str
@@ -97,6 +102,7 @@ class Table:
     sources: tuple[str, ...] = ()
     suite: str = ""
     heading: str = ""
+    spare: tuple[str, ...] = ()
 
     @property
     def cited(self) -> tuple[str, ...]:
@@ -124,32 +130,52 @@ class Table:
         for heading, lines in self.lines:
             yield heading, [[column.show(line, notation) for column in columns] for line in lines]
 
-    def write(self, format: Format) -> str:
-        """Write the table in a format."""
-        return WRITERS[format](self)
+    def write(self, format: Format, width: int | None = None) -> str:
+        """Write the table in a format; as text no wider than so many letters, where a width is given."""
+        return write_text(self, width) if format == "text" else WRITERS[format](self)
 
 
-def write_text(table: Table) -> str:
-    """Write for the terminal: plain characters, aligned."""
-    blocks = list(table.blocks(TEXT))
+def write_text(table: Table, width: int | None = None) -> str:
+    """Write for the terminal: plain characters, aligned; no wider than so many, where a width is given."""
     columns = table.columns_in(TEXT)
-    headings = [column.heading for column in columns]
-    rows = [headings, *(row for _, block in blocks for row in block)]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(headings))]
+    blocks = list(table.blocks(TEXT))
+    rows = [[column.heading for column in columns], *(row for _, block in blocks for row in block)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(columns))]
+    shown, first = _that_fit(table, widths, width)
 
     def line(cells: Cells) -> str:
+        clipped = cells[0] if len(cells[0]) <= first else f"{cells[0][: first - 1]}…"
         aligned = (
-            cell.rjust(width) if column.right else cell.ljust(width)
-            for cell, width, column in zip(cells, widths, columns, strict=True)
+            cell.rjust(size) if columns[i].right else cell.ljust(size)
+            for i, cell, size in ((i, cells[i], widths[i]) if i else (0, clipped, first) for i in shown)
         )
         return ("  " + "  ".join(aligned)).rstrip()
 
-    rule = "-" * (sum(widths) + 2 * len(widths))
-    lines = [table.title, rule, line(headings), rule]
+    def words(text: str, indent: str = "") -> list[str]:
+        return [text] if width is None else textwrap.wrap(text, width, subsequent_indent=indent) or [""]
+
+    rule = "-" * (first + sum(widths[i] for i in shown if i) + 2 * len(shown))
+    lines = [*words(table.title), rule, line(rows[0]), rule]
     for heading, block in blocks:
-        lines += [TEXT.escape(heading), *map(line, block)] if heading else [*map(line, block)]
-    lines += [rule, *(note.write(TEXT) for note in table.notes)]
+        lines += [*(words(TEXT.escape(heading)) if heading else ()), *map(line, block)]
+    lines += [rule, *(part for note in table.notes for part in words(note.write(TEXT), "  "))]
     return "\n".join(lines) + "\n"
+
+
+def _that_fit(table: Table, widths: Sequence[int], width: int | None) -> tuple[list[int], int]:
+    """Return the columns that a width has room for, and the letters of the first; spare ones go first, then the last.
+
+    The first column, which says what a row is about, is shortened and never left out.
+    """
+    headings = [column.heading for column in table.columns_in(TEXT)]
+    shown, first = list(range(len(widths))), widths[0] if widths else 0
+    going = [*(headings.index(name) for name in table.spare if name in headings), *reversed(shown[1:])]
+    for i in dict.fromkeys(going):
+        room = sys.maxsize if width is None else width - 2 - sum(2 + widths[j] for j in shown if j)
+        if room >= min(first, LEAST_FIRST):
+            return shown, min(first, room)
+        shown.remove(i)
+    return shown, first
 
 
 def write_markdown(table: Table) -> str:

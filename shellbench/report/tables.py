@@ -41,6 +41,7 @@ def render(
     known: Known = catalog.known_values,
     store: Store | None = None,
     whole: bool = False,
+    width: int | None = None,
 ) -> str:
     """Write the rows in a format.
 
@@ -58,6 +59,8 @@ def render(
         Holds the records that the rows refer to; without it there is no cross-check.
     whole
         Whether each suite is shown whole, as it was asked for by name; else each run is shown once.
+    width
+        Letters of a line of text; as many as the tables need if not given.
     """
     if format == "json":
         return as_json(rows) + "\n"
@@ -67,7 +70,7 @@ def render(
     if format == "csv":
         alone = all(row.suites and all(map(is_study, row.suites)) for row in rows)
         return tables_as_csv(checked if checked and alone else tables)
-    return "\n".join(table.write(format) for table in (*tables, *checked))
+    return "\n".join(table.write(format, width) for table in (*tables, *checked))
 
 
 def cross_checks(rows: Sequence[Row], store: Store, known: Known) -> list[Table]:
@@ -131,6 +134,7 @@ def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], k
         notes=tuple(notes(rows, data.to_dict("records"), known)),
         sources=sources,
         suite=suite,
+        spare=SPARE,
     )
 
 
@@ -265,6 +269,7 @@ def _verdict(value: Any, line: Line, notation: Notation) -> str:
 NOT_CONVERGED = "(not converged)"
 GLANCE = significant(2)
 WORST = _error("worst", "Worst seed")
+SPARE = ("Unknowns", "Memory", "Seeds", "Tolerance", "Worst seed", "Uncertainty", "Time (s)")
 COMPARISON: tuple[str | Column, ...] = (
     column("solution", way=_solution, right=False),
     Column("Theory, origin and source", _origin, right=False, wide=True),

@@ -33,6 +33,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
+from shellbench.shown import solution_html
 
 Array = NDArray[np.float64]
 
@@ -133,6 +134,10 @@ class ShellSolution:
     def storage_bytes(self) -> int:
         """Bytes of the arrays that the displacement is made of."""
         return sum(int(getattr(self, name).nbytes) for name in self.numbers)
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows."""
+        return solution_html(self)
 
     def displacement(
         self, points: ArrayLike, at: float | None = None, material: Mapping[str, float] | None = None

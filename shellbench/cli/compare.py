@@ -1,0 +1,109 @@
+"""The command that holds two sides against each other: ``compare``."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shellbench.cli.options import (
+    CASES,
+    DEFAULT_STORE,
+    SOLVERS,
+    SolverOption,
+    StoreOption,
+    SuiteOption,
+    WideOption,
+    text_width,
+    warn,
+)
+
+SIDE = "STORE|SOLVER|COMMIT"
+
+
+class ComparisonFormat(StrEnum):
+    """How to print a comparison."""
+
+    text = "text"
+    markdown = "markdown"
+    json = "json"
+
+
+def compare_command(
+    a: Annotated[str, typer.Argument(metavar="A", help=f"What was: {SIDE}.", **SOLVERS)],
+    b: Annotated[str, typer.Argument(metavar="B", help=f"What is: {SIDE}.", **SOLVERS)],
+    case: Annotated[
+        list[str] | None,
+        typer.Option("--case", metavar="CASE|PATH.toml", help="Only this case; may be repeated.", **CASES),
+    ] = None,
+    suite: SuiteOption = None,
+    solver: SolverOption = None,
+    store: StoreOption = DEFAULT_STORE,
+    format: Annotated[
+        ComparisonFormat, typer.Option("--format", help="How to print it; Markdown is for a pull request.")
+    ] = ComparisonFormat.text,
+    threshold: Annotated[
+        float,
+        typer.Option(
+            "--threshold",
+            metavar="X",
+            min=0.0,
+            help="A loss is an error that grew by more than this, relative to the known value (0.01 is one per cent "
+            "of it). The default is the tightest class of accuracy.",
+        ),
+    ] = 1e-4,
+    seconds: Annotated[
+        float | None,
+        typer.Option("--seconds", metavar="RATIO", min=1.0, help="A loss is also a run that takes so many times A's."),
+    ] = None,
+    memory: Annotated[
+        float | None,
+        typer.Option("--memory", metavar="RATIO", min=1.0, help="A loss is also so many times the memory of A."),
+    ] = None,
+    gone: Annotated[bool, typer.Option("--gone", help="A loss is also a run that only A has.")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="Print all figures, not only headlines and what is not the same.")
+    ] = False,
+    wide: WideOption = False,
+) -> None:
+    """Hold two sides against each other: values, errors, seconds, memory, and what only one of them has.
+
+    A side is a folder of records, a solver with runs in --store, or a commit that made runs in --store (its first
+    digits, or a name that git knows, as HEAD~1). Solvers are compared with solvers, at default settings; stores and
+    commits run by run, whatever their code was.
+
+    Exit 1 if B lost something: a run that ended worse (ok, not settled, failed), a frozen tolerance that is missed
+    now, or an error that grew by more than --threshold. An error within three uncertainties of its known value says
+    nothing. Where no value is known a figure can only change. Seconds and memory are ratios, which count only if
+    asked for, and only between like machines. Exit 2 if nothing can be compared.
+
+    Examples
+    --------
+        shellbench compare reports/before reports/runs
+
+        shellbench compare fem ndf-ritz --suite obstacle_course
+
+        shellbench compare main HEAD --format markdown --seconds 1.5
+    """
+    from shellbench.bench.changes import Limits, as_json, compare_sides
+    from shellbench.bench.sides import Scope, read_sides
+    from shellbench.bench.store import Store
+
+    scope = Scope(tuple(case or ()), tuple(suite or ()), tuple(solver or ()))
+    before, after = read_sides(a, b, Store(Path(store)), scope)
+    found = compare_sides(before, after, Limits(threshold, seconds, memory))
+    warn(found.notes)
+    if format is ComparisonFormat.json:
+        typer.echo(as_json(found))
+    else:
+        from shellbench.report import changes
+
+        shown = (
+            changes.as_markdown(found)
+            if format is ComparisonFormat.markdown
+            else changes.as_text(found, text_width(wide), every)
+        )
+        typer.echo(shown, nl=False)
+    raise typer.Exit(0 if found.good(gone) else 1)

@@ -1,0 +1,126 @@
+"""The commands of the first minute: ``quick``, ``doctor``, ``new-case`` and ``new-solver``."""
+
+from __future__ import annotations
+
+import textwrap
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from shellbench.cli.options import (
+    CASES,
+    DEFAULT_STORE,
+    StoreOption,
+    WideOption,
+    text_width,
+    warn,
+)
+from shellbench.cli.solve import QUICK_SOLVERS, carry_out
+
+DOCTORED = ("square_plate", "fem")  # what `doctor` solves
+UNBROKEN: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
+NEXT = """\
+What next:
+  shellbench report             a page with all tables, figures and 3-D views
+  shellbench list               what else there is; with a NAME, all about it
+  shellbench new-case mine      a shell of your own, from a template
+  shellbench new-solver mine    a solver of your own, from a template"""
+
+
+def quick(store: StoreOption = DEFAULT_STORE, wide: WideOption = False) -> None:
+    """Take a first look: solve the obstacle course by fem and ndf-ritz, print the table and the verdict.
+
+    It takes half a minute. The four shells are asked as they are declared, with seed 0; `run --suite obstacle_course`
+    asks all of the suite. What has a record already is not solved again.
+    """
+    from shellbench.bench import catalog, compare, environment, verdicts
+    from shellbench.bench.expected import Scope
+    from shellbench.bench.gate import gate
+    from shellbench.bench.local import LocalProcesses
+    from shellbench.bench.plan import DEFAULT_SUITE, FIRST_SEED, Request
+    from shellbench.bench.store import Store
+    from shellbench.report import tables
+
+    began, where, width = time.monotonic(), Store(store), text_width(wide)
+    cases = tuple(case.name for case in catalog.members(DEFAULT_SUITE))
+    request = Request(cases=cases, solvers=QUICK_SOLVERS, seeds=(FIRST_SEED,), threads=1)
+    code = carry_out(request, where, LocalProcesses(environment.cores(), 1))
+    rows, notes = compare.rows_and_notes(where, (), cases)
+    warn(notes)
+    mine = [row for row in rows if row.solver in QUICK_SOLVERS and row.seed in (None, FIRST_SEED) and not row.overrides]
+    typer.echo()
+    typer.echo(tables.render(mine, "text", width=width))
+    verdict = gate(where, None, Scope(solvers=QUICK_SOLVERS, seeds=(FIRST_SEED,), cases=cases))
+    _echo(verdicts.in_short(verdict), width)
+    typer.echo(f"{time.monotonic() - began:.0f} s; the records are in {store}\n\n{NEXT}")
+    raise typer.Exit(code or (0 if verdict.good() else 1))
+
+
+def doctor(store: StoreOption = DEFAULT_STORE) -> None:
+    """Look at this machine: versions, threads, BLAS, GPU, memory, disk, solvers, and a solve of one second.
+
+    The answer of the solve is held against its known value. A line begins with ok, note (it works, and there is
+    something to know) or BAD. The exit code is 1 if something is BAD.
+    """
+    from shellbench.bench.doctor import examine
+    from shellbench.bench.store import Store
+
+    bad, width = 0, text_width(wide=False)
+    for line in examine(Store(store), *DOCTORED):
+        _echo(str(line), width)
+        bad += line.state == "BAD"
+    typer.echo(f"{bad} BAD: `shellbench --verbose doctor` says more" if bad else "this machine is fit")
+    raise typer.Exit(1 if bad else 0)
+
+
+def _echo(text: str, width: int | None) -> None:
+    """Print lines, broken between words where a width is given."""
+    for line in text.splitlines():
+        typer.echo(line if width is None else textwrap.fill(line, width, subsequent_indent=" " * 6, **UNBROKEN))
+
+
+def new_case(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="What the case is to be called: letters, digits and _.")],
+    like: Annotated[
+        str | None,
+        typer.Option(
+            "--like", metavar="CASE", help="Begin with this case of the suite; see `shellbench list`.", **CASES
+        ),
+    ] = None,
+) -> None:
+    """Write a case of your own, NAME.toml, into this folder: a shell that both kinds of solver take.
+
+    Examples
+    --------
+        shellbench new-case my_shell && shellbench run my_shell.toml --quick
+
+        shellbench new-case my_roof --like scordelis_lo
+    """
+    from shellbench.bench.templates import write_case
+
+    path = write_case(name, like, Path())
+    typer.echo(f"{path} is written. What next:")
+    typer.echo(f"  shellbench list {path}             what it asks")
+    typer.echo(f"  shellbench run {path} --quick      solve it by fem and ndf-ritz")
+    typer.echo(f"  shellbench table {path}            their answers, side by side")
+
+
+def new_solver(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="What the solver is to be called: small letters, digits and -.")
+    ],
+) -> None:
+    """Write a package with a solver of your own into the folder NAME: a plate by a double sine series, ready to run.
+
+    Its mechanics are there to be replaced by yours; the rest can stay. The README of the folder says which is which.
+    """
+    from shellbench.bench.templates import write_solver
+
+    folder = write_solver(name, Path())
+    typer.echo(f"{folder}/ is written. What next:")
+    typer.echo(f'  python -m pip install --editable "{folder}[test]"')
+    typer.echo(f"  shellbench check-solver {name} --quick      does it keep the protocol, and what is its grade?")
+    typer.echo(f"  shellbench run square_plate --solver {name}")
+    typer.echo(f"  {folder}/README.md                          which file is what")

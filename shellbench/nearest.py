@@ -1,0 +1,26 @@
+"""Names that were nearly right."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+LIKE = 0.6  # of `difflib`: how much two names must have in common
+MOST = 3  # names that are offered
+
+
+def nearest(name: str, names: Iterable[str]) -> list[str]:
+    """Return the names that are most like one, the nearest first; none if nothing is like it.
+
+    A name that begins like what was typed, or has it within, is near, however much longer it is.
+    """
+    known, typed = list(dict.fromkeys(names)), name.lower().replace("-", "_")
+    within = [one for one in known if len(typed) > 2 and typed in one.lower().replace("-", "_")]
+    like = difflib.get_close_matches(name, known, n=MOST, cutoff=LIKE)
+    return list(dict.fromkeys([*like, *sorted(within, key=len)]))[:MOST]
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """Return ``, did you mean 'fem'?`` or the like, to stand behind a name; nothing if no name is near."""
+    near = nearest(name, names)
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
