@@ -27,7 +27,7 @@ from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
 from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.field import Network, random_features
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
-from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
@@ -40,6 +40,7 @@ CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
 ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
 
 
@@ -215,6 +216,24 @@ class Miss:
         return Miss(changes, max(self.energy, other.energy))
 
 
+def changes(case: Case, before: Mapping[str, float], after: Mapping[str, float], moved: Array) -> dict[str, float]:
+    """Return by how much each quantity changes, in its unit, from its values before and after.
+
+    `moved` (n, 3) is the change of the displacement at points all over the shell, metres.
+    """
+    # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
+    # change by less than the field does in one direction, in the mean square over the shell.
+    typical = float(np.sqrt(np.mean(moved**2)))
+    least = {q.name: typical for q in case.quantities if isinstance(q, LargestDisplacement | DisplacementQuantity)}
+    return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
+
+
+def probed(solution: ShellSolution, at: float | None = None) -> Array:
+    """Return the displacement (n, 3) of a solution at points all over the shell, metres."""
+    points = solution.case.surface.domain.grid(PROBES, PROBES).reshape(-1, 2)
+    return solution.displacement(points, at)
+
+
 def tail(energies: tuple[float, float, float], steps: float) -> float:
     """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
 
@@ -261,13 +280,9 @@ def scale(solution: ShellSolution, quantity: object, value: float, rounding: flo
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
         case LargestDisplacement() | DisplacementQuantity():
-            domain = solution.case.surface.domain
-            largest = float(np.linalg.norm(solution.displacement(domain.grid(PROBES, PROBES)), axis=-1).max())
+            largest = float(np.linalg.norm(probed(solution), axis=-1).max())
             return max(abs(value), NEGLIGIBLE * largest, np.finfo(float).tiny)
     return max(abs(value), float(np.finfo(float).tiny))
-
-
-PROBES = 25  # points a side at which the largest displacement is looked for
 
 
 def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float]) -> str | None:
