@@ -105,7 +105,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     # 2. Features: the trained last hidden layer, what is fixed, the challengers of all kinds, powers about corners.
     # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
-    spec = _looking_everywhere(solution.spec)
+    spec = looking_everywhere(solution.spec)
     level, focal = first_level(case, resolution(case)), graded_points(case, spec)
     number = max(1, round(SHARE * trained.network.width / len(level.kinds)))
     usual = level.resolution
@@ -143,7 +143,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
 def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
     """Return the trained features with challengers beside them."""
     case, trained = solution.case, solution.field.features
-    spec = _looking_everywhere(solution.spec)
+    spec = looking_everywhere(solution.spec)
     inputs, placement = build_inputs(case, spec), trained.placement
     network = level.network(inputs, seed, spec.activation, placement)
     drawn = build_features(case, spec, network, placement, inputs)
@@ -153,7 +153,7 @@ def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
     return replace(trained, beside=replace(drawn, fixed=new))
 
 
-def _looking_everywhere(spec: FieldSpec) -> FieldSpec:
+def looking_everywhere(spec: FieldSpec) -> FieldSpec:
     """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
     more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
     return spec.model_copy(update=more)
