@@ -19,7 +19,7 @@ from shellbench.problem import Step
 from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.quantities import CriticalPoint, EnergyQuantity, LimitPoint, QuantityModel
 from shellbench.solvers.ndf.build import Resolution, graded_points
-from shellbench.solvers.ndf.challenge import joined_features, looking_everywhere
+from shellbench.solvers.ndf.challenge import SHARE, joined_features, looking_everywhere
 from shellbench.solvers.ndf.continuation import PathState
 from shellbench.solvers.ndf.energy import rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, PathProblem
@@ -90,9 +90,11 @@ class Challenge:
         case, spec = solution.case, solution.spec
         level = first_level(case, usual, given_width=True, given_rule=True)
         rule = layered(case, usual.rule)
-        level = replace(level, resolution=replace(level.resolution, neurons=0))
+        number = max(1, round(SHARE * solution.field.features.network.width / len(level.kinds)))
+        level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution, level, seed)
-        old = problem.features.combine if isinstance(problem.features, Combined) else torch.eye(problem.features.count)
+        assert isinstance(problem.features, Combined)
+        old = problem.features.combine
         count, new = old.shape[1], features.count - len(old)
         combine = torch.block_diag(old, torch.eye(new).to(old))
         allowed = torch.as_tensor(features.allowed()[:, len(old) :])
@@ -147,8 +149,10 @@ class Challenge:
             change, forces = change + more * free[:, 1], forces - more * multipliers[:, 1]
         return change, more, forces[: len(point_supports(problem.ansatz.case, t))]
 
-    def field(self, solution: NdfSolution, weights: Tensor, deformed: Deformed, forces: Tensor) -> NdfSolution:
-        """Return the solution of a state with these weights instead."""
+    def field(
+        self, solution: NdfSolution, weights: Tensor, energies: tuple[float, float], forces: Tensor
+    ) -> NdfSolution:
+        """Return the solution of a state with these weights, energies, J, and forces of point supports instead."""
         combined = self.problem.features
         assert isinstance(combined, Combined)
         output = weights.view(3, -1) @ combined.combine.T
@@ -158,8 +162,8 @@ class Challenge:
             solution,
             field=field.less_rigid(rigid_part(field, rule)),
             rule=self.problem.rule_spec,
-            membrane=deformed.membrane,
-            bending=deformed.bending,
+            membrane=energies[0],
+            bending=energies[1],
             point_forces=tuple(forces.tolist()),
         )
 
@@ -266,16 +270,18 @@ def _found(
 ) -> Found:
     weights, deformed = challenge.start(problem, state)
     change, more, forces = challenge.step(weights, deformed, state.t, held)
-    after = challenge.problem.deform(weights + change, state.t + more, deformed.angles)
+    gained = float(deformed.residual @ change) / 2
     quantities = dict(step.quantities)
     if challenge.row is not None:
         quantities[solution.case.path.quantity or ""] += float(challenge.row @ change)
     steps = (
         replace(step, energy=deformed.potential),
-        replace(step, energy=after.potential, at=state.t + more, quantities=quantities),
+        replace(step, energy=deformed.potential - gained, at=state.t + more, quantities=quantities),
     )
-    energies = {"membrane": deformed.membrane, "bending": deformed.bending}
-    solutions = replace(solution, **energies), challenge.field(solution, weights + change, after, forces)
-    gained = abs(float(deformed.residual @ change)) / 2
+    energies = challenge.problem.foretold_energies(deformed, change, state.t)
+    solutions = (
+        replace(solution, membrane=deformed.membrane, bending=deformed.bending),
+        challenge.field(solution, weights + change, energies, forces),
+    )
     stored = deformed.membrane + deformed.bending + problem.unstrained
-    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, gained / stored)
+    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, abs(gained) / stored)

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.quantities import (
     DisplacementQuantity,
     EnergyQuantity,
@@ -226,9 +227,12 @@ def changes(case: Case, before: Mapping[str, float], after: Mapping[str, float],
     `moved` (n, 3) is the change of the displacement at points all over the shell, metres.
     """
     # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
-    # change by less than the field does in one direction, in the mean square over the shell.
-    typical = float(np.sqrt(np.mean(moved**2)))
-    least = {q.name: typical for q in case.quantities if isinstance(q, LargestDisplacement | DisplacementQuantity)}
+    # change by less than the field does along the same direction, in the mean square over the shell.
+    least = {}
+    for q in case.quantities:
+        if isinstance(q, LargestDisplacement | DisplacementQuantity):
+            directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
+            least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
     return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
 
 

@@ -25,6 +25,7 @@ from shellbench.solvers.ndf.refinement import (
     SETTLED,
     SLOWEST,
     Miss,
+    changes,
     still_missed,
     tail,
     uncertainties,
@@ -132,6 +133,26 @@ def test_tails_follow_the_last_gains():
     assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
     assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
     assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
+
+
+def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field(monkeypatch):
+    """Planted: one displacement is measured the same in all answers of a level."""
+    usual, name = static.measure_all, "centre_deflection"
+    honest = solve("square_plate", neurons=6, largest_gap=1.0)
+    monkeypatch.setattr(static, "measure_all", lambda solution: {**usual(solution), name: measure_all(honest)[name]})
+    planted = solve("square_plate", neurons=6, largest_gap=1.0)
+    assert planted.uncertainty[name] > 0.1 * honest.uncertainty[name]
+    assert planted.uncertainty["strain_energy"] == honest.uncertainty["strain_energy"]
+
+
+def test_displacements_change_by_what_the_field_does_in_the_mean_square():
+    case, moved = named_case("square_plate"), np.array([[3e-4, 0.0, 0.0], [0.0, 0.0, -4e-4]])
+    before = {"centre_deflection": 0.5, "largest_displacement": 0.5, "strain_energy": 2.0}
+    after = {"centre_deflection": 0.5, "largest_displacement": 0.4, "strain_energy": 2.0}
+    found = changes(case, before, after, moved)
+    assert found["centre_deflection"] == pytest.approx(4e-4 / math.sqrt(2))  # it is along z
+    assert found["largest_displacement"] == pytest.approx(0.1)
+    assert found["strain_energy"] == 0.0
 
 
 def test_uncertainties_grow_with_what_was_missed():
