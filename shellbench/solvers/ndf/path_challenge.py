@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import torch
@@ -238,10 +239,14 @@ def challenged(
                 known[k, held] = _found(challenge, problem, states[k], step, solution_of(states[k]), held)
         there = {offset + k: known[k, held] for k in numbers}
         last = there[max(there)]
-        values: list[dict[str, float]] = []
-        for n in (0, 1):
-            history = tuple(there[k].steps[n] if k in there else step for k, step in enumerate(solution.history))
-            values.append({q.name: measure(replace(last.solutions[n], history=history), q)})
+        histories = [
+            tuple(there[k].steps[n] if k in there else step for k, step in enumerate(solution.history)) for n in (0, 1)
+        ]
+        both = zip(last.solutions, histories, strict=True)
+        try:
+            values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
+        except ValueError:
+            continue  # the curve turns no longer where it did: nothing is stated
         changed = changes(case, values[0], values[1], last.probed[1] - last.probed[0])
         scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
         gains.append(max(found.gained for found in there.values()))
@@ -266,7 +271,8 @@ def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, 
     along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
     if not isinstance(q, LimitPoint):
         mark = solution.marks[-1] if q.at is None else q.at
-        return (next(k for k, value in enumerate(along) if abs(value - mark) <= SAME * abs(mark)),)
+        there = (k for k, value in enumerate(along) if abs(value - mark) <= SAME * abs(mark))
+        return tuple(islice(there, 1))
     values = np.array([0.0, *([step.at for step in steps] if q.turning == "load" else along)])
     turns = np.nonzero(np.diff(np.sign(np.diff(values))))[0]  # state k + 1 of rest and the others is k of these
     middle = int(turns[q.number - 1]) if len(turns) >= q.number else len(steps) - 1
