@@ -49,6 +49,7 @@ from shellbench.solvers.ndf.solve import JITTER, SAME_ROW, RegularisedInverse
 from shellbench.solvers.ndf.supports import point_supports
 
 SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
+PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
 SAME = 1e-9  # relative distance of a state from its mark
 
 
@@ -250,7 +251,9 @@ def challenged(
         changed = changes(case, values[0], values[1], last.probed[1] - last.probed[0])
         scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
         gains.append(max(found.gained for found in there.values()))
-        uncertainty |= uncertainties(Miss(changed, gains[-1]), gap, values[0], scales)
+        # The gain is one of the whole energy, of which a small part errs by less; its own change is asked for, too.
+        of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
+        uncertainty |= uncertainties(Miss(changed, gains[-1]), gap, values[0], {q.name: of})
     return replace(
         solution,
         uncertainty=uncertainty,
