@@ -104,7 +104,9 @@ class Challenge:
         assert isinstance(problem.features, Combined)
         old = problem.features.combine
         count, new = old.shape[1], features.count - len(old)
-        combine = torch.block_diag(old, torch.eye(new).to(old))
+        combine = old.new_zeros((len(old) + new, count + new))
+        combine[: len(old), :count] = old
+        combine[len(old) :, count:].fill_diagonal_(1.0)
         allowed = torch.as_tensor(features.allowed()[:, len(old) :])
         whole = torch.cat([torch.ones((3, count), dtype=torch.bool), allowed], dim=1)
         focal = graded_points(case, looking_everywhere(spec))
