@@ -24,8 +24,10 @@ from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     Level,
     Miss,
+    changes,
     finer_rule,
     first_level,
+    probed,
     scale,
     still_missed,
     uncertainties,
@@ -87,14 +89,14 @@ def _rounding(solution: NdfSolution) -> float:
 
 def last_gain(steps: Sequence[Step], values: dict[str, float]) -> Miss:
     """Return what training misses still by its last two gains: the tail of a geometric series."""
-    changes = dict.fromkeys(values, 0.0)
+    changed = dict.fromkeys(values, 0.0)
     if len(steps) < 2:
-        return Miss(changes, 0.0)
+        return Miss(changed, 0.0)
     gains = [abs(b.energy - a.energy) / max(abs(b.energy), np.finfo(float).tiny) for a, b in pairwise(steps)]
     left = still_missed(gains[-1], gains[-2] if len(gains) > 1 else 0.0)
     before, last = steps[-2].quantities, steps[-1].quantities
-    changes |= {name: abs(last[name] - before[name]) for name in last}
-    return Miss(changes, gains[-1]).times(left)
+    changed |= {name: abs(last[name] - before[name]) for name in last}
+    return Miss(changed, gains[-1]).times(left)
 
 
 def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Challenged:
@@ -103,7 +105,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     # 2. Features: the trained last hidden layer, what is fixed, the challengers of all kinds, powers about corners.
     # 3. One solve; on the finer rule, the energies of both fields; each with the multiple that is best there.
     case, trained = solution.case, solution.field.features
-    spec = _looking_everywhere(solution.spec)
+    spec = looking_everywhere(solution.spec)
     level, focal = first_level(case, resolution(case)), graded_points(case, spec)
     number = max(1, round(SHARE * trained.network.width / len(level.kinds)))
     usual = level.resolution
@@ -133,15 +135,15 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
         bending=bending,
         point_forces=tuple((shares[1] * layer.reactions).tolist()),
     )
-    changes = {name: abs(value - values[name]) for name, value in measure_all(other).items()}
+    changed = changes(case, values, measure_all(other), probed(other) - probed(solution))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
-    return Challenged(Miss(changes, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
+    return Challenged(Miss(changed, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
 
 
 def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
     """Return the trained features with challengers beside them."""
     case, trained = solution.case, solution.field.features
-    spec = _looking_everywhere(solution.spec)
+    spec = looking_everywhere(solution.spec)
     inputs, placement = build_inputs(case, spec), trained.placement
     network = level.network(inputs, seed, spec.activation, placement)
     drawn = build_features(case, spec, network, placement, inputs)
@@ -151,7 +153,7 @@ def joined_features(solution: NdfSolution, level: Level, seed: int) -> Features:
     return replace(trained, beside=replace(drawn, fixed=new))
 
 
-def _looking_everywhere(spec: FieldSpec) -> FieldSpec:
+def looking_everywhere(spec: FieldSpec) -> FieldSpec:
     """Return the choices of challengers: with stretched inputs, singular features and powers about corners."""
     more = {"stretched": True, "edge_stretched": True, "multipliers": spec.multipliers or MULTIPLIERS, "detail": 1}
     return spec.model_copy(update=more)

@@ -353,8 +353,21 @@ class PathProblem:
     def predicted(self, deformed: Deformed, change: Tensor, t: float = 0.0) -> Tensor:
         """Return the stresses (N, 6) that the strains' first variation predicts after a change (3 M,) of weights."""
         # C (eps + eps' dw): linear in the change, while the strains of w + dw are quadratic and more.
+        return deformed.stresses + stresses(self.elasticity, self._strain_change(deformed, change, t))
+
+    def foretold_energies(self, deformed: Deformed, change: Tensor, t: float) -> tuple[float, float]:
+        """Return the membrane and the bending energy, J, of the strains that their first variation predicts.
+
+        A thin shell's own strains after a bending step hold far more: the membrane has not followed yet.
+        """
+        strains = deformed.strained.strains + self._strain_change(deformed, change, t)
+        membrane, bending = (strains * stresses(self.elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)).tolist()
+        return membrane / 2, bending / 2
+
+    def _strain_change(self, deformed: Deformed, change: Tensor, t: float) -> Tensor:
         gradients = self.sampled_at(t).gradients(change.view(3, -1)).reshape(-1, 15, 1)
-        return deformed.stresses + stresses(self.elasticity, (deformed.strained.variation @ gradients)[..., 0])
+        rates: Tensor = (deformed.strained.variation @ gradients)[..., 0]
+        return rates
 
     def force_rate(self, weights: Tensor) -> Tensor:
         """Return the derivative (3 M,) of proportional loads in t."""

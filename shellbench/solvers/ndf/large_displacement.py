@@ -20,7 +20,7 @@ from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Valu
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
+from shellbench.solvers.ndf.build import FieldSpec, Resolution, build_ansatz
 from shellbench.solvers.ndf.continuation import (
     PathEndsError,
     PathState,
@@ -34,6 +34,7 @@ from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, Path
 from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -45,12 +46,16 @@ RIGID = 1e-6  # component of a rotation among the rigid motions left free that i
 
 @dataclass(frozen=True)
 class Rung:
-    """Features with the two rules that their energy is integrated with, and the points these are graded toward."""
+    """Features with the two rules that their energy is integrated with, and the points these are graded toward.
+
+    `resolution` tells challengers how finely the features are drawn.
+    """
 
     features: Features
     rule: RuleSpec
     fine: RuleSpec
     focal: Array
+    resolution: Resolution
     trained: int = 0
 
 
@@ -88,9 +93,12 @@ def solve(
     solver: str,
     rungs: Sequence[Callable[[], Rung]],
     largest_gap: float,
+    seed: int,
     progress: ProgressCallback,
 ) -> PathSolution:
     """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
+
+    `seed` draws the challengers that tell how sure the path is.
 
     Raises
     ------
@@ -128,7 +136,7 @@ def solve(
         "energy_change": change,
         "settled": run.prescribed or (change is not None and change <= SETTLED),
     }
-    return replace(solution, history=(*history, *states), diagnostics=diagnostics)
+    return run.stated(replace(solution, history=(*history, *states), diagnostics=diagnostics), seed)
 
 
 class _Run:
@@ -172,12 +180,21 @@ class _Run:
             reason = "the tangent stiffness is singular"
         if not states:
             raise SolveFailure(f"{reason}: no state beyond rest converged")
+        self.states = states
         solution = self._kept(states, seconds, complete=reason is None)
         if reason is not None:
             raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", solution)
         if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution
+
+    def stated(self, solution: PathSolution, seed: int) -> PathSolution:
+        """Return the path with how sure it is of its quantities."""
+        if self.prescribed:
+            return prescribed(solution, self.problem.unstrained)
+        if self.case.path.after_buckling == "follow":
+            return solution  # beside its neutral modes one linear solve says nothing
+        return challenged(self.problem, self.states, solution, self.rung.resolution, seed, self._field)
 
     def summary(self, iteration: int, solution: PathSolution) -> Step:
         """Return one step for the whole rung."""
@@ -280,6 +297,10 @@ class _Run:
         )
 
     def _state(self, state: PathState, certified: Deformed) -> NdfSolution:
+        return replace(self._field(state), membrane=certified.membrane, bending=certified.bending)
+
+    def _field(self, state: PathState) -> NdfSolution:
+        """Return the solution of a state, its energies left out."""
         features, combined = self.rung.features, self.problem.features
         output = state.weights.view(3, -1)
         if isinstance(combined, Combined):
@@ -296,8 +317,8 @@ class _Run:
             spec=spec,
             field=field.less_rigid(rigid_part(field, rule)),
             rule=self.rung.fine,
-            membrane=certified.membrane,
-            bending=certified.bending,
+            membrane=float("nan"),
+            bending=float("nan"),
             parameters=0 if self.prescribed else output.numel() + self.rung.trained,
             point_forces=tuple(held[: len(supports)].tolist()),
         )

@@ -16,6 +16,7 @@ import numpy as np
 import torch
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.quantities import (
     DisplacementQuantity,
     EnergyQuantity,
@@ -27,7 +28,7 @@ from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
 from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.field import Network, random_features
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
-from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec
 
 SAFETY = 2.0  # of stated uncertainties, chosen before any error was seen
@@ -40,6 +41,7 @@ CORNER_CUTS = 2  # of cells at corners; the certificate has one more
 EDGE_SCALE = 2.0  # of inputs stretched toward edges
 ROUNDING = 1e-9  # of a quantity's scale: answers repeat to this and better
 SLOWEST = 0.8  # ratio of energy gained in one level to the level before beyond which no tail is summed
+PROBES = 25  # points a side at which fields are compared, and the largest displacement is looked for
 LEAST_TAIL = 0.5  # of what a level changed: the one before had missed it, and this one may miss half of it still
 
 
@@ -174,14 +176,18 @@ def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
 
 def _with_layers(case: Case, usual: Resolution) -> Resolution:
     """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
-    layers, rule, fine = edge_layers(case, flat=True), usual.rule, usual.fine
+    rule, fine = usual.rule, usual.fine
+    if not foci(case) and _is_slender(case):
+        rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
+    return replace(usual, rule=layered(case, rule), fine=layered(case, fine, CORNER_CUTS + 1))
+
+
+def layered(case: Case, spec: RuleSpec, corner_cuts: int = CORNER_CUTS) -> RuleSpec:
+    """Return a rule that is graded toward edges, if nothing acts at points, and toward corners where any is held."""
+    layers = edge_layers(case, flat=True)
     if not foci(case) and layers is not None:
-        rule, fine = (replace(spec, layers=layers) for spec in (rule, fine))
-        if _is_slender(case):
-            rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
-    if foci(case) and not held_corners(case):
-        return usual
-    return replace(usual, rule=replace(rule, corner_cuts=CORNER_CUTS), fine=replace(fine, corner_cuts=CORNER_CUTS + 1))
+        spec = replace(spec, layers=layers)
+    return spec if foci(case) and not held_corners(case) else replace(spec, corner_cuts=corner_cuts)
 
 
 def finer_rule(spec: RuleSpec, growth: float) -> RuleSpec:
@@ -215,6 +221,27 @@ class Miss:
         return Miss(changes, max(self.energy, other.energy))
 
 
+def changes(case: Case, before: Mapping[str, float], after: Mapping[str, float], moved: Array) -> dict[str, float]:
+    """Return by how much each quantity changes, in its unit, from its values before and after.
+
+    `moved` (n, 3) is the change of the displacement at points all over the shell, metres.
+    """
+    # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
+    # change by less than the field does along the same direction, in the mean square over the shell.
+    least = {}
+    for q in case.quantities:
+        if isinstance(q, LargestDisplacement | DisplacementQuantity):
+            directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
+            least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
+    return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
+
+
+def probed(solution: ShellSolution, at: float | None = None) -> Array:
+    """Return the displacement (n, 3) of a solution at points all over the shell, metres."""
+    points = solution.case.surface.domain.grid(PROBES, PROBES).reshape(-1, 2)
+    return solution.displacement(points, at)
+
+
 def tail(energies: tuple[float, float, float], steps: float) -> float:
     """Return what so many further steps gain, in units of the last gain, from three energies that fall step by step.
 
@@ -236,24 +263,30 @@ def still_missed(last: float, former: float) -> float:
 
 
 def uncertainties(
-    missed: Miss, gap: float, values: Mapping[str, float], scales: Mapping[str, float]
+    missed: Miss,
+    gap: float,
+    values: Mapping[str, float],
+    scales: Mapping[str, float],
+    rounding: float = ROUNDING,
 ) -> dict[str, float]:
     """Return how sure an answer is of each quantity, from what it misses.
 
-    The largest of the change, and as shares of the quantity's scale the energy and `gap`, of the two quadratures and of
-    what regularisation leaves unbalanced; times `SAFETY`.
+    The largest of the change, and as shares of the quantity's scale the energy, `rounding` and `gap`, of the two
+    quadratures and of what regularisation leaves unbalanced; times `SAFETY`.
     """
     # A value may change little by chance, the energy can't: it only falls. Displacements that the load works on err as
     # the energy does, others by more: so its share is no bound, and the change of the value itself is asked for, too.
-    share = missed.energy + gap + ROUNDING
+    share = missed.energy + gap + rounding
     return {name: SAFETY * max(missed.changes[name], share * scales[name]) for name in values}
 
 
-def scale(solution: ShellSolution, quantity: object, value: float, rounding: float) -> float:
+def scale(
+    solution: ShellSolution, quantity: object, value: float, rounding: float, displacement: Array | None = None
+) -> float:
     """Return the magnitude that the uncertainty of a quantity is compared with.
 
     Energies are compared with the whole strain energy, or with one that is `rounding`, J. Displacements near zero are
-    compared with a small part of the largest one.
+    compared with a small part of the largest one; `displacement` (n, 3) is the solution's where it is probed.
     """
     match quantity:
         case EnergyQuantity():
@@ -261,21 +294,21 @@ def scale(solution: ShellSolution, quantity: object, value: float, rounding: flo
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
         case LargestDisplacement() | DisplacementQuantity():
-            domain = solution.case.surface.domain
-            largest = float(np.linalg.norm(solution.displacement(domain.grid(PROBES, PROBES)), axis=-1).max())
+            moved = probed(solution) if displacement is None else displacement
+            largest = float(np.linalg.norm(moved, axis=-1).max())
             return max(abs(value), NEGLIGIBLE * largest, np.finfo(float).tiny)
     return max(abs(value), float(np.finfo(float).tiny))
 
 
-PROBES = 25  # points a side at which the largest displacement is looked for
+def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float], settled: float = SETTLED) -> str | None:
+    """Return the clause that says why an answer has not settled, or None if it has, or if nothing is asked for.
 
-
-def unsettled(uncertainty: Mapping[str, float], scales: Mapping[str, float]) -> str | None:
-    """Return the clause that says why an answer has not settled, or None if it has, or if nothing is asked for."""
+    It has where no uncertainty is above `settled` of its scale.
+    """
     if not uncertainty:
         return None
     worst = max(uncertainty, key=lambda name: uncertainty[name] / scales[name])
     share = uncertainty[worst] / scales[worst]
-    if share <= SETTLED:  # not so where it is not a number
+    if share <= settled:  # not so where it is not a number
         return None
     return f"{worst} may be off by {share:.1e} of its scale: that is what features of other kinds still change, twice"

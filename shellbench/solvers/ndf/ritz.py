@@ -91,12 +91,12 @@ def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progr
         scales = placement.tensor(chosen.scales(inputs))
         network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
         features = build_features(case, spec, network, placement, inputs)
-        return Rung(features, chosen.rule, chosen.fine, focal)
+        return Rung(features, chosen.rule, chosen.fine, focal, chosen)
 
     last = rung_count(case) - 1
     numbers = range(last + 1) if settings.neurons is None else [last]
     builds = [partial(build, number) for number in numbers]
-    return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)
+    return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, settings.seed, progress)
 
 
 def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> MotionSolution:

@@ -56,12 +56,15 @@ class RegularisedInverse:
         (n, n) lower triangle of the Cholesky factor, or eigenvectors divided by the roots of their eigenvalues.
     triangular
         Which of them it is.
+    pivots
+        Of LU factors (n, n) instead, of a matrix that is not definite.
     """
 
     level: float
     scale: Tensor
     factor: Tensor
     triangular: bool
+    pivots: Tensor | None = None
 
     @classmethod
     def from_matrix(cls, matrix: Tensor, level: float) -> RegularisedInverse:
@@ -89,6 +92,24 @@ class RegularisedInverse:
             raise IndefiniteError
         return cls(level, scale, vectors / values.clamp_min(level).sqrt(), triangular=False)
 
+    @classmethod
+    def of_indefinite(cls, matrix: Tensor, level: float) -> RegularisedInverse:
+        """Factorise a matrix (n, n) that need be neither definite nor symmetric.
+
+        Raises
+        ------
+        IndefiniteError
+            If it is not finite.
+        """
+        diagonal = matrix.diagonal().abs().sqrt()
+        scale = torch.where(diagonal > 0, 1 / diagonal, torch.zeros_like(diagonal))
+        scaled = matrix * scale[:, None] * scale
+        scaled.diagonal().add_(level)
+        if not bool(torch.isfinite(scaled).all()):
+            raise IndefiniteError
+        factor, pivots = torch.linalg.lu_factor(scaled)
+        return cls(level, scale, factor, triangular=False, pivots=pivots)
+
     def half(self, right: Tensor) -> Tensor:
         """Return H (n, m) with H^T H = right^T A^-1 right, not refined, for right-hand sides (n, m)."""
         scaled = right * self.scale[:, None]
@@ -108,6 +129,9 @@ class RegularisedInverse:
         return total * self.scale[:, None]
 
     def _solve(self, scaled: Tensor) -> Tensor:
+        if self.pivots is not None:
+            turned: Tensor = torch.linalg.lu_solve(self.factor, self.pivots, scaled)
+            return turned
         if not self.triangular:
             return self.factor @ (self.factor.T @ scaled)
         solved: Tensor = torch.cholesky_solve(scaled, self.factor)

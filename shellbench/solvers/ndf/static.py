@@ -37,14 +37,16 @@ from shellbench.solvers.ndf.energy import (
     surface_area,
 )
 from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Placement
+from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     KINDS,
     Level,
     Miss,
+    changes,
     first_level,
     next_level,
+    probed,
     scale,
     still_missed,
     tail,
@@ -80,6 +82,8 @@ class Answer:
         Whether it is an answer at all.
     values
         Of all quantities of the case.
+    probed
+        (n, 3): displacement at points all over the shell, metres.
     step
         Of the history.
     """
@@ -89,14 +93,15 @@ class Answer:
     stored: float
     signs: Signs
     values: dict[str, float]
+    probed: Array
     step: Step
 
     def missed(self, finer: Answer) -> Miss:
         """Return what it has missed at least, as a finer answer tells."""
         # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
         # change by this share.
-        changes = {name: abs(value - self.values[name]) for name, value in finer.values.items()}
-        return Miss(changes, abs(self.potential - finer.potential) / finer.stored)
+        changed = changes(self.solution.case, self.values, finer.values, finer.probed - self.probed)
+        return Miss(changed, abs(self.potential - finer.potential) / finer.stored)
 
 
 @dataclass(frozen=True)
@@ -315,6 +320,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
                 values=dict(measure_all(solution)) if judged else {},
+                probed=probed(solution) if judged else np.zeros((0, 3)),
                 step=step,
             )
         )

@@ -92,13 +92,13 @@ def follow(
         drawn = deep_random_features(values, scales, (*plan.inner, width), plan.seed, plan.activation)
         network = _trained(problem, plan, drawn, points) if may_be_trained(case, width) else drawn
         trained = 0 if network is drawn else network.parameters
-        return Rung(problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), trained)
+        return Rung(problem.with_network(network), chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
 
     count = rung_count(case)
     widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
-    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, progress)
+    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, plan.seed, progress)
     trained = solution.parameters > solution.states[-1].field.output.numel()
     hidden = "trained in linear theory" if trained else "as drawn"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})

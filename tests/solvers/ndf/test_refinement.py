@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +27,7 @@ from shellbench.solvers.ndf.refinement import (
     SETTLED,
     SLOWEST,
     Miss,
+    changes,
     still_missed,
     tail,
     uncertainties,
@@ -32,6 +35,7 @@ from shellbench.solvers.ndf.refinement import (
 )
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.solve import JITTER
+from shellbench.solvers.ndf.static import Answer
 from tests.solvers.ndf.shells import shell, support
 
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
@@ -132,6 +136,27 @@ def test_tails_follow_the_last_gains():
     assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
     assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
     assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
+
+
+def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field():
+    """Planted: two answers of one level have the same values, and fields that differ."""
+    values, field = {"centre_deflection": 0.5, "strain_energy": 2.0}, np.zeros((4, 3))
+    first = Answer(SimpleNamespace(case=named_case("square_plate")), -1.0, 1.0, None, values, field, None)
+    missed = first.missed(replace(first, probed=field + 1e-3))
+    scales = {"centre_deflection": 0.5, "strain_energy": 2.0}
+    stated = uncertainties(missed, 0.0, values, scales)
+    assert stated["centre_deflection"] == pytest.approx(SAFETY * 1e-3)
+    assert stated["strain_energy"] < 1e-8
+
+
+def test_displacements_change_by_what_the_field_does_in_the_mean_square():
+    case, moved = named_case("square_plate"), np.array([[3e-4, 0.0, 0.0], [0.0, 0.0, -4e-4]])
+    before = {"centre_deflection": 0.5, "largest_displacement": 0.5, "strain_energy": 2.0}
+    after = {"centre_deflection": 0.5, "largest_displacement": 0.4, "strain_energy": 2.0}
+    found = changes(case, before, after, moved)
+    assert found["centre_deflection"] == pytest.approx(4e-4 / math.sqrt(2))  # it is along z
+    assert found["largest_displacement"] == pytest.approx(0.1)
+    assert found["strain_energy"] == 0.0
 
 
 def test_uncertainties_grow_with_what_was_missed():

@@ -1,0 +1,56 @@
+"""How sure paths are: what challengers change in one linear solve at a state, and what is stated of it."""
+
+from __future__ import annotations
+
+import pytest
+
+from shellbench.bench.catalog import known_values, named_case
+from shellbench.problems.shell.measure import measure_all
+from shellbench.solvers.ndf import large_displacement, path_challenge
+from shellbench.solvers.ndf.path_challenge import Challenge, challenged
+from shellbench.solvers.ndf.refinement import SAFETY
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+
+NAME = "square_plate_nonlinear"
+FEW = RitzSettings(neurons=12, panels=(3, 3))
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    """A path of few features, and all that its challenge was given."""
+    given = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(large_displacement, "challenged", lambda *args: given.append(args) or challenged(*args))
+        solution = RitzSolver().solve(named_case(NAME), FEW)
+    return solution, given[0]
+
+
+def test_too_few_features_say_how_wrong_they_are(coarse):
+    solution, _ = coarse
+    for name, value in measure_all(solution).items():
+        known = known_values(NAME).judge(name, solution.case.theory).value
+        assert abs(value - known) > 1e-3 * abs(known)  # it is wrong indeed
+        assert abs(value - known) <= SAFETY * solution.uncertainty[name]
+    assert "may be off" in str(solution.unsettled)
+
+
+def test_one_step_gains_the_energy_that_it_foretells(coarse):
+    _, (problem, states, solution, usual, seed, _) = coarse
+    challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
+    weights, before = challenge.start(problem, states[-1])
+    assert before.bending == pytest.approx(states[-1].deformed.bending, rel=1e-4)  # the state is the path's own
+    change, more, _ = challenge.step(weights, before, states[-1].t, held=False)
+    assert more == 0
+    small = 1e-3  # so far along the step the energy is quadratic: it falls by that of a parabola
+    after = challenge.problem.deform(weights + small * change, states[-1].t)
+    foretold = float(before.residual @ change) * (small - small**2 / 2)
+    assert foretold > 0
+    assert before.potential - after.potential == pytest.approx(foretold, rel=1e-4)
+
+
+def test_a_change_that_is_small_by_accident_is_found(coarse, monkeypatch):
+    solution, given = coarse
+    monkeypatch.setattr(path_challenge, "measure", lambda solution, q: 0.4)  # nothing seems to change
+    planted = challenged(*given)
+    for name in ("centre_deflection", "largest_displacement"):
+        assert planted.uncertainty[name] > 0.1 * solution.uncertainty[name]
