@@ -14,7 +14,7 @@ from shellbench.bench import catalog
 from shellbench.bench.registry import load_solver, solver_entries
 from shellbench.errors import SolveFailure
 from shellbench.problems.field import solution, structure
-from shellbench.solvers.field import basis, direct, field, sampling, solver
+from shellbench.solvers.field import basis, direct, energy, field, sampling, solver
 
 SMALLER = {"field_stretch": {"resolution": 8}, "field_hang": {"resolution": 8}}  # as right, and cheaper
 LONG = {"field_sine", "field_stretch", "field_hang", "field_ball"}
@@ -136,8 +136,8 @@ FAULTS = (
         [at[:, :3], 0.95 * at[:, 3:] + 0.05 * at[:, :3].mean(axis=1, keepdims=True)], axis=1))),
     Fault("the side is halved", *BEND, given(solution, "corners", lambda p, a, side, n: (p, a, side / 2, n))),
     Fault("edges of minimised structures are twice as soft", *HANG, wrapped(
-        direct, "stretched", lambda found: tuple(part / 2 for part in found))),
-    Fault("rest lengths are 1 % short", *HANG, given(direct, "stretched", lambda edge, rest: (edge, 0.99 * rest))),
+        energy, "stretched", lambda found: tuple(part / 2 for part in found))),
+    Fault("rest lengths are 1 % short", *HANG, given(energy, "stretched", lambda edge, rest, convex: (edge, 0.99 * rest, convex))),
     Fault("gravity is taken at half the places", *HANG, wrapped(direct, "gauss", lambda found: (found[0] ** 1.05, found[1]))),
     Fault("samples near an edge weigh less than their area", *HANG, wrapped(direct, "gauss", lambda found: (
         found[0], found[1] * (1 - 0.1 * found[0][:, 1])))),

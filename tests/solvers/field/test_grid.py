@@ -9,7 +9,8 @@ from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.structure import bend, corners, strain
 from shellbench.solvers.field import direct
 from shellbench.solvers.field.basis import along, local, matrix
-from shellbench.solvers.field.direct import GOLDEN_TURN, TURN, Sampled, form_of, gauss, matched
+from shellbench.solvers.field.direct import form_of, gauss, matched
+from shellbench.solvers.field.energy import GOLDEN_TURN, TURN, Sampled
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.solver import AdaptiveGridSolver, GridSolver
 
