@@ -105,9 +105,9 @@ def freed(
     axes = free_axes(case)
     taken = np.asarray(abs(span[given[:, axes].T.ravel()]).sum(axis=0)).ravel() > 0
     span = span[:, ~taken]
-    for pin in case.pins:
-        points = np.array(pin.at).reshape(-1, 2)
-        values = evaluated(pin.displacement, points) if len(points) else points
+    for pin in (pin for pin in case.pins if pin.at):
+        points = np.array(pin.at)
+        values = evaluated(pin.displacement, points)
         splines = matrix(points, cells, degree)
         for number, place in product(range(len(points)), range(len(axes))):
             row = splines[[number]]
