@@ -175,7 +175,9 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
 def solved(matrix: Sparse, right: Array) -> Array:
     """Return the solution (n,) of a symmetric system; not finite if it has none."""
     try:
-        factors = splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
     except RuntimeError:  # singular
         return np.full(len(right), np.nan)
     return np.asarray(factors.solve(right))

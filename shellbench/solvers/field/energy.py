@@ -89,7 +89,7 @@ class Batch:
 
     def hessian(self, blocks: Array) -> Sparse:
         """Return the Hessian of blocks (n, c, k, c, k) in k components of places: sparse, component by component."""
-        (count, many, k), width, side = blocks.shape[:3], self.width, self.side
+        (many, k), width, side = blocks.shape[1:3], self.width, self.side
         reach = width - 1  # to the farthest neighbour
         band = np.zeros((2 * reach + 1, 2 * reach + 1, side, side, k, k))
         steps = np.arange(width)
@@ -261,9 +261,7 @@ def normal_with_slopes(places: Array, face: tuple[int, int, int], numbers: list[
     return normal, slopes
 
 
-def bent(
-    places: Array, face: tuple[int, int, int], numbers: list[int], order: int = 2
-) -> tuple[Array, Array, Array]:
+def bent(places: Array, face: tuple[int, int, int], numbers: list[int], order: int = 2) -> tuple[Array, Array, Array]:
     """Return |n1 - n2|^2 (n,) of the middle face and another, its gradient, and twice the square of the slopes.
 
     With `order` 0 the last two are empty.

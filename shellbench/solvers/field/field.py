@@ -54,8 +54,8 @@ class LayeredField(FieldSolution):
     """A field by its weights.
 
     `form` has `cells` of each level and the `degree`; `frequencies` of the encoding; `layers`, their number, and the
-    `activation`; `held` edges, `pinned` points and `confined` components. `tensors` are `grid_0`, ... (splines, features), `weight_0`,
-    ... (in, out) and `bias_0`, ... (out,).
+    `activation`; `held` edges, `pinned` points and `confined` components. `tensors` are `grid_0`, ... (splines,
+    features), `weight_0`, ... (in, out) and `bias_0`, ... (out,).
     """
 
     def displacement(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:

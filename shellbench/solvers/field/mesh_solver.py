@@ -87,7 +87,9 @@ def meshed(case: FieldCase, columns: int, progress: ProgressCallback) -> MeshFie
 
     began, mesh, history = time.perf_counter(), Mesh(case, columns), list[Step]()
     free = len(mesh.rest) * (len(AXES) - len(mesh.cloth.confined))
+    found = mesh.rest
     for energy, places in mesh.least():
+        found = places
         history.append(Step(len(history), time.perf_counter() - began, energy, free))
         progress(Progress(len(history), None, f"energy {energy:.6g}"))
-    return MeshField(case, {"vertices": places - mesh.rest}, {"columns": columns}, tuple(history))
+    return MeshField(case, {"vertices": found - mesh.rest}, {"columns": columns}, tuple(history))

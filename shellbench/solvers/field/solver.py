@@ -47,7 +47,11 @@ class GridSettings(SampledSettings):
 
     basis: Literal["bilinear", "cubic"] = Field("cubic", description="splines of the grid")
     resolution: int | None = Field(
-        None, ge=2, le=400, strict=True, description="cells a side, and half as many; None: 64 to match, 16 to minimise, 48 to meet a body"
+        None,
+        ge=2,
+        le=400,
+        strict=True,
+        description="cells a side, and half as many; None: 64 to match, 16 to minimise, 48 (and 36) to meet a body",
     )
     symmetric: bool = Field(True, description="whether a question that is symmetric about a body gets such an answer")
 
@@ -89,6 +93,7 @@ class MlpSettings(TrainedSettings):
     """Settings of `MlpSolver`."""
 
     encoding: Literal["plain", "positional"] = Field("plain", description="of the point")
+    learning_rate: Finite = Field(1e-3, gt=0, le=1, description="of Adam; table 4 has 5e-4")
     sampler: SamplerName = Field(
         "stratified", description="points by chance, one in each cell, or where losses are large"
     )
@@ -133,9 +138,9 @@ class GridSolver(OfFields):
         share = settings.adaptive_share if settings.sampler == "adaptive" else 0.0
         play = Play(share, settings.weighted, settings.density_cells)
 
-        levels = [-(-cells // 2), cells]
-        while case.body and levels[0] > FEWEST:  # a sheet folds on few cells, and each grid starts from a coarser one
-            levels.insert(0, -(-levels[0] // 2))
+        levels = [-(-cells * 3 // 4) if case.body else -(-cells // 2), cells]
+        while case.body and levels[0] >= 2 * FEWEST:  # a sheet folds on few cells, and each grid starts from a coarser
+            levels.insert(0, levels[0] // 2)
         solved = list[LayeredField]()
         for count in levels:
             if case.match:
