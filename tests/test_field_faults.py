@@ -132,7 +132,7 @@ def short(self: mesh.Mesh, case: Any, columns: int) -> None:
 
 
 HELD, LOCAL, MESHED = direct.held, basis.local, mesh.Mesh.__init__
-slower = given(training.Adam, "__init__", lambda self, tensors, rate: (self, tensors, rate / 4))
+slower = given(training.Adam, "__init__", lambda self, tensors, rate: (self, tensors, rate / 20))
 SINE, HANG, STRETCH, BEND = (
     ("field_sine", "grid"),
     ("field_hang", "grid"),
@@ -182,8 +182,8 @@ FAULTS = (
     Fault("penetration is measured on the wrong side", *DRAPE, wrapped(Ball, "distance", lambda found: -found)),
     Fault("rest lengths of the mesh are 1 % short", *MESH, instead(mesh.Mesh, "__init__", short)),
     Fault("the mesh slips at its pins", *MESH, wrapped(mesh.Mesh, "span", lambda found: (found[0], found[1] + 1e-4))),
-    Fault("the grid learns at a quarter of its rate", "field_order_grid", "grid-printed", slower),
-    Fault("the network learns at a quarter of its rate", "field_order_positional", "mlp", slower),
+    Fault("the grid learns at a twentieth of its rate", "field_order_grid", "grid-printed", slower),
+    Fault("the network learns at a twentieth of its rate", "field_order_positional", "mlp", slower),
     Fault("the plain network is encoded", "field_order_plain", "mlp", given(
         solver, "trained", lambda case, own, form, *rest: (case, own, form | {"frequencies": 4}, *rest))),
     Fault("normals are turned", *BALL, instead(

@@ -166,7 +166,9 @@ class FieldCase(Problem):
             raise ValueError(f"theory '{self.theory}' needs the table '{table}'" + (
                 " without 'match'" if table == "cloth" and self.cloth else ""
             ))  # fmt: skip
-        others = {"density": self.density, "match": self.match} | ({} if self.match else {"cloth": self.cloth})
+        others: dict[str, object] = {"density": self.density, "match": self.match} | (
+            {} if self.match else {"cloth": self.cloth}
+        )
         others |= {} if self.theory == "local-structures" else {"body": self.body}
         for name, other in others.items():
             if other is not None and name != table:

@@ -65,7 +65,7 @@ def spread(coarse: LayeredField, cells: int, degree: int) -> Array:
     count = PER_CELL * cells
     inverse = np.linalg.pinv(along((np.arange(count) + 0.5) / count, cells, degree).toarray())
     values = coarse.displacement(lattice(count)).reshape(count, count, 3)
-    return np.einsum("ia,jb,abk->ijk", inverse, inverse, values, optimize=True).reshape(-1, 3)
+    return np.asarray(np.einsum("ia,jb,abk->ijk", inverse, inverse, values, optimize=True)).reshape(-1, 3)
 
 
 def gauss(cells: int, count: int) -> tuple[Array, Array]:

@@ -240,7 +240,7 @@ class Losses:
         if case.match is not None:
             return ((displacement - tensor(evaluated(case.match.function, self.points))) ** 2).sum(dim=1)
         assert cloth is not None
-        parts = displacement.split([at.shape[0] * at.shape[1] for at in self.at.values()])
+        parts = torch.split(displacement, [at.shape[0] * at.shape[1] for at in self.at.values()])
         moved = {name: part.reshape(*at.shape[:2], 3) for (name, at), part in zip(self.at.items(), parts, strict=True)}
         rest = {name: tensor(case.rest(at.reshape(-1, 2))).reshape(*at.shape[:2], 3) for name, at in self.at.items()}
         places = {name: rest[name] + moved[name] for name in rest}
