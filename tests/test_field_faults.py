@@ -175,7 +175,6 @@ FAULTS = (
         sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, int(1.01 * steps)))),
     Fault("regions at the ends reach to the first point only", *LLOYD, instead(
         sampling, "relaxed_on_a_line", lambda places, steps: RELAXED(places, steps) + 1e-9)),
-    Fault("the pinned point is free", *DRAPE, instead(direct, "freed", lambda *given: given[-1])),
     Fault("the ball's push has the wrong sign", *DRAPE, wrapped(energy, "pushed", lambda found: (found[0], -found[1], found[2]))),
     Fault("the mean of corners collides, not their sum", *DRAPE, wrapped(
         energy, "pushed", lambda found: tuple(part / 6 for part in found))),

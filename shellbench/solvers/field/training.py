@@ -240,7 +240,7 @@ class Losses:
         if case.match is not None:
             return ((displacement - tensor(evaluated(case.match.function, self.points))) ** 2).sum(dim=1)
         assert cloth is not None
-        parts = torch.split(displacement, [at.shape[0] * at.shape[1] for at in self.at.values()])
+        parts: Any = torch.split(displacement, [at.shape[0] * at.shape[1] for at in self.at.values()])
         moved = {name: part.reshape(*at.shape[:2], 3) for (name, at), part in zip(self.at.items(), parts, strict=True)}
         rest = {name: tensor(case.rest(at.reshape(-1, 2))).reshape(*at.shape[:2], 3) for name, at in self.at.items()}
         places = {name: rest[name] + moved[name] for name in rest}
@@ -251,7 +251,7 @@ class Losses:
             found = found + cloth.bend * bends(places["star"])
         if case.body is not None:
             found = found + cloth.collision * depths(places["star"], case.body)
-        return found
+        return torch.as_tensor(found)
 
 
 def depths(places: Tensor, body: Ball) -> Tensor:
@@ -333,5 +333,7 @@ def spread(history: list[Step]) -> dict[str, float]:
 
 def known_by_loss(case: FieldCase, recent: list[float]) -> dict[str, float]:
     """Return the root of the mean of the last losses on fresh samples: how far a field is from what it matches."""
+    if case.match is None:  # losses may be negative
+        return {}
     off = math.sqrt(float(np.mean(recent)))
-    return {q.name: off for q in case.quantities if case.match is not None and q.kind in ("rms_error", "value")}
+    return {q.name: off for q in case.quantities if q.kind in ("rms_error", "value")}
