@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from . import drape
 from . import field_closed as closed
 
 JUDGES = {
@@ -10,6 +11,7 @@ JUDGES = {
     "field_count_grid": closed.field_count_grid,
     "field_count_vertices": closed.field_count_vertices,
     "field_sine": closed.field_sine,
+    **closed.ORDER,
     "field_stretch": closed.field_stretch,
     "field_hang": closed.field_hang,
     "field_curvature": closed.field_curvature,
@@ -17,6 +19,7 @@ JUDGES = {
     "field_empty_row": closed.field_empty_row,
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
+    "field_drape": drape.by_triangles,
 }
 SECOND_FORMS = {
     "field_count_plain": partial(closed.printed, 47_427),
@@ -24,6 +27,7 @@ SECOND_FORMS = {
     "field_count_grid": partial(closed.printed, 47_369),
     "field_count_vertices": partial(closed.printed, 49_152),
     "field_sine": closed.field_sine_by_cosines,
+    **closed.ORDER,
     "field_stretch": closed.field_stretch_by_directions,
     "field_hang": closed.field_hang_by_energy,
     "field_curvature": closed.field_curvature_by_triangles,
@@ -31,4 +35,5 @@ SECOND_FORMS = {
     "field_empty_row": closed.field_empty_row_by_counting,
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
+    "field_drape": drape.by_differences,
 }

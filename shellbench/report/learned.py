@@ -1,4 +1,4 @@
-"""Fields on the unit square: errors against epochs, parameters and seconds, and where adaptive samples go.
+"""Fields on the unit square: errors against epochs, parameters and seconds.
 
 A figure for each problem whose answers are learned: what trains has a course of epochs, what is solved for has one
 point. Samples and densities are shown of runs that kept both. Nothing here is about one kind of problem but what its
@@ -67,12 +67,12 @@ def section(found: Evidence) -> Section | None:
     by_case = {
         case: of_case
         for case, of_case in grouped(runs, lambda run: run.row.case).items()
-        if any(len(run.epochs) > 1 or _kept(run, found) is not None for run in of_case)
+        if any(len(run.epochs) > 1 or kept_samples(run, found) is not None for run in of_case)
     }
     runs = [run for of_case in by_case.values() for run in of_case]
     if not runs:
         return None
-    figures = [figure for case in by_case.values() for figure in (*course_exhibits(case, found), *samples(case, found))]
+    figures = [figure for case in by_case.values() for figure in course_exhibits(case, found)]
     return Section("learned", "Fields on the unit square", (), given(table(runs)), tuple(figures), place="its suites")
 
 
@@ -183,7 +183,7 @@ def _dashes(runs: Sequence[Learned]) -> dict[str, Dashes]:
 def samples(runs: Sequence[Learned], found: Evidence) -> Iterator[Exhibit]:
     """Yield the figure of densities that samples follow, and of the samples, run by run."""
     by_draws = sorted(runs, key=lambda run: not run.epochs)  # what is trained first: its samples are drawn
-    kept = [(run, arrays) for run in by_draws if (arrays := _kept(run, found)) is not None]
+    kept = [(run, arrays) for run in by_draws if (arrays := kept_samples(run, found)) is not None]
     shown = [(run, arrays) for run, arrays in kept if np.ptp(arrays[0]) > 0][:MOST_DRAWN]
     if not shown:
         return
@@ -212,7 +212,7 @@ def samples(runs: Sequence[Learned], found: Evidence) -> Iterator[Exhibit]:
     )
 
 
-def _kept(run: Learned, found: Evidence) -> tuple[Array, Array] | None:
+def kept_samples(run: Learned, found: Evidence) -> tuple[Array, Array] | None:
     """Return the density by cells and the points that a run kept; None if it kept none."""
     case = portrait_of(run.record)
     if case is None or case.sampled is None or run.record.fields_file is None:

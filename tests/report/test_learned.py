@@ -46,7 +46,7 @@ def test_only_fields_learn_and_only_adaptive_samples_are_kept(tmp_path):
     assert not portrait_of_named(catalog.named_case("square_plate")).learns
     found = SimpleNamespace(folder=tmp_path)
     np.savez(tmp_path / "kept.npz", density=np.ones((2, 3)), points=np.zeros((5, 2)), grid_0=np.zeros(3))
-    density, points = learned._kept(run("field_hang"), found)
+    density, points = learned.kept_samples(run("field_hang"), found)
     assert (density.shape, points.shape) == ((2, 3), (5, 2))
     np.savez(tmp_path / "kept.npz", grid_0=np.zeros(3))
-    assert learned._kept(run("field_hang"), found) is None
+    assert learned.kept_samples(run("field_hang"), found) is None

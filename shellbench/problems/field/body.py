@@ -1,8 +1,10 @@
-"""A ball given by vertices, as the paper has its bodies: the distance is that to the nearest vertex's plane."""
+"""A ball: by its exact distance, or by vertices, as the paper has its bodies, and the nearest vertex's plane."""
 
 from __future__ import annotations
 
 import math
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +17,20 @@ GOLDEN = math.pi * (3 - math.sqrt(5))  # the golden angle
 
 
 class Ball(Model):
-    """A ball whose surface is sampled by vertices on a Fibonacci spiral."""
+    """A ball; its surface may be sampled by vertices on a Fibonacci spiral."""
 
     centre: Vector = Field((0.0, 0.0, 0.0), description="where it is, m")
     radius: Positive = Field(description="m")
-    vertices: int = Field(ge=4, le=10_000_000, strict=True, description="how many")
+    vertices: int | None = Field(
+        None, ge=4, le=10_000_000, strict=True, description="how many; none: distances are exact"
+    )
 
     @property
     def normals(self) -> Array:
         """Outward unit normals (n, 3) at the vertices."""
-        number = np.arange(self.vertices)
-        height = 1 - (2 * number + 1) / self.vertices
+        count = self.vertices or 0
+        number = np.arange(count)
+        height = 1 - (2 * number + 1) / count
         across = np.sqrt(1 - height**2)
         return np.stack([across * np.cos(GOLDEN * number), across * np.sin(GOLDEN * number), height], axis=1)
 
@@ -37,3 +42,21 @@ class Ball(Model):
     def distance(self, places: Array) -> Array:
         """Return the exact signed distance (n,) of places (n, 3) from its surface, m."""
         return np.asarray(np.linalg.norm(places - np.array(self.centre), axis=-1) - self.radius)
+
+    def contact(self, places: Array) -> tuple[Array, Array]:
+        """Return signed distances (n,), m, of places (n, 3) as collision sees them, and outward unit normals (n, 3).
+
+        Exact ones, or those from the plane of the nearest vertex: eq. (26) with epsilon = 0.
+        """
+        if self.vertices is None:
+            apart = places - np.array(self.centre)
+            far = np.linalg.norm(apart, axis=-1)
+            return far - self.radius, apart / far[..., None]
+        normals, nearest = self.normals, self._tree.query(places)[1]
+        return np.asarray(np.sum((places - self.places[nearest]) * normals[nearest], axis=-1)), normals[nearest]
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import cKDTree
+
+        return cKDTree(self.places)

@@ -2,7 +2,8 @@
 
 A file has one of these tables. `[match]` is a function that a field is fitted to. `[cloth]` weighs losses of local
 structures, whose mean over the square a field minimises; beside `[match]` it only says what is measured. `[density]` is
-a probability by cells that points are drawn from. `[body]` is a ball of vertices, whose distance is asked.
+a probability by cells that points are drawn from. `[body]` is a ball: one that a cloth meets, or one of vertices whose
+distance is asked.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from shellbench.model import Finite, Model, Positive
 from shellbench.problem import Problem
 from shellbench.problems.field.body import Ball
 from shellbench.problems.field.formulas import Formulas, evaluated
-from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity
+from shellbench.problems.field.quantities import BODY, CLOTH, DENSITY, FIT, Axis, Edge, FieldQuantity, Point
 from shellbench.problems.field.structure import WIDEST, lattice
 
 Array = NDArray[np.float64]
@@ -58,10 +59,17 @@ class Cloth(Model):
 
 
 class Pin(Model):
-    """Edges whose displacement is given."""
+    """Edges and points whose displacement is given."""
 
-    on: Annotated[tuple[Edge, ...], Field(min_length=1)] = Field(description="edges")
+    on: tuple[Edge, ...] = Field((), description="edges")
+    at: tuple[Point, ...] = Field((), description="points (u, v)")
     displacement: Formulas = Field((0.0, 0.0, 0.0), description="m: numbers, or formulas of u and v")
+
+    @model_validator(mode="after")
+    def _is_somewhere(self) -> Self:
+        if not self.on and not self.at:
+            raise ValueError("a pin needs edges ('on') or points ('at')")
+        return self
 
 
 class Density(Model):
@@ -108,11 +116,11 @@ class FieldCase(Problem):
     training
         What a trained answer may spend.
     pins
-        Edges whose displacement is given.
+        Edges and points whose displacement is given.
     density
         A probability that points are drawn from.
     body
-        A ball of vertices.
+        A ball: what the cloth meets, or one of vertices whose distance is asked.
     quantities
         What is asked of every answer; exactly one is primary.
     """
@@ -136,7 +144,10 @@ class FieldCase(Problem):
     def physics(self) -> dict[str, Any]:
         """Return all that an answer depends on; tables that the file does not have are left out."""
         tables = ("match", "cloth", "network", "training", "pins", "density", "body")
-        return {key: value for key, value in super().physics().items() if value or key not in tables}
+        found = {key: value for key, value in super().physics().items() if value or key not in tables}
+        if self.pins:  # a pin of edges has no points, and the other way round
+            found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
+        return found
 
     def rest(self, points: Array) -> Array:
         """Return places (n, 3) of points (n, 2) without displacement, m."""
@@ -155,9 +166,10 @@ class FieldCase(Problem):
             raise ValueError(f"theory '{self.theory}' needs the table '{table}'" + (
                 " without 'match'" if table == "cloth" and self.cloth else ""
             ))  # fmt: skip
-        others = {"density": self.density, "match": self.match, "body": self.body} | (
+        others: dict[str, object] = {"density": self.density, "match": self.match} | (
             {} if self.match else {"cloth": self.cloth}
         )
+        others |= {} if self.theory == "local-structures" else {"body": self.body}
         for name, other in others.items():
             if other is not None and name != table:
                 raise ValueError(f"theory '{self.theory}' has no table '{name}'")
@@ -168,10 +180,15 @@ class FieldCase(Problem):
                 raise ValueError(f"quantity '{quantity.name}' can't be asked with theory '{self.theory}'")
             if quantity.kind in ("strain", "bend", "gravity", "energy") and self.cloth is None:
                 raise ValueError(f"quantity '{quantity.name}' needs the table 'cloth'")
-            if quantity.kind == "collision":
-                raise ValueError(f"quantity '{quantity.name}' needs a body beside the cloth, which is not offered yet")
-        if self.cloth and self.cloth.collision:
-            raise ValueError("field 'cloth.collision': a cloth can't meet a body yet, so that it must be 0")
+            if quantity.kind in ("collision", "penetration") and self.body is None:
+                raise ValueError(f"quantity '{quantity.name}' needs the table 'body'")
+        if self.theory == "local-structures" and self.cloth:
+            if (self.body is not None) != (self.cloth.collision > 0):
+                raise ValueError("a body and a positive 'cloth.collision' go together")
+        elif self.cloth and self.cloth.collision:
+            raise ValueError("field 'cloth.collision' must be 0 with theory 'fit'")
+        elif self.body is not None and self.body.vertices is None:
+            raise ValueError("theory 'nearest-vertex' needs 'body.vertices'")
         self._check_density()
         self._check_formulas()
         return self

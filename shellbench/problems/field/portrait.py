@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from shellbench.portrait import Portrait
+import numpy as np
+
+from shellbench.portrait import Portrait, Scene
+
+VIEW = (18.0, -60.0)  # elevation and azimuth of the camera, degrees
 
 
 class FieldPortrait(Portrait):
@@ -21,3 +25,12 @@ class FieldPortrait(Portrait):
     def sampled(self) -> tuple[str, str] | None:
         """Names of the density and of the samples of answers that had some."""
         return ("density", "points") if self.problem.has_field else None
+
+    @property
+    def scene(self) -> Scene | None:
+        """A cloth that meets a body, as it is."""
+        if self.problem.body is None or not self.problem.has_field:
+            return None
+        pins = tuple(np.array(point) for pin in self.problem.pins for point in pin.at)
+        held = tuple(("uv".index(edge[0]), edge[2:]) for pin in self.problem.pins for edge in pin.on)
+        return Scene((1.0, 1.0), 1.0, True, (0.0, 0.0, 1.0), VIEW, "z", held, pins, ())

@@ -85,6 +85,19 @@ class MeanLoss(Quantity):
         return float(np.mean(found))
 
 
+class Penetration(Quantity):
+    """The largest depth of points below the body's surface, over midpoints of a lattice, m; zero if there is none."""
+
+    kind: Literal["penetration"]
+    lattice: int = Field(200, ge=1, le=FINE, strict=True, description="cells along a side")
+
+    def measure(self, solution: Any) -> float:
+        """Return the depth, m: by exact distances, whatever the body's vertices."""
+        points = lattice(self.lattice)
+        places = solution.case.rest(points) + solution.displacement(points)
+        return max(0.0, -float(np.min(solution.case.body.distance(places))))
+
+
 class Parameters(Quantity):
     """How many numbers represent the field."""
 
@@ -172,7 +185,7 @@ class DistanceError(Quantity):
 
 
 FIT = (PointValue, Elongation, RmsError, Parameters, MeanLoss)
-CLOTH = (PointValue, Elongation, Parameters, MeanLoss)
+CLOTH = (PointValue, Elongation, Parameters, MeanLoss, Penetration)
 DENSITY = (Cell, Cumulative, ChiSquared, Mean)
 BODY = (Distance, DistanceError)
 FieldQuantity = Annotated[
@@ -180,6 +193,7 @@ FieldQuantity = Annotated[
     | Elongation
     | RmsError
     | MeanLoss
+    | Penetration
     | Parameters
     | Cell
     | Cumulative

@@ -20,9 +20,10 @@ from safetensors.numpy import save_file
 from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.field.case import FieldCase
-from shellbench.problems.field.structure import TURN, bend, corners, strain
+from shellbench.problems.field.structure import TURN, bend, corners, depths, strain
 
 Array = NDArray[Any]
+DRAWN = 65  # points of a surface along a side
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,16 @@ class FieldAnswer:
 class FieldSolution(FieldAnswer, ABC):
     """A field: a displacement at each point of the unit square."""
 
+    def kept(self) -> dict[str, Array]:
+        """Return the arrays that a record keeps: with a body also the surface, so that it can be drawn."""
+        if self.case.body is None:
+            return super().kept()
+        along = np.linspace(0, 1, DRAWN)
+        xi = np.stack(np.meshgrid(along, along, indexing="ij"), axis=-1)
+        points = xi.reshape(-1, 2)
+        surface = {"position": self.case.rest(points), "displacement": self.displacement(points)}
+        return super().kept() | {"xi": xi} | {name: a.reshape(DRAWN, DRAWN, 3) for name, a in surface.items()}
+
     @abstractmethod
     def displacement(self, points: NDArray[np.float64], orders: tuple[int, int] = (0, 0)) -> NDArray[np.float64]:
         """Return the displacement (n, 3), m, at points (n, 2), or its derivative of these orders in u and v.
@@ -95,10 +106,14 @@ class FieldSolution(FieldAnswer, ABC):
     def losses(self, points: Array, turns: int = 1) -> dict[str, Array]:
         """Return each loss (n,) at points (n, 2), as the mean over so many orientations of the structure."""
         assert self.case.cloth is not None
-        found = {"strain": np.zeros(len(points)), "bend": np.zeros(len(points))}
+        body = self.case.body
+        found = {name: np.zeros(len(points)) for name in ("strain", "bend", *(["collision"] if body else []))}
         for angle in TURN * np.arange(turns) / turns:
             turned = np.full(len(points), angle)
             found["strain"] += strain(*self.structures(points, turned, 3)) / turns
-            found["bend"] += bend(self.structures(points, turned, 6)[0]) / turns
+            stars = self.structures(points, turned, 6)[0]
+            found["bend"] += bend(stars) / turns
+            if body:
+                found["collision"] += depths(stars, body) / turns
         heights = self.case.rest(points)[:, 2] + self.displacement(points)[:, 2]
         return found | {"gravity": self.case.cloth.mass_gravity * heights}

@@ -15,6 +15,8 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.field.body import Ball
+
 Array = NDArray[np.float64]
 
 EDGES = ((0, 1), (1, 2), (2, 0))
@@ -58,6 +60,12 @@ def bend(places: Array) -> Array:
     """Return the bending loss (n,) of structures (n, 6, 3): eq. (22)."""
     middle = unit_normals(places, MIDDLE)
     return np.asarray(sum(np.sum((middle - unit_normals(places, face)) ** 2, axis=1) for face in OUTER))
+
+
+def depths(places: Array, body: Ball) -> Array:
+    """Return the collision loss (n,) of structures (n, 6, 3) and a body: eq. (26), summed over the corners."""
+    distances = body.contact(places.reshape(-1, 3))[0].reshape(places.shape[:-1])
+    return np.asarray(np.sum(np.minimum(distances, 0) ** 2, axis=1))
 
 
 def lattice(count: int) -> Array:

@@ -9,34 +9,39 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bmat, diags
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import identity
+from scipy.sparse.linalg import splu
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
-from shellbench.problems.field.case import Cloth, FieldCase
+from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.formulas import evaluated
 from shellbench.problems.field.quantities import AXES, along_edge
-from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, lattice, weighted
+from shellbench.problems.field.structure import lattice, weighted
 from shellbench.solvers.field.basis import Sparse, along, matrix
+from shellbench.solvers.field.energy import Sampled
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.sampling import Cells, positive
+from shellbench.solvers.field.symmetry import folded, maps, span_of
 
 Array = NDArray[np.float64]
-Blocks = dict[tuple[int, int], Array]
 
 MOST_STEPS = 50  # of Newton's method
 SMALL = 1e-12  # relative: change of the energy at which it ends
+ROUNDING = 1e-12  # of splines that are zero at a place
+MOST_FOLDING, SMALL_FOLDING = 200, 1e-10  # of a sheet that meets a body
+DAMPING = 1e-7  # of it, N/m for each square metre: a pinned point alone lets the sheet turn
+FARTHEST, NEAR = 0.1, 3e-4  # m that a coefficient goes in a step; relative slope from which on Hessians are exact
 HALVINGS = 30  # of a step that does not lower the energy
 PLAYS = 12  # of the two players: density, then minimiser
 STEADY = 1e-10  # by which the density still moves when they end
 PER_CELL = 4  # samples of a match along a cell
 GAUSS = {1: 2, 3: 3}  # points of a cell along a side, by degree: midpoints alone let splines gain at the edges
-GOLDEN_TURN = TURN * 0.6180339887498949  # orientations of neighbours: no two alike
 
 
 def form_of(cells: int, degree: int, confined: tuple[str, ...] = ()) -> dict[str, Any]:
@@ -55,128 +60,12 @@ def matched(case: FieldCase, cells: int, degree: int) -> LayeredField:
     return LayeredField(case, {"grid_0": found.reshape(-1, 3)}, form_of(cells, degree))
 
 
-@dataclass(frozen=True)
-class Sampled:
-    """Structures at sample points, as matrices of a grid's coefficients: one for each corner, and the middles'.
-
-    Attributes
-    ----------
-    triangles, stars
-        Of the three corners that strain looks at, and of the six that bending does; none of what has no weight.
-    flat, rest
-        Rest places (n, 3, 3) of the triangles and (n, 6, 3) of the stars.
-    """
-
-    cloth: Cloth
-    triangles: tuple[Sparse, ...]
-    stars: tuple[Sparse, ...]
-    flat: Array
-    rest: Array
-    middles: Sparse
-    heights: Array
-    weights: Array
-
-    @classmethod
-    def of(cls, case: FieldCase, cells: int, degree: int, points: Array, weights: Array) -> Sampled:
-        """Return the structures about points (n, 2) whose losses have weights (n,)."""
-        assert case.cloth is not None
-        angles: Array = np.arange(len(points), dtype=float) * GOLDEN_TURN % TURN
-
-        def of_corners(count: int) -> tuple[tuple[Sparse, ...], Array]:
-            at = corners(points, angles, case.cloth.side, count)  # type: ignore[union-attr]
-            rest = np.stack([case.rest(at[:, corner]) for corner in range(count)], axis=1)
-            return tuple(matrix(at[:, corner], cells, degree) for corner in range(count)), rest
-
-        triangles, flat = of_corners(3)
-        stars, rest = of_corners(6) if case.cloth.bend else ((), np.zeros((len(points), 0, 3)))
-        heights = case.rest(points)[:, 2]
-        return cls(case.cloth, triangles, stars, flat, rest, matrix(points, cells, degree), heights, weights)
-
-    @property
-    def axes(self) -> list[int]:
-        """Numbers of the components that are free."""
-        return [number for number, axis in enumerate(AXES) if axis not in self.cloth.confined]
-
-    def energy(self, coefficients: Array) -> float:
-        """Return the weighted mean of all losses for coefficients (m, 3)."""
-        return self.taken(coefficients, order=0)[0]
-
-    def taken(self, coefficients: Array, order: int = 2) -> tuple[float, Array, Sparse]:
-        """Return the energy, its gradient (m, 3) and its Hessian, component by component of those that are free.
-
-        With `order` 0 gradient and Hessian are empty.
-        """
-        axes = self.axes
-        drop = self.cloth.gravity * self.cloth.mass_gravity * self.weights
-        energy = float(drop @ (self.heights + self.middles @ coefficients[:, 2]))
-        gradient = np.zeros_like(coefficients)
-        gradient[:, 2] = self.middles.T @ drop
-        hessian: list[list[Any]] = [[None] * len(axes) for _ in axes]
-
-        def add(matrices: list[Sparse], value: Array, slopes: Array, blocks: Array) -> None:
-            """Add a loss (n,) with its slopes (n, c, 3) and second derivatives (n, c, 3, d, 3) in c vectors."""
-            nonlocal energy
-            energy += float(self.weights @ value)
-            if not order:
-                return
-            for c, one in enumerate(matrices):
-                gradient[:] += one.T @ (self.weights[:, None] * slopes[:, c])
-                for d, other in enumerate(matrices):
-                    for row, a in enumerate(axes):
-                        for column, b in enumerate(axes):
-                            part, there = (
-                                one.T @ diags(self.weights * blocks[:, c, a, d, b]) @ other,
-                                hessian[row][column],
-                            )
-                            hessian[row][column] = part if there is None else there + part
-
-        for i, j in EDGES if self.cloth.strain else ():
-            edge, resting = self.triangles[j] - self.triangles[i], self.flat[:, j] - self.flat[:, i]
-            value, slope, second = stretched(resting + edge @ coefficients, np.linalg.norm(resting, axis=1))
-            parts = (self.cloth.strain * part for part in (value, slope[:, None], second[:, None, :, None]))
-            add([edge], *parts)
-        places = np.stack([m @ coefficients for m in self.stars], axis=1) + self.rest if self.stars else self.rest
-        for face in OUTER if self.stars else ():
-            numbers = [*MIDDLE, next(corner for corner in face if corner > 2)]
-            value, slope, second = bent(places, face, numbers)
-            add([self.stars[n] for n in numbers], *(self.cloth.bend * p for p in (value, slope, second)))
-        return energy, gradient, bmat(hessian, format="csr") if order else None
-
-
-def stretched(edge: Array, rest: Array) -> tuple[Array, Array, Array]:
-    """Return (l/L - 1)^2 (n,) of edges (n, 3) with rest lengths (n,), its gradient (n, 3) and Hessian (n, 3, 3)."""
-    length = np.linalg.norm(edge, axis=1)
-    along_it = edge / length[:, None]
-    excess = length / rest - 1
-    outer = along_it[:, :, None] * along_it[:, None, :]
-    across = np.eye(3) - outer
-    second = 2 / rest[:, None, None] ** 2 * (outer + (1 - rest / length)[:, None, None] * across)
-    return excess**2, 2 * (excess / rest)[:, None] * along_it, second
-
-
-def normal_with_slopes(places: Array, face: tuple[int, int, int], numbers: list[int]) -> tuple[Array, Array]:
-    """Return the unit normal (n, 3) of a face, and its derivative (n, 3, c, 3) in the places of corners."""
-    a, b, c = (places[:, corner] for corner in face)
-    plain = np.cross(b - a, c - a)
-    size = np.linalg.norm(plain, axis=1)[:, None]
-    normal = plain / size
-    slopes = np.zeros((len(places), 3, len(numbers), 3))
-    opposite = {face[0]: c - b, face[1]: a - c, face[2]: b - a}  # d plain = opposite x d corner
-    for corner, edge in opposite.items():
-        turned = np.stack([np.cross(edge, axis) for axis in np.eye(3)], axis=2) / size[:, :, None]
-        slopes[:, :, numbers.index(corner)] = (
-            turned - normal[:, :, None] * np.einsum("ni,nia->na", normal, turned)[:, None]
-        )
-    return normal, slopes
-
-
-def bent(places: Array, face: tuple[int, int, int], numbers: list[int]) -> tuple[Array, Array, Array]:
-    """Return |n1 - n2|^2 (n,) of the middle face and another, its gradient, and twice the square of the slopes."""
-    one, one_slopes = normal_with_slopes(places, MIDDLE, numbers)
-    other, other_slopes = normal_with_slopes(places, face, numbers)
-    apart, slopes = one - other, one_slopes - other_slopes
-    gradient = 2 * np.einsum("ni,nica->nca", apart, slopes)
-    return np.sum(apart**2, axis=1), gradient, 2 * np.einsum("nica,nidb->ncadb", slopes, slopes)
+def spread(coarse: LayeredField, cells: int, degree: int) -> Array:
+    """Return the coefficients (m, 3) on a grid that are nearest to a coarser grid's field."""
+    count = PER_CELL * cells
+    inverse = np.linalg.pinv(along((np.arange(count) + 0.5) / count, cells, degree).toarray())
+    values = coarse.displacement(lattice(count)).reshape(count, count, 3)
+    return np.asarray(np.einsum("ia,jb,abk->ijk", inverse, inverse, values, optimize=True)).reshape(-1, 3)
 
 
 def gauss(cells: int, count: int) -> tuple[Array, Array]:
@@ -205,38 +94,93 @@ def held(case: FieldCase, cells: int, degree: int) -> tuple[NDArray[np.bool_], A
     return given.reshape(-1, 3), values.reshape(-1, 3)
 
 
-def least(case: FieldCase, sampled: Sampled, start: Array, given: NDArray[np.bool_]) -> Iterator[tuple[float, Array]]:
+def freed(
+    case: FieldCase, cells: int, degree: int, given: NDArray[np.bool_], coefficients: Array, span: Sparse
+) -> Sparse:
+    """Return what free unknowns add to coefficients, component by component of those that are free: sparse.
+
+    `span` is what unknowns would add without pins. A pinned point binds the unknowns whose splines are not zero there:
+    the largest of them follows from the others. Coefficients (m, 3) are changed so that they meet all pins.
+    """
+    axes = free_axes(case)
+    taken = np.asarray(abs(span[given[:, axes].T.ravel()]).sum(axis=0)).ravel() > 0
+    span = span[:, ~taken]
+    for pin in (pin for pin in case.pins if pin.at):
+        points = np.array(pin.at)
+        values = evaluated(pin.displacement, points)
+        splines = matrix(points, cells, degree)
+        for number, place in product(range(len(points)), range(len(axes))):
+            row = splines[[number]]
+            share = (row @ span[place * len(given) : (place + 1) * len(given)]).toarray()[0]
+            lead = int(np.abs(share).argmax())
+            if abs(share[lead]) < ROUNDING:
+                continue  # held already, by an edge or by symmetry
+            off = values[number, axes[place]] - float((row @ coefficients[:, axes[place]])[0])
+            coefficients[:, axes] += (span[:, [lead]].toarray() * off / share[lead]).reshape(len(axes), -1).T
+            follows = identity(len(share), format="lil")
+            follows[lead] = -share / share[lead]
+            keep = np.arange(len(share)) != lead
+            span = (span @ follows.tocsc()[:, keep]).tocsr()
+    return span
+
+
+def free_axes(case: FieldCase) -> list[int]:
+    """Return the numbers of the components that are not confined."""
+    return [number for number, axis in enumerate(AXES) if not case.cloth or axis not in case.cloth.confined]
+
+
+def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
     """Yield energy and coefficients after each step of Newton's method, until the energy is least.
+
+    `span` is what `freed` returns. With a body the sheet folds on its way: its Hessian is the convex one, damped, and
+    steps are short, until steps are whole and small; then it is the exact one, as long as its steps go down.
 
     Raises
     ------
     SolveFailure
         If steps do not lower it, or it has not settled.
     """
-    axes = sampled.axes
-    free = ~given[:, axes].T.ravel()  # the Hessian goes component by component
-    coefficients = start
-    for _ in range(MOST_STEPS):
-        energy, gradient, hessian = sampled.taken(coefficients)
-        found = np.zeros(free.shape)
-        found[free] = spsolve(hessian[free][:, free].tocsc(), -gradient[:, axes].T.ravel()[free])
+    axes, meets = sampled.axes, sampled.body is not None
+    convex, coefficients = meets, start
+    most, small = (MOST_FOLDING, SMALL_FOLDING) if meets else (MOST_STEPS, SMALL)
+    damping = DAMPING / len(start) * identity(span.shape[1], format="csr")
+    for _ in range(most):
+        energy, gradient, hessian = sampled.taken(coefficients, convex=convex)
+        reduced = span.T @ hessian @ span + (damping if convex else 0 * damping)
+        found = solved(reduced, -(span.T @ gradient[:, axes].T.ravel()))
         step = np.zeros_like(coefficients)
-        step[:, axes] = found.reshape(len(axes), -1).T
+        step[:, axes] = (span @ found).reshape(len(axes), -1).T
         if not np.all(np.isfinite(step)):
             raise SolveFailure("the losses leave some of the field undetermined: pins are missing, or samples")
         slope = float(np.sum(step * gradient))
-        if abs(slope) <= SMALL * (abs(energy) + abs(slope)):
+        if abs(slope) <= small * (abs(energy) + abs(slope)):
             yield sampled.energy(coefficients + step), coefficients + step
             return
+        if meets and slope > 0:  # a saddle is near
+            convex = True
+            continue
+        share = min(1.0, FARTHEST / float(np.abs(step).max())) if meets else 1.0
         for _ in range(HALVINGS):
-            if sampled.energy(coefficients + step) <= energy:
+            if sampled.energy(coefficients + share * step) <= energy:
                 break
-            step = step / 2
+            share /= 2
         else:
             raise SolveFailure("Newton's method finds no step that lowers the energy")
-        coefficients = coefficients + step
+        convex = meets and not (share == 1.0 and -slope <= NEAR * abs(energy))
+        coefficients = coefficients + share * step
         yield sampled.energy(coefficients), coefficients
-    raise SolveFailure(f"the energy has not settled after {MOST_STEPS} steps of Newton's method")
+    raise SolveFailure(f"the energy has not settled after {most} steps of Newton's method")
+
+
+def solved(matrix: Sparse, right: Array) -> Array:
+    """Return the solution (n,) of a symmetric system; not finite if it has none."""
+    try:
+        factors = splu(
+            matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+    except RuntimeError:  # singular
+        return np.full(len(right), np.nan)
+    return np.asarray(factors.solve(right))
 
 
 @dataclass(frozen=True)
@@ -252,12 +196,27 @@ class Play:
     cells: int
 
 
-def minimised(case: FieldCase, cells: int, degree: int, play: Play, progress: ProgressCallback) -> LayeredField:
-    """Return the grid of least energy; with a density that follows the losses, where both players rest."""
+def minimised(
+    case: FieldCase,
+    cells: int,
+    degree: int,
+    play: Play,
+    progress: ProgressCallback,
+    coarse: LayeredField | None = None,
+    symmetric: bool = True,
+) -> LayeredField:
+    """Return the grid of least energy; with a density that follows the losses, where both players rest.
+
+    A coarser grid's answer is where it starts, if there is one.
+    """
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
     points, areas = gauss(cells, GAUSS[degree])
     given, start = held(case, cells, degree)
+    if coarse is not None:
+        start = np.where(given, start, spread(coarse, cells, degree))
+    same = maps(case) if symmetric and not play.share else maps(case)[:1]
+    span = freed(case, cells, degree, given, start, span_of(cells + degree, free_axes(case), same))
     form = form_of(cells, degree, case.cloth.confined)
     middles, shares = lattice(play.cells), np.ones((play.cells, play.cells))
     plays = 0
@@ -265,9 +224,9 @@ def minimised(case: FieldCase, cells: int, degree: int, play: Play, progress: Pr
         plays += 1
         density = play.share * Cells(shares).density(points) + 1 - play.share
         ones = np.ones(len(points)) if play.weighted else density
-        sampled = Sampled.of(case, cells, degree, points, areas * ones)
-        for energy, coefficients in least(case, sampled, start, given):
-            history.append(Step(len(history), time.perf_counter() - began, energy, int((~given).sum())))
+        sampled = Sampled.of(case, cells, degree, *folded(points, areas * ones, same))
+        for energy, coefficients in least(sampled, start, span):
+            history.append(Step(len(history), time.perf_counter() - began, energy, span.shape[1]))
             progress(Progress(len(history), None, f"energy {energy:.6g}"))
             start = coefficients
         found = LayeredField(case, {"grid_0": start}, form, tuple(history))

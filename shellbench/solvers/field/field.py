@@ -17,6 +17,7 @@ from shellbench.problems.field.solution import FieldSolution
 from shellbench.solvers.field.basis import matrix
 
 Array = NDArray[np.float64]
+AT_ONCE = 4096  # points
 OMEGA = (
     30.0  # of a sine's argument, Sitzmann et al., "Implicit Neural Representations with Periodic Activation Functions"
 )
@@ -37,13 +38,24 @@ def free_factor(points: Array, held: list[str]) -> Array:
     return factor
 
 
+def pin_shares(points: Array, pinned: Array) -> Array:
+    """Return the share (n, k) that pinned points (k, 2) have at points (n, 2): by inverse squares of distances.
+
+    A trained displacement less its own at pins, so shared, is zero at each; of one pin it is the same everywhere.
+    """
+    apart = np.sum((points[:, None] - pinned) ** 2, axis=2)
+    nearest = apart.min(axis=1, keepdims=True)
+    shares = np.where(apart == 0, 1.0, nearest / np.where(apart == 0, 1.0, apart))
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
+
 @dataclass(frozen=True)
 class LayeredField(FieldSolution):
     """A field by its weights.
 
     `form` has `cells` of each level and the `degree`; `frequencies` of the encoding; `layers`, their number, and the
-    `activation`; `held` edges and `confined` components. `tensors` are `grid_0`, ... (splines, features), `weight_0`,
-    ... (in, out) and `bias_0`, ... (out,).
+    `activation`; `held` edges, `pinned` points and `confined` components. `tensors` are `grid_0`, ... (splines,
+    features), `weight_0`, ... (in, out) and `bias_0`, ... (out,).
     """
 
     def displacement(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
@@ -51,14 +63,22 @@ class LayeredField(FieldSolution):
         form = self.form
         if sum(orders) and (form["layers"] or form["held"]):
             raise ValueError("only a grid without layers, solved for, has derivatives here")
-        values = self.features(points, orders)
+        parts = np.array_split(points, max(1, len(points) // AT_ONCE))  # memory that fits caches
+        values = np.concatenate([self.decoded(part, orders) for part in parts])
+        if pinned := form.get("pinned"):
+            values = values - pin_shares(points, np.array(pinned)) @ self.decoded(np.array(pinned))
+        values = values * free_factor(points, form["held"])[:, None]
+        values[:, [AXES.index(axis) for axis in form["confined"]]] = 0.0
+        return np.asarray(values)
+
+    def decoded(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
+        """Return what the layers make of features, (n, 3); without layers the features."""
+        form, values = self.form, self.features(points, orders)
         for number in range(form["layers"]):
             values = values @ self.tensors[f"weight_{number}"] + self.tensors[f"bias_{number}"]
             if number < form["layers"] - 1:
                 values = np.maximum(values, 0) if form["activation"] == "relu" else np.sin(OMEGA * values)
-        values = values * free_factor(points, form["held"])[:, None]
-        values[:, [AXES.index(axis) for axis in form["confined"]]] = 0.0
-        return np.asarray(values)
+        return values
 
     def features(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
         """Return the input of the first layer, or the displacement of a field without layers."""

@@ -26,7 +26,8 @@ Share = Annotated[Finite, Field(ge=0, le=1)]
 SamplerName = Literal["uniform", "stratified", "adaptive"]
 DEGREES = {"bilinear": 1, "cubic": 3}
 VERTICES = 127  # cells of a grid that has as many coefficients as the paper's mesh has free variables
-MATCHING, MINIMISING = 64, 16  # cells along a side
+MATCHING, MINIMISING, FOLDING = 64, 16, 48  # cells along a side
+FEWEST = 12  # of the grids that a sheet folds on first
 HIDDEN = 3  # layers beside the last
 SPENT = {"epochs": 200, "samples": 64}  # by what is trained if the case does not say
 LOOKS = 10  # at the figures of a training
@@ -46,8 +47,13 @@ class GridSettings(SampledSettings):
 
     basis: Literal["bilinear", "cubic"] = Field("cubic", description="splines of the grid")
     resolution: int | None = Field(
-        None, ge=2, le=400, strict=True, description="cells a side, and half as many; None: 64 to match, 16 to minimise"
+        None,
+        ge=2,
+        le=400,
+        strict=True,
+        description="cells a side, and half as many; None: 64 to match, 16 to minimise, 48 (and 36) to meet a body",
     )
+    symmetric: bool = Field(True, description="whether a question that is symmetric about a body gets such an answer")
 
 
 class TrainedSettings(SampledSettings):
@@ -87,6 +93,7 @@ class MlpSettings(TrainedSettings):
     """Settings of `MlpSolver`."""
 
     encoding: Literal["plain", "positional"] = Field("plain", description="of the point")
+    learning_rate: Finite = Field(1e-3, gt=0, le=1, description="of Adam; table 4 has 5e-4")
     sampler: SamplerName = Field(
         "stratified", description="points by chance, one in each cell, or where losses are large"
     )
@@ -120,9 +127,10 @@ class GridSolver(OfFields):
     def answer(self, case: FieldCase, settings: GridSettings, progress: ProgressCallback) -> FieldSolution:
         """Solve on two grids, of which the finer one answers."""
         from shellbench.solvers.field.direct import Play, matched, minimised
+        from shellbench.solvers.field.field import LayeredField
 
         degree = DEGREES[settings.basis]
-        cells = settings.resolution or (MATCHING if case.match else MINIMISING)
+        cells = settings.resolution or (MATCHING if case.match else FOLDING if case.body else MINIMISING)
         if settings.sampler == "stratified":
             raise InputError(f"{case.name}: what is solved for has even samples (uniform), or adaptive ones")
         if case.network == "vertices":
@@ -130,10 +138,17 @@ class GridSolver(OfFields):
         share = settings.adaptive_share if settings.sampler == "adaptive" else 0.0
         play = Play(share, settings.weighted, settings.density_cells)
 
-        def on(count: int) -> FieldSolution:
-            return matched(case, count, degree) if case.match else minimised(case, count, degree, play, progress)
-
-        coarse, fine = on(-(-cells // 2)), on(cells)
+        levels = [-(-cells * 3 // 4) if case.body else -(-cells // 2), cells]
+        while case.body and levels[0] >= 2 * FEWEST:  # a sheet folds on few cells, and each grid starts from a coarser
+            levels.insert(0, levels[0] // 2)
+        solved = list[LayeredField]()
+        for count in levels:
+            if case.match:
+                solved.append(matched(case, count, degree))
+            else:
+                start = solved[-1] if case.body and solved else None
+                solved.append(minimised(case, count, degree, play, progress, start, settings.symmetric))
+        coarse, fine = solved[-2:]
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
         return replace(fine, uncertainty=uncertainty | by_itself(case, fine))
 
@@ -238,7 +253,8 @@ def trained(
         settings.lloyd,
     )
     held = [edge for pin in case.pins for edge in pin.on]
-    form |= {"activation": settings.activation, "held": held}
+    pinned = [list(point) for pin in case.pins for point in pin.at]
+    form |= {"activation": settings.activation, "held": held} | ({"pinned": pinned} if pinned else {})
     form["confined"] = list(case.cloth.confined) if case.cloth else []
     choice = Choice(
         form,

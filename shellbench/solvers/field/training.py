@@ -19,11 +19,12 @@ from torch.nn.functional import embedding_bag
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.field.body import Ball
 from shellbench.problems.field.case import FieldCase
 from shellbench.problems.field.formulas import evaluated
 from shellbench.problems.field.structure import EDGES, MIDDLE, OUTER, TURN, corners, lattice
 from shellbench.solvers.field.basis import local
-from shellbench.solvers.field.field import OMEGA, LayeredField, encoded, free_factor
+from shellbench.solvers.field.field import OMEGA, LayeredField, encoded, free_factor, pin_shares
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed
 
 Array = NDArray[np.float64]
@@ -61,13 +62,20 @@ class Choice:
 
 
 class Weights:
-    """The weights of a field as tensors that learn; `displacement` is what `LayeredField` computes of them."""
+    """The weights of a field as tensors that learn; `displacement` is what `LayeredField` computes of them.
+
+    Gradients go back through the layers by hand, in memory that is used again: PyTorch's graph, and fresh memory for
+    each of its results, cost more than the products. Only losses, of places, are left to the graph.
+    """
 
     def __init__(self, choice: Choice) -> None:
         self.form, self.choice = choice.form, choice
         self.kind = torch.float64 if choice.double else torch.float32
         random = torch.Generator().manual_seed(choice.seed)
         self.tensors: dict[str, Tensor] = {}
+        self.pinned = np.array(self.form["pinned"]) if self.form.get("pinned") else None
+        self.rooms: dict[tuple[str, tuple[int, ...]], Tensor] = {}
+        self.turned: dict[int, Tensor] = {}
         for number, cells in enumerate(self.form["cells"]):
             self._add(f"grid_{number}", ((cells + self.form["degree"]) ** 2, choice.features), START, random)
         inputs = len(self.form["cells"]) * choice.features or 2 + 4 * self.form["frequencies"]
@@ -83,30 +91,88 @@ class Weights:
 
     def _add(self, name: str, shape: tuple[int, ...], bound: float, random: torch.Generator) -> None:
         values = (2 * torch.rand(shape, generator=random, dtype=torch.float64) - 1) * bound
-        self.tensors[name] = values.to(self.choice.device, self.kind).requires_grad_()
+        self.tensors[name] = values.to(self.choice.device, self.kind)
 
     def tensor(self, array: NDArray[Any]) -> Tensor:
         """Return an array of numbers as a tensor."""
         return torch.as_tensor(array, dtype=self.kind, device=self.choice.device)
 
+    @torch.no_grad()
     def displacement(self, points: Array) -> Tensor:
-        """Return the displacement (n, 3) at points (n, 2)."""
+        """Return the displacement (n, 3) at points (n, 2), and keep what `slopes` needs of the way."""
         form = self.form
-        if form["cells"]:
-            levels = []
-            for number, cells in enumerate(form["cells"]):
-                indices, values = local(points, cells, form["degree"])
-                bag = torch.as_tensor(indices, device=self.choice.device), self.tensors[f"grid_{number}"]
-                levels.append(embedding_bag(*bag, per_sample_weights=self.tensor(values), mode="sum"))
-            found = torch.cat(levels, dim=1) if form["layers"] else torch.stack(levels).sum(dim=0)
-        else:
-            found = self.tensor(encoded(points, form["frequencies"]))
+        if self.pinned is not None:
+            shares = self.tensor(pin_shares(points, self.pinned))
+            points, count = np.concatenate([points, self.pinned]), len(points)
+        self.taps = [local(points, cells, form["degree"]) for cells in form["cells"]]
+        found = self._features(points)
+        self.inputs: list[Tensor] = []
         for number in range(form["layers"]):
-            found = found @ self.tensors[f"weight_{number}"] + self.tensors[f"bias_{number}"]
+            self.inputs.append(found)
+            found = self._room(f"out_{number}", len(found), self.tensors[f"bias_{number}"].shape[0])
+            torch.addmm(self.tensors[f"bias_{number}"], self.inputs[-1], self.tensors[f"weight_{number}"], out=found)
             if number < form["layers"] - 1:
-                found = torch.relu(found) if form["activation"] == "relu" else torch.sin(OMEGA * found)
+                self._activate(found, number)
         mask = [axis not in form["confined"] for axis in "xyz"]
-        return found * self.tensor(free_factor(points, form["held"])[:, None] * np.array(mask))
+        self.factor = self.tensor(free_factor(points, form["held"])[:, None] * np.array(mask))
+        found = found * self.factor
+        if self.pinned is not None:
+            self.shares = shares
+            found = found[:count] - shares @ found[count:]
+        return found
+
+    @torch.no_grad()
+    def slopes(self, slope: Tensor) -> list[Tensor]:
+        """Return the gradients of all tensors, in their order, for that of a loss in the last displacement (n, 3)."""
+        form, found = self.form, dict[str, Tensor]()
+        if self.pinned is not None:
+            slope = torch.cat([slope, -self.shares.T @ slope])
+        slope = slope * self.factor
+        for number in reversed(range(form["layers"])):
+            found[f"weight_{number}"], found[f"bias_{number}"] = self.inputs[number].T @ slope, slope.sum(dim=0)
+            if number or form["cells"]:
+                weight, further = self.tensors[f"weight_{number}"], slope
+                slope = self._room(f"back_{number}", len(further), weight.shape[0])
+                torch.mm(further, weight.T, out=slope)
+            if number and form["activation"] == "relu":
+                slope.masked_fill_(self.inputs[number] <= 0, 0.0)
+            elif number:
+                slope.mul_(self.turned[number - 1])
+        for number, (indices, values) in enumerate(self.taps):
+            own = slope[:, number * self.choice.features :][:, : self.choice.features] if form["layers"] else slope
+            parts = (own[:, None] * self.tensor(values)[:, :, None]).reshape(-1, own.shape[1])
+            numbers = torch.as_tensor(indices.ravel(), device=self.choice.device)
+            name = f"grid_{number}"
+            found[name] = torch.zeros_like(self.tensors[name]).index_add_(0, numbers, parts)
+        return [found[name] for name in self.tensors]
+
+    def _features(self, points: Array) -> Tensor:
+        form = self.form
+        if not form["cells"]:
+            return self.tensor(encoded(points, form["frequencies"]))
+        levels = []
+        for number, (indices, values) in enumerate(self.taps):
+            bag = torch.as_tensor(indices, device=self.choice.device), self.tensors[f"grid_{number}"]
+            levels.append(embedding_bag(*bag, per_sample_weights=self.tensor(values), mode="sum"))
+        return torch.cat(levels, dim=1) if form["layers"] else torch.stack(levels).sum(dim=0)
+
+    def _activate(self, values: Tensor, number: int) -> None:
+        """Replace values by their activation, and keep its slope if values don't tell it."""
+        if self.form["activation"] == "relu":
+            values.relu_()
+            return
+        slope = self.turned[number] = self._room(f"turned_{number}", *values.shape)
+        values.mul_(OMEGA)
+        torch.cos(values, out=slope)
+        slope.mul_(OMEGA)
+        values.sin_()
+
+    def _room(self, name: str, *shape: int) -> Tensor:
+        """Return a tensor of this shape whose memory is used again: fresh memory of this size costs as much as work."""
+        have = self.rooms.get((name, shape))
+        if have is None:
+            have = self.rooms[name, shape] = torch.empty(shape, dtype=self.kind, device=self.choice.device)
+        return have
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the weights."""
@@ -125,10 +191,8 @@ class Adam:
         self.second = [torch.zeros_like(tensor) for tensor in tensors]
 
     @torch.no_grad()
-    def step(self, loss: Tensor) -> None:
-        """Take a step against the gradient of a loss."""
-        with torch.enable_grad():
-            gradients = torch.autograd.grad(loss, self.tensors)
+    def step(self, gradients: list[Tensor]) -> None:
+        """Take a step against the gradients of a loss."""
         self.count += 1
         size = self.rate / (1 - FIRST**self.count)
         unbiased = math.sqrt(1 - SECOND**self.count)
@@ -155,28 +219,49 @@ def bends(places: Tensor) -> Tensor:
     return torch.stack([((normals[0] - n) ** 2).sum(dim=1) for n in normals[1:]]).sum(dim=0)
 
 
-def losses_at(case: FieldCase, weights: Weights, points: Array, angles: Array) -> Tensor:
-    """Return the weighted sum of losses (n,) at points (n, 2), structures turned by angles (n,)."""
-    if case.match is not None:
-        off = weights.displacement(points) - weights.tensor(evaluated(case.match.function, points))
-        return (off**2).sum(dim=1)
-    cloth = case.cloth
-    assert cloth is not None
+class Losses:
+    """What is asked of a field at points (n, 2), structures turned by angles (n,): the places it needs, and the losses.
 
-    def at(count: int) -> tuple[Tensor, Tensor]:
-        there = corners(points, angles, cloth.side, count).reshape(-1, 2)
-        rest = weights.tensor(case.rest(there))
-        return (rest + weights.displacement(there)).reshape(-1, count, 3), rest.reshape(-1, count, 3)
+    All places go through the field at once.
+    """
 
-    found = torch.zeros(len(points), dtype=weights.kind, device=weights.choice.device)
-    if cloth.strain:
-        found = found + cloth.strain * strains(*at(3))
-    if cloth.bend:
-        found = found + cloth.bend * bends(at(6)[0])
-    if cloth.gravity:
-        heights = weights.tensor(case.rest(points)[:, 2]) + weights.displacement(points)[:, 2]
-        found = found + cloth.gravity * cloth.mass_gravity * heights
-    return found
+    def __init__(self, case: FieldCase, weights: Weights, points: Array, angles: Array) -> None:
+        self.case, self.weights, self.points, cloth = case, weights, points, case.cloth
+        self.at = {"middle": points[:, None]}
+        if case.match is None and cloth is not None:
+            counts = {"triangle": (3, cloth.strain), "star": (6, cloth.bend + cloth.collision)}
+            needed = {name: count for name, (count, weight) in counts.items() if weight}
+            self.at = {name: corners(points, angles, cloth.side, count) for name, count in needed.items()} | self.at
+        self.places = np.concatenate([at.reshape(-1, 2) for at in self.at.values()])
+
+    def weighted(self, displacement: Tensor) -> Tensor:
+        """Return the weighted sum of losses (n,) for the displacement of all places."""
+        case, tensor, cloth = self.case, self.weights.tensor, self.case.cloth
+        if case.match is not None:
+            return ((displacement - tensor(evaluated(case.match.function, self.points))) ** 2).sum(dim=1)
+        assert cloth is not None
+        parts: Any = torch.split(displacement, [at.shape[0] * at.shape[1] for at in self.at.values()])
+        moved = {name: part.reshape(*at.shape[:2], 3) for (name, at), part in zip(self.at.items(), parts, strict=True)}
+        rest = {name: tensor(case.rest(at.reshape(-1, 2))).reshape(*at.shape[:2], 3) for name, at in self.at.items()}
+        places = {name: rest[name] + moved[name] for name in rest}
+        found = cloth.gravity * cloth.mass_gravity * places["middle"][:, 0, 2]
+        if cloth.strain:
+            found = found + cloth.strain * strains(places["triangle"], rest["triangle"])
+        if cloth.bend:
+            found = found + cloth.bend * bends(places["star"])
+        if case.body is not None:
+            found = found + cloth.collision * depths(places["star"], case.body)
+        return torch.as_tensor(found)
+
+
+def depths(places: Tensor, body: Ball) -> Tensor:
+    """Return the collision loss (n,) of structures (n, 6, 3): squares of depths, along normals at the places."""
+    distance, normal = body.contact(places.detach().cpu().numpy().reshape(-1, 3).astype(float))
+    flat = places.reshape(-1, 3)
+    tangent = (torch.as_tensor(array, dtype=flat.dtype, device=flat.device) for array in (distance, normal))
+    depth, outward = tangent
+    depth = depth + ((flat - flat.detach()) * outward).sum(dim=1)  # the distance, and its slope
+    return (torch.clamp(depth, max=0.0) ** 2).reshape(places.shape[:2]).sum(dim=1)
 
 
 def sampled(choice: Choice, cells: Cells, random: np.random.Generator) -> tuple[Array, Array]:
@@ -213,21 +298,26 @@ def train(case: FieldCase, choice: Choice, progress: ProgressCallback) -> Layere
     found = LayeredField(case, weights.arrays(), choice.form)
     for epoch in range(choice.epochs):
         if choice.sampler.kind == "adaptive" and epoch:
-            with torch.no_grad():
-                fresh = losses_at(case, weights, middles, TURN * random.random(size**2)).cpu().numpy()
+            asked = Losses(case, weights, middles, TURN * random.random(size**2))
+            fresh = asked.weighted(weights.displacement(asked.places)).cpu().numpy()
             cells = cells.mixed(positive(fresh.astype(float)).reshape(size, size), choice.sampler.kept)
         points, ones = sampled(choice, cells, random)
-        loss = (losses_at(case, weights, points, TURN * random.random(len(points))) * weights.tensor(ones)).sum()
-        optimiser.step(loss)  # a sum, as in eq. (20); only Adam's epsilon knows it from a mean
+        asked = Losses(case, weights, points, TURN * random.random(len(points)))
+        displacement = weights.displacement(asked.places).requires_grad_()
+        loss = (asked.weighted(displacement) * weights.tensor(ones)).sum()
+        (slope,) = torch.autograd.grad(loss, [displacement])
+        optimiser.step(weights.slopes(slope))  # a sum, as in eq. (20); only Adam's epsilon knows it from a mean
         value = float(loss.detach()) / len(points)
         if not math.isfinite(value):
             raise SolveFailure(f"the loss is not finite at epoch {epoch}", found)
         recent = [*recent[-9:], value]
         if (epoch + 1) % choice.every == 0 or epoch == choice.epochs - 1:
+            looked = time.perf_counter()
             found = LayeredField(case, weights.arrays(), choice.form)
             values = {quantity.name: quantity.measure(found) for quantity in case.quantities}
-            history.append(Step(epoch + 1, time.perf_counter() - began, value, found.parameters, quantities=values))
+            history.append(Step(epoch + 1, looked - began, value, found.parameters, quantities=values))
             progress(Progress(epoch + 1, choice.epochs, f"loss {value:.3g}"))
+            began += time.perf_counter() - looked  # a look is no part of training
     uncertainty = spread(history) | known_by_loss(case, recent)
     drawn = choice.sampler.kind == "adaptive"
     pictures = {"points": points, "density": cells.shares * size**2 / cells.shares.sum()} if drawn else {}
@@ -243,5 +333,7 @@ def spread(history: list[Step]) -> dict[str, float]:
 
 def known_by_loss(case: FieldCase, recent: list[float]) -> dict[str, float]:
     """Return the root of the mean of the last losses on fresh samples: how far a field is from what it matches."""
+    if case.match is None:  # losses may be negative
+        return {}
     off = math.sqrt(float(np.mean(recent)))
-    return {q.name: off for q in case.quantities if case.match is not None and q.kind in ("rms_error", "value")}
+    return {q.name: off for q in case.quantities if q.kind in ("rms_error", "value")}

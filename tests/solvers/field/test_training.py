@@ -1,5 +1,7 @@
 """What trains: fields and losses of tensors are those of arrays, Adam is Adam, and samples follow their density."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -11,7 +13,7 @@ from shellbench.problems.field.structure import bend, corners, lattice, strain
 from shellbench.solvers.field.field import LayeredField
 from shellbench.solvers.field.sampling import Cells, jittered, positive, relaxed, relaxed_on_a_line
 from shellbench.solvers.field.solver import MlpSolver, PrintedGridSolver
-from shellbench.solvers.field.training import Adam, Choice, Sampler, Weights, losses_at, sampled
+from shellbench.solvers.field.training import Adam, Choice, Losses, Sampler, Weights, sampled
 
 RANDOM = np.random.default_rng(9)
 POINTS = RANDOM.random((30, 2))
@@ -63,21 +65,48 @@ def test_losses_of_tensors_are_those_of_the_kind():
 
     heights = case.rest(POINTS)[:, 2] + field.displacement(POINTS)[:, 2]
     exact = 0.5 * strain(*of(3)) + 0.3 * bend(of(6)[0]) + 2.0 * 0.1 * heights
-    assert losses_at(case, weights, POINTS, angles).detach().numpy() == pytest.approx(exact, rel=1e-10)
+    asked = Losses(case, weights, POINTS, angles)
+    assert asked.weighted(weights.displacement(asked.places)).numpy() == pytest.approx(exact, rel=1e-10)
+
+
+@pytest.mark.parametrize("activation", ["relu", "sine"])
+@pytest.mark.parametrize("pinned", [[], [[0.5, 0.5], [0.0, 0.25]]])
+def test_slopes_of_a_drape_are_limits_of_differences(activation, pinned):
+    """Through layers, levels, pins and a body."""
+    case = catalog.named_case("field_drape")
+    own = choice(case, cells=(6, 3), activation=activation)
+    weights, angles = Weights(replace(own, form={**own.form, "pinned": pinned})), RANDOM.random(len(POINTS))
+    weights.tensors["grid_0"] += 0.1 * torch.rand(weights.tensors["grid_0"].shape)
+    asked = Losses(case, weights, POINTS, angles)
+
+    def loss():
+        return 1e3 * asked.weighted(weights.displacement(asked.places)).sum()
+
+    moved = weights.displacement(asked.places).requires_grad_()
+    (slope,) = torch.autograd.grad(1e3 * asked.weighted(moved).sum(), [moved])
+    found = dict(zip(weights.tensors, weights.slopes(slope), strict=True))
+    for name, tensor in weights.tensors.items():
+        way, step = torch.rand(tensor.shape, dtype=torch.float64) - 0.5, 1e-7
+        tensor += step * way
+        up = loss()
+        tensor -= 2 * step * way
+        down = loss()
+        tensor += step * way
+        assert float((found[name] * way).sum()) == pytest.approx(float((up - down) / (2 * step)), rel=1e-4, abs=1e-7)
 
 
 def test_adam_is_that_of_pytorch_s_documentation():
     """Its first step has the size of the rate, whatever the slope; later ones go with the mean of slopes."""
-    tensor = torch.tensor([1.0, -20.0], dtype=torch.float64, requires_grad=True)
+    tensor = torch.tensor([1.0, -20.0], dtype=torch.float64)
     adam = Adam([tensor], 1e-2)
-    adam.step((tensor**4).sum())
+    adam.step([4 * tensor**3])
     assert tensor.detach().numpy() == pytest.approx([0.99, -19.99], abs=1e-9)
     first = np.array([4.0, -32_000.0])
     second = 4 * tensor.detach().numpy() ** 3
     mean = (0.9 * 0.1 * first + 0.1 * second) / (1 - 0.9**2)
     square = (0.999 * 0.001 * first**2 + 0.001 * second**2) / (1 - 0.999**2)
     expected = tensor.detach().numpy() - 1e-2 * mean / (np.sqrt(square) + 1e-8)
-    adam.step((tensor**4).sum())
+    adam.step([4 * tensor**3])
     assert tensor.detach().numpy() == pytest.approx(expected, rel=1e-12)
 
 

@@ -1,0 +1,95 @@
+"""The solver `vertex-mesh`: a cloth as a mesh of triangles, the reference of what has no closed form."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Step
+from shellbench.problems.field.case import FieldCase
+from shellbench.problems.field.quantities import AXES
+from shellbench.problems.field.solution import FieldSolution
+from shellbench.problems.field.solving import FieldSolver, measured, told_by_levels
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MeshField(FieldSolution):
+    """A field by the displacement (n, 3) of `vertices`, linear in triangles; `form` has the `columns` of the mesh."""
+
+    @cached_property
+    def mesh(self) -> Any:
+        """The mesh."""
+        from shellbench.solvers.field.mesh import Mesh
+
+        return Mesh(self.case, self.form["columns"])
+
+    def displacement(self, points: Array, orders: tuple[int, int] = (0, 0)) -> Array:
+        """Return the displacement (n, 3), m; ValueError for derivatives."""
+        if sum(orders):
+            raise ValueError("a mesh of flat triangles has no derivatives at points")
+        found, shares = self.mesh.lattice.within(points)
+        return np.asarray(np.einsum("nk,nka->na", shares, self.tensors["vertices"][self.mesh.lattice.triangles[found]]))
+
+    def losses(self, points: Array, turns: int = 1) -> dict[str, Array]:
+        """Return the mesh's own mean losses, at each of points (n, 2) alike: structures would see its folds."""
+        means = self.mesh.means(self.mesh.rest + self.tensors["vertices"])
+        return {name: np.full(len(points), mean) for name, mean in means.items()}
+
+
+class MeshSettings(Settings):
+    """Settings of `VertexMeshSolver`."""
+
+    resolution: int = Field(
+        48, ge=4, le=400, multiple_of=4, strict=True, description="edges along a side; half as many say the uncertainty"
+    )
+
+
+class VertexMeshSolver(FieldSolver):
+    """A mesh of almost equilateral triangles whose edges stretch and whose hinges bend."""
+
+    name: ClassVar[str] = "vertex-mesh"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        ("local-structures",), "mesh of triangles with the structures' limit, Newton's method"
+    )
+    settings_type: ClassVar[type[MeshSettings]] = MeshSettings
+
+    def refuses(self, case: FieldCase) -> str | None:
+        """Return why it can't take a case: a network is asked for, or derivatives."""
+        if case.network is not None:
+            return f"the case asks for the network '{case.network}'"
+        if any(q.kind == "value" and sum(q.orders) for q in case.quantities):
+            return "a mesh of flat triangles has no derivatives at points"
+        return None
+
+    def answer(self, case: FieldCase, settings: MeshSettings, progress: ProgressCallback) -> MeshField:
+        """Solve on two meshes, of which the finer one answers."""
+        coarse, fine = (meshed(case, count, progress) for count in (settings.resolution // 2, settings.resolution))
+        uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
+        return MeshField(case, fine.tensors, fine.form, fine.history, uncertainty)
+
+    def load(self, path: Path) -> MeshField:
+        """Read what a field has saved; InputError in one sentence if it is none."""
+        return MeshField.load(path)
+
+
+def meshed(case: FieldCase, columns: int, progress: ProgressCallback) -> MeshField:
+    """Return the mesh of least energy."""
+    from shellbench.solvers.field.mesh import Mesh
+
+    began, mesh, history = time.perf_counter(), Mesh(case, columns), list[Step]()
+    free = len(mesh.rest) * (len(AXES) - len(mesh.cloth.confined))
+    found = mesh.rest
+    for energy, places in mesh.least():
+        found = places
+        history.append(Step(len(history), time.perf_counter() - began, energy, free))
+        progress(Progress(len(history), None, f"energy {energy:.6g}"))
+    return MeshField(case, {"vertices": found - mesh.rest}, {"columns": columns}, tuple(history))
