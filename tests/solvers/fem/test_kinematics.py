@@ -101,7 +101,7 @@ def test_energy_density_does_not_depend_on_the_coordinates():
         assert np.allclose(surface.position(points)[:, 1], [0.5, 1.1, 0.2])
         d = displacement.derivatives(points, 2)
         gradients = np.stack([d[key] for key in DERIVATIVES], axis=-1)
-        operator = stress_root_operator(geometry, material.poissons_ratio, stiffness_moduli(surface, material, points))
+        operator = stress_root_operator(geometry, material, stiffness_moduli(surface, material, points))
         rooted = np.einsum("psct,pct->ps", operator, gradients)
         densities.append(np.stack([np.sum(rooted[:, :3] ** 2, axis=1), np.sum(rooted[:, 3:] ** 2, axis=1)]) / 2)
     assert densities[0].min() > 0
