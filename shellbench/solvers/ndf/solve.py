@@ -205,12 +205,12 @@ def _constraints(ansatz: Ansatz, features: Features) -> list[tuple[Tensor, Tenso
     return [point_constraints(ansatz, features), *slope_constraints(ansatz, features)]
 
 
-def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tensor]:
+def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
     """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
     placement, supports = features.placement, point_supports(ansatz.case, ansatz.t)
     points = np.array([s.point.xi for s in supports]).reshape(-1, 2)
     if not supports or ansatz.soft:
-        return features.network.weights[0].new_zeros((0, 3 * features.count)), placement.tensor(np.zeros(0))
+        return placement.tensor(np.zeros((0, 3 * features.count))), placement.tensor(np.zeros(0))
     components = [s.component for s in supports]
     index = torch.arange(len(supports), device=placement.device)
     held = ansatz.factors.matrix(points, placement)[VALUE][index, components]
