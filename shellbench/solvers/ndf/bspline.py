@@ -22,7 +22,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
-from shellbench.solvers.ndf.bspline_solution import SPEC, SplineSolution, splines_of
+from shellbench.solvers.ndf.bspline_solution import SPEC, SplineSolution, solved_part, splines_of
 from shellbench.solvers.ndf.bspline_solver import SplineSettings
 from shellbench.solvers.ndf.build import build_ansatz, focal_points
 from shellbench.solvers.ndf.declines import why_declined
@@ -45,6 +45,7 @@ LEVELS = (4, 8, 16, 32, 64)  # cells along a side
 POINTS = 2  # Gauss points of a cell along a side beyond the degree: boundary factors and surfaces are no splines
 FINER = 2  # more of them, for the certificate
 BATCH = 2048  # points whose strain rows are held at once, in whole cells
+SLOPE_POINTS = 2  # of a cell at an edge whose slope is held: as many as splines there, nearly twice
 SAME_ROW = 1e-6  # of the largest singular value, below which conditions say the same
 FEWEST = 3  # levels that tell how fast changes shrink
 UNTOLD = 1.0  # of the last change that an answer may still miss, where fewer do
@@ -55,7 +56,9 @@ def why_not_held(case: Case) -> str | None:
     if case.dynamics is not None:
         return "it moves, and this solver takes shells at rest"
     if case.prescribed:
-        return "it follows prescribed motions, and this solver takes shells under loads"
+        return "it prescribes the whole surface, and this solver holds edges and corners"
+    if free_motions(case).size and any(support.motion is not None for support in case.supports):
+        return "its supports move and leave rigid motions free, which this solver removes from shells at rest only"
     return why_declined(case, SPEC)
 
 
@@ -148,7 +151,8 @@ def equations_of(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Equations:
     for moment in edge_moments(ansatz, splines, spec, focal, finite=False):
         rest = torch.zeros((len(moment.lengths), GRADIENTS // 3, 3), dtype=torch.float64)
         load += moment.forces(rest, ansatz.t).numpy()
-    conditions = [point_constraints(ansatz, splines), *slope_constraints(ansatz, splines)]
+    slopes = slope_constraints(ansatz, splines, replace(spec, order=SLOPE_POINTS), focal)
+    conditions = [point_constraints(ansatz, splines), *slopes]
     rows, targets = (torch.cat(both).numpy() for both in zip(*conditions, strict=True))
     return Equations(
         stiffness,
@@ -196,9 +200,9 @@ def least(equations: Equations) -> tuple[Array, Array]:
     return root * found[:count], forces
 
 
-def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float, float]:
-    """Return membrane, bending and springs' energy, and work of the loads on areas, J, on another rule."""
-    parts, output = np.zeros(4), weights.reshape(3, -1)
+def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) -> tuple[float, float, float]:
+    """Return membrane, bending and springs' energy, J, on another rule."""
+    parts, output = np.zeros(3), weights.reshape(3, -1)
     for found in cell_points(ansatz, splines, spec):
         cells, k = found.numbers.shape
         local = output[:, found.numbers].transpose(1, 0, 2)
@@ -207,10 +211,9 @@ def certified(ansatz: Ansatz, splines: Splines, spec: RuleSpec, weights: Array) 
         table = found.table
         strains = np.einsum("nrip,nip->nr", table.rows.numpy(), free) + table.offset.numpy()
         squares = 0.5 * (strains**2).sum(axis=0)
-        work = float((table.force.numpy() * free[:, :, VALUE]).sum()) + table.work
-        parts += [squares[:3].sum(), squares[3:6].sum(), squares[6:].sum(), work]
-    membrane, bending, springs, work = parts.tolist()
-    return membrane, bending, springs, work
+        parts += [squares[:3].sum(), squares[3:6].sum(), squares[6:].sum()]
+    membrane, bending, springs = parts.tolist()
+    return membrane, bending, springs
 
 
 @dataclass(frozen=True)
@@ -262,32 +265,33 @@ def solve(case: Case, settings: SplineSettings, progress: ProgressCallback) -> S
 
 def solve_level(case: Case, settings: SplineSettings, cells: int) -> Answer:
     """Solve on one grid."""
-    spec, ansatz, focal = rule_of(case, cells, settings), build_ansatz(case, SPEC), focal_points(case)
-    splines, domain = splines_of(case, spec, settings.degree), case.surface.domain
-    rule = area_rule(domain, focal, spec)
-    check_balance(case, rule, spec, focal)
+    part = solved_part(case, settings.symmetry)
+    spec, ansatz = rule_of(part.case, cells, settings), build_ansatz(part.case, SPEC)
+    splines = splines_of(part.case, spec, settings.degree)
+    focal = focal_points(part.case)
+    rule = area_rule(part.case.surface.domain, focal, spec)
+    check_balance(part.case, rule, spec, focal)
     equations = equations_of(ansatz, splines, spec)
     weights, forces = least(equations)
     fine = replace(spec, order=spec.order + FINER)
-    membrane, bending, springs, _ = certified(ansatz, splines, fine, weights)
-    potential = equations.potential(weights)
-    # Forces at points and edges do the same work on both rules; loads on areas are told apart by the strains alone.
-    stored = membrane + bending + springs
-    strained = 0.5 * float(weights @ (equations.stiffness @ weights))
+    membrane, bending, springs = certified(ansatz, splines, fine, weights)
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
+    # Strains on both rules; where a support moves, the lift strains the shell, too, and only the finer rule says so.
+    stored, strained = membrane + bending + springs, 0.5 * float(weights @ (equations.stiffness @ weights))
+    gap = 0.0 if ansatz.lift.moves else abs(strained - stored) / (stored + rounding)
     solution = SplineSolution(
         case=case,
+        symmetry=settings.symmetry,
         degree=settings.degree,
         rule=spec,
         coefficients=weights.reshape(3, -1),
-        membrane=membrane,
-        bending=bending,
-        point_forces=tuple(forces[: len(point_supports(case, SPEC.t))].tolist()),
-    ).without_rigid_motion()
-    moved = ansatz.lift.moves
-    gap = 0.0 if moved else abs(strained - stored) / (stored + rounding)
-    solution = replace(solution, diagnostics={"energy_gap": gap, "cells": cells, "quadrature_points": len(rule.points)})
-    return Answer(solution, potential, stored + rounding, gap, dict(measure_all(solution)))
+        membrane=part.copies * membrane,
+        bending=part.copies * bending,
+        point_forces=tuple(forces[: len(point_supports(part.case, SPEC.t))].tolist()),
+        diagnostics={"energy_gap": gap, "cells": cells, "quadrature_points": len(rule.points)},
+    )
+    potential, whole = part.copies * equations.potential(weights), part.copies * (stored + rounding)
+    return Answer(solution, potential, whole, gap, dict(measure_all(solution)))
 
 
 def _step(answer: Answer, number: int, seconds: float) -> Step:

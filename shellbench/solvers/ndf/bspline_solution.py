@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import torch
+from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words
+from shellbench.problems.shell.symmetry import Part, part_of, whole_of
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, focal_points
-from shellbench.solvers.ndf.energy import rigid_part
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule, ends_of
+from shellbench.solvers.ndf.field import Ansatz
+from shellbench.solvers.ndf.jets import PLANES, VALUE, Array, Placement, matrix_product
+from shellbench.solvers.ndf.quadrature import RuleSpec, ends_of
 from shellbench.solvers.ndf.solution import NdfSolution
 from shellbench.solvers.ndf.splines import Line, Splines
+from shellbench.solvers.ndf.supports import point_supports
 
 SPEC = FieldSpec(slopes="rows")
 """How supports are built in: as in linear answers of `ndf-ritz`."""
+
+
+def solved_part(case: Case, symmetry: bool) -> Part:
+    """Return the part of a shell that is solved: the least that planes of symmetry allow, if they are to be used."""
+    # A part knows neither springs nor parts of edges, and forces of its point supports would have to be shared out.
+    whole = case.springs or case.edge_parts or case.focus or point_supports(case, SPEC.t)
+    return whole_of(case) if whole or not symmetry else part_of(case)
 
 
 def splines_of(case: Case, rule: RuleSpec, degree: int) -> Splines:
@@ -35,34 +43,79 @@ def splines_of(case: Case, rule: RuleSpec, degree: int) -> Splines:
 
 
 @dataclass(frozen=True)
+class GridField:
+    """u = lift + M F on a part of a shell, F a sum of splines, and its mirror images.
+
+    It answers as a `shellbench.solvers.ndf.field.Field` of the whole shell does.
+
+    Attributes
+    ----------
+    part
+        What was solved.
+    on_part, ansatz
+        How supports of the part are built in, and those of the whole.
+    features
+        Splines on the part.
+    output
+        (3, M): the coefficients.
+    """
+
+    part: Part
+    on_part: Ansatz
+    ansatz: Ansatz
+    features: Splines
+    output: Array
+
+    def displacement(self, points: Array) -> Tensor:
+        """Return the displacement (N, 3), metres, at points (N, 2)."""
+        return self._planes(points, self.features.placement.of_values)[VALUE]
+
+    def jet(self, points: Array) -> Tensor:
+        """Return the jet (6, N, 3) of the displacement at points (N, 2)."""
+        return self._planes(points, self.features.placement)
+
+    def _planes(self, points: Array, placement: Placement) -> Tensor:
+        folded = self.part.fold(points)
+        numbers, jets = self.features.local(folded.points)
+        free = np.einsum("pnk,ink->pni", jets[: placement.planes], self.output[:, numbers], optimize=True)
+        matrix = self.on_part.factors.matrix(folded.points, placement)
+        found = matrix_product(matrix, placement.tensor(free)[..., None])[..., 0]
+        if self.on_part.lift.moves:
+            found = found + self.on_part.lift.jet(folded.points, placement)[: len(found)]
+        # a mirror turns a component of the displacement, and each derivative along a coordinate
+        turned = np.stack([folded.turned[:, 0] ** i * folded.turned[:, 1] ** j for i, j in PLANES[: len(found)]])
+        return found * placement.tensor(folded.signs) * placement.tensor(turned)[..., None]
+
+
+@dataclass(frozen=True)
 class SplineSolution(ShellSolution):
     """A grid of splines; see `shellbench.problem.Solution` for the protocol.
 
     Attributes
     ----------
+    symmetry
+        Whether a part was solved where planes of symmetry allow it.
     degree, rule
         Of the splines, and the quadrature whose panels are their cells.
     coefficients
         (3, M).
     membrane, bending
-        Parts of the strain energy, J.
+        Parts of the strain energy of the whole shell, J.
     point_forces
         (k,) forces of the point supports, N, in the order of `shellbench.solvers.ndf.supports.point_supports`.
-    rigid
-        (6,): the rigid motion that is taken away, see `shellbench.solvers.ndf.field.Field`.
     """
 
     formats: ClassVar[tuple[str, ...]] = ("bspline-ritz, format 1",)
-    numbers: ClassVar[tuple[str, ...]] = ("coefficients", "rigid")
+    numbers: ClassVar[tuple[str, ...]] = ("coefficients",)
 
     case: Case
+    symmetry: bool
     degree: int
     rule: RuleSpec
     coefficients: Array
     membrane: float
     bending: float
     point_forces: tuple[float, ...] = ()
-    rigid: Array = field(default_factory=lambda: np.zeros(6))
 
     @property
     def parameters(self) -> int:
@@ -70,29 +123,23 @@ class SplineSolution(ShellSolution):
         return self.coefficients.size
 
     @cached_property
-    def _field(self) -> Field:
-        features: Any = splines_of(self.case, self.rule, self.degree)
-        output, rigid = torch.from_numpy(self.coefficients), torch.from_numpy(self.rigid)
-        return Field(build_ansatz(self.case, SPEC), features, output, rigid)
-
-    @cached_property
     def _answered(self) -> NdfSolution:
+        part = solved_part(self.case, self.symmetry)
+        features = splines_of(part.case, self.rule, self.degree)
+        field: Any = GridField(
+            part, build_ansatz(part.case, SPEC), build_ansatz(self.case, SPEC), features, self.coefficients
+        )
         return NdfSolution(
             case=self.case,
             solver="",
             spec=SPEC,
-            field=self._field,
+            field=field,
             rule=self.rule,
             membrane=self.membrane,
             bending=self.bending,
             parameters=self.parameters,
             point_forces=self.point_forces,
         )
-
-    def without_rigid_motion(self) -> SplineSolution:
-        """Return the solution without the rigid motions, left free by the supports, that it has in the mean."""
-        rule = area_rule(self.case.surface.domain, focal_points(self.case), self.rule)
-        return replace(self, rigid=rigid_part(self._field, rule).numpy())
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
@@ -112,7 +159,7 @@ class SplineSolution(ShellSolution):
 
     def kept(self) -> tuple[Words, Arrays]:
         """Return what `restored` needs of a file."""
-        words = {name: getattr(self, name) for name in ("degree", "membrane", "bending", "point_forces")}
+        words = {name: getattr(self, name) for name in ("symmetry", "degree", "membrane", "bending", "point_forces")}
         return {**words, "rule": asdict(self.rule)}, {name: getattr(self, name) for name in self.numbers}
 
     @classmethod
@@ -120,17 +167,17 @@ class SplineSolution(ShellSolution):
         """Make a solution of what `kept` gave; ValueError or KeyError if it does not fit together."""
         said = words["rule"]
         panels, layers, joints = tuple(said["panels"]), tuple(said["layers"]), tuple(map(tuple, said["joints"]))
-        rule = RuleSpec(**{**said, "panels": panels, "layers": layers, "joints": joints})
         found = cls(
             case=case,
+            symmetry=bool(words["symmetry"]),
             degree=int(words["degree"]),
-            rule=rule,
+            rule=RuleSpec(**{**said, "panels": panels, "layers": layers, "joints": joints}),
             coefficients=np.asarray(arrays["coefficients"], dtype=float),
             membrane=float(words["membrane"]),
             bending=float(words["bending"]),
             point_forces=tuple(map(float, words["point_forces"])),
-            rigid=np.asarray(arrays["rigid"], dtype=float),
         )
-        if found.coefficients.shape != (3, splines_of(case, rule, found.degree).count) or found.rigid.shape != (6,):
+        part = solved_part(case, found.symmetry)
+        if found.coefficients.shape != (3, splines_of(part.case, found.rule, found.degree).count):
             raise ValueError("its coefficients do not fit its grid")
         return found

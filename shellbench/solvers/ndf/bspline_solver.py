@@ -27,6 +27,7 @@ class SplineSettings(Settings):
     grading: Finite = Field(
         2.0, ge=1, le=3, description="exponent of the cells' distances from point forces; 1: equal cells"
     )
+    symmetry: bool = Field(True, description="whether a part is solved where planes of symmetry allow it")
     layers: bool = Field(
         True, description="whether cells narrow toward the edges of curved shells without point forces"
     )
