@@ -3,6 +3,9 @@
 from functools import partial
 
 from . import field_closed as closed
+from .bridge_plate import sheet, sheet_by_ritz
+
+SIDES = {"field_bridge_25": 0.025, "field_bridge_12": 0.0125, "field_bridge_6": 0.00625}
 
 JUDGES = {
     "field_count_plain": closed.field_count_plain,
@@ -17,6 +20,7 @@ JUDGES = {
     "field_empty_row": closed.field_empty_row,
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
+    **{name: partial(sheet, side) for name, side in SIDES.items()},
 }
 SECOND_FORMS = {
     "field_count_plain": partial(closed.printed, 47_427),
@@ -31,4 +35,5 @@ SECOND_FORMS = {
     "field_empty_row": closed.field_empty_row_by_counting,
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
+    **{name: partial(sheet_by_ritz, side) for name, side in SIDES.items()},
 }

@@ -252,11 +252,16 @@ class Play:
     cells: int
 
 
-def minimised(case: FieldCase, cells: int, degree: int, play: Play, progress: ProgressCallback) -> LayeredField:
-    """Return the grid of least energy; with a density that follows the losses, where both players rest."""
+def minimised(
+    case: FieldCase, cells: int, degree: int, play: Play, progress: ProgressCallback, count: int | None = None
+) -> LayeredField:
+    """Return the grid of least energy on so many Gauss points of a cell along a side, None for those of its degree.
+
+    With a density that follows the losses, where both players rest.
+    """
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
-    points, areas = gauss(cells, GAUSS[degree])
+    points, areas = gauss(cells, count or GAUSS[degree])
     given, start = held(case, cells, degree)
     form = form_of(cells, degree, case.cloth.confined)
     middles, shares = lattice(play.cells), np.ones((play.cells, play.cells))

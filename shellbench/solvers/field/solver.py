@@ -48,6 +48,9 @@ class GridSettings(SampledSettings):
     resolution: int | None = Field(
         None, ge=2, le=400, strict=True, description="cells a side, and half as many; None: 64 to match, 16 to minimise"
     )
+    points: int | None = Field(
+        None, ge=1, le=12, strict=True, description="Gauss points of a cell along a side, to minimise; None: degree's"
+    )
 
 
 class TrainedSettings(SampledSettings):
@@ -131,7 +134,9 @@ class GridSolver(OfFields):
         play = Play(share, settings.weighted, settings.density_cells)
 
         def on(count: int) -> FieldSolution:
-            return matched(case, count, degree) if case.match else minimised(case, count, degree, play, progress)
+            if case.match:
+                return matched(case, count, degree)
+            return minimised(case, count, degree, play, progress, settings.points)
 
         coarse, fine = on(-(-cells // 2)), on(cells)
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
