@@ -1,6 +1,6 @@
 r"""A square plate, supported at two opposite edges and free at the others, whose bending has its own Poisson's ratio.
 
-It is the continuum limit of the local structures of Shu et al. (cases/field_bridge_6.toml). Over all directions their
+It is the continuum limit of the local structures of Shu et al. (cases/field_bridge_12.toml). Over all directions their
 losses are, for small strains E and curvatures k,
 
     w_s 3 (2 tr E^2 + tr^2 E) / 8      and      w_b s^2 (3/4 tr^2 k - 2 det k),

@@ -5,7 +5,7 @@ from functools import partial
 from . import field_closed as closed
 from .bridge_plate import sheet, sheet_by_ritz
 
-SIDES = {"field_bridge_25": 0.025, "field_bridge_12": 0.0125, "field_bridge_6": 0.00625}
+SIDES = {"field_bridge_50": 0.05, "field_bridge_25": 0.025, "field_bridge_12": 0.0125}
 
 JUDGES = {
     "field_count_plain": closed.field_count_plain,

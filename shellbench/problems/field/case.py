@@ -49,6 +49,7 @@ class Cloth(Model):
     collision: NotNegative = Field(0.0, description="weight of eq. (26)")
     mass_gravity: Positive = Field(1.0, description="m g of eq. (24): mass of a sample times acceleration, N")
     rest: Formulas = Field(("u", "v", 0.0), description="places without displacement, m; z points upward")
+    past_edges: bool = Field(False, description="whether structures reach past the edges, where splines go on")
     confined: tuple[Axis, ...] = Field((), description="components of the displacement that are zero everywhere")
 
     @property
@@ -136,7 +137,12 @@ class FieldCase(Problem):
     def physics(self) -> dict[str, Any]:
         """Return all that an answer depends on; tables that the file does not have are left out."""
         tables = ("match", "cloth", "network", "training", "pins", "density", "body")
-        return {key: value for key, value in super().physics().items() if value or key not in tables}
+        data = {key: value for key, value in super().physics().items() if value or key not in tables}
+        if not data.get("cloth", {}).get(
+            "past_edges", True
+        ):  # as in every case that was recorded before there were any
+            del data["cloth"]["past_edges"]
+        return data
 
     def rest(self, points: Array) -> Array:
         """Return places (n, 3) of points (n, 2) without displacement, m."""

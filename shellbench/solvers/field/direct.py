@@ -82,8 +82,10 @@ class Sampled:
         assert case.cloth is not None
         angles: Array = np.arange(len(points), dtype=float) * GOLDEN_TURN % TURN
 
+        cloth = case.cloth
+
         def of_corners(count: int) -> tuple[tuple[Sparse, ...], Array]:
-            at = corners(points, angles, case.cloth.side, count)  # type: ignore[union-attr]
+            at = corners(points, angles, cloth.side, count, *([True] if cloth.past_edges else []))
             rest = np.stack([case.rest(at[:, corner]) for corner in range(count)], axis=1)
             return tuple(matrix(at[:, corner], cells, degree) for corner in range(count)), rest
 

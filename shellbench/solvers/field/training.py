@@ -164,7 +164,7 @@ def losses_at(case: FieldCase, weights: Weights, points: Array, angles: Array) -
     assert cloth is not None
 
     def at(count: int) -> tuple[Tensor, Tensor]:
-        there = corners(points, angles, cloth.side, count).reshape(-1, 2)
+        there = corners(points, angles, cloth.side, count, cloth.past_edges).reshape(-1, 2)
         rest = weights.tensor(case.rest(there))
         return (rest + weights.displacement(there)).reshape(-1, count, 3), rest.reshape(-1, count, 3)
 
