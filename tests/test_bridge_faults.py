@@ -83,6 +83,7 @@ FAULTS = [
     Fault("ratios exchanged", "fem", BRIDGE, exchanged),
     Fault("one Poisson's ratio", "ndf-ritz", BRIDGE, one_ratio),
 ]
+pytestmark = pytest.mark.long
 CASES = sorted({(fault.solver, fault.case) for fault in FAULTS})
 
 
