@@ -10,10 +10,11 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
-from scipy.sparse import bmat, coo_matrix, csc_matrix, diags
+from scipy.sparse import bmat, coo_matrix, diags
 from scipy.sparse.linalg import splu
 
 from shellbench.errors import SolveFailure
@@ -39,7 +40,7 @@ from shellbench.solvers.ndf.splines import Splines
 from shellbench.solvers.ndf.strain_measures import GRADIENTS
 from shellbench.solvers.ndf.supports import check_balance, point_supports
 
-Sparse = csc_matrix
+Sparse = Any  # scipy's matrices have no types
 
 LEVELS = (4, 8, 16, 32, 64)  # cells along a side
 POINTS = 2  # Gauss points of a cell along a side beyond the degree: boundary factors and surfaces are no splines
@@ -105,8 +106,8 @@ def cell_points(ansatz: Ansatz, splines: Splines, spec: RuleSpec) -> Iterator[Ce
     area, per_cell = surface_area(ansatz, rule), spec.order**2
     shape = [line.cells * spec.order for line in splines.lines]
     # from rows of points that run through all cells to points cell by cell
-    order = np.arange(len(rule.points)).reshape(shape[0] // spec.order, spec.order, -1, spec.order)
-    order = order.transpose(0, 2, 1, 3).ravel()
+    lines = np.arange(len(rule.points)).reshape(shape[0] // spec.order, spec.order, -1, spec.order)
+    order = lines.transpose(0, 2, 1, 3).ravel()
     step = max(1, BATCH // per_cell) * per_cell
     for start in range(0, len(order), step):
         part = order[start : start + step]
