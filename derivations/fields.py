@@ -4,6 +4,9 @@ from functools import partial
 
 from . import drape
 from . import field_closed as closed
+from .bridge_plate import sheet, sheet_by_ritz
+
+SIDES = {"field_bridge_50": 0.05, "field_bridge_25": 0.025, "field_bridge_12": 0.0125}
 
 JUDGES = {
     "field_count_plain": closed.field_count_plain,
@@ -20,6 +23,7 @@ JUDGES = {
     "field_lloyd": closed.field_lloyd,
     "field_ball": closed.field_ball,
     "field_drape": drape.by_triangles,
+    **{name: partial(sheet, side) for name, side in SIDES.items()},
 }
 SECOND_FORMS = {
     "field_count_plain": partial(closed.printed, 47_427),
@@ -36,4 +40,5 @@ SECOND_FORMS = {
     "field_lloyd": closed.field_lloyd_by_modes,
     "field_ball": closed.field_ball_by_regions,
     "field_drape": drape.by_differences,
+    **{name: partial(sheet_by_ritz, side) for name, side in SIDES.items()},
 }

@@ -1,4 +1,4 @@
-"""The cases of the suite `shapes` that closed forms and series answer: what judges each, and its second form."""
+"""The cases of the suites `shapes` and `bridge` that closed forms and series answer: what judges each, and its second form."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from functools import partial
 
 from .bedded_plate import bedded_plate, bedded_plate_by_ritz
 from .blown_tube import blown_tube, blown_tube_by_samples
+from .bridge_plate import bridge_plate, bridge_plate_by_ritz
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
@@ -55,6 +56,7 @@ JUDGES: dict[str, Values] = {
     "pushed_plate": pushed_plate,
     "raft": raft,
     "blown_tube": blown_tube,
+    "bridge_plate": bridge_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
     "clamped_plate_uniform": partial(by_goursat, clamped_plate_uniform()),
@@ -79,4 +81,5 @@ SECOND_FORMS: dict[str, Values] = {
     "pushed_plate": pushed_plate_by_newton,
     "raft": raft_by_ritz,
     "blown_tube": blown_tube_by_samples,
+    "bridge_plate": bridge_plate_by_ritz,
 }

@@ -210,15 +210,19 @@ def energy_densities(case: Case, points: Array, membrane: Array, bending: Array)
     metric, _ = forms(case.surface.derivatives(points, order=2))
     full = metric[:, [[0, 2], [2, 1]]]
     upper = np.linalg.inv(full)
-    nu, material = case.material.poissons_ratio, case.material
+    material = case.material
 
-    def density(stiffness: float, strain: Array) -> Array:
+    def density(stiffness: float, nu: float, strain: Array) -> Array:
         mixed = np.einsum("pab,pbc->pac", upper, strain[:, [[0, 2], [2, 1]]])
         trace = np.trace(mixed, axis1=1, axis2=2)
         squared = np.einsum("pab,pba->p", mixed, mixed)
         return np.asarray(stiffness / 2 * (nu * trace**2 + (1 - nu) * squared))
 
-    return density(material.membrane_stiffness, membrane), density(material.bending_stiffness, bending)
+    nu, nu_of_bending = material.poissons_ratios
+    return (
+        density(material.membrane_stiffness, nu, membrane),
+        density(material.bending_stiffness, nu_of_bending, bending),
+    )
 
 
 def energies(exam: Examination, case: Case) -> Verdict:

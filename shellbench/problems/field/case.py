@@ -50,6 +50,7 @@ class Cloth(Model):
     collision: NotNegative = Field(0.0, description="weight of eq. (26)")
     mass_gravity: Positive = Field(1.0, description="m g of eq. (24): mass of a sample times acceleration, N")
     rest: Formulas = Field(("u", "v", 0.0), description="places without displacement, m; z points upward")
+    past_edges: bool = Field(False, description="whether structures reach past the edges, where splines go on")
     confined: tuple[Axis, ...] = Field((), description="components of the displacement that are zero everywhere")
 
     @property
@@ -147,6 +148,8 @@ class FieldCase(Problem):
         found = {key: value for key, value in super().physics().items() if value or key not in tables}
         if self.pins:  # a pin of edges has no points, and the other way round
             found["pins"] = [{key: value for key, value in pin.items() if value} for pin in found["pins"]]
+        if self.cloth and not self.cloth.past_edges:  # as in every case that was recorded before any reached past them
+            del found["cloth"]["past_edges"]
         return found
 
     def rest(self, points: Array) -> Array:

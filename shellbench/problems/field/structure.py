@@ -27,15 +27,18 @@ TURN = 2 * math.pi / 3  # after which a structure is the same
 LOSSES = ("strain", "bend", "gravity", "collision")
 
 
-def corners(middles: Array, angles: Array, side: float, count: int = 6) -> Array:
+def corners(middles: Array, angles: Array, side: float, count: int = 6, past_edges: bool = False) -> Array:
     """Return the corners (n, count, 2) of structures about points (n, 2), turned by angles (n,).
 
     The first three are those of the middle triangle. What would leave the square is moved inward until these corners
-    fit, and no farther: a margin that no edge reaches would let a field stretch there for nothing.
+    fit, and no farther: a margin that no edge reaches would let a field stretch there for nothing. With
+    `past_edges` nothing is moved: the field goes on beyond the square.
     """
     turned = angles[:, None] + TURN * np.arange(3)
     inner = side / math.sqrt(3) * np.stack([np.cos(turned), np.sin(turned)], axis=-1)
     around = np.concatenate([inner, -2 * inner], axis=1)[:, :count]
+    if past_edges:
+        return np.asarray(middles[:, None] + around)
     inside = np.clip(middles, -around.min(axis=1), 1 - around.max(axis=1))
     return np.asarray(np.clip(inside[:, None] + around, 0.0, 1.0))  # by rounding alone
 

@@ -353,7 +353,8 @@ Load = Annotated[AreaLoad | PressureLoad | GravityLoad | EdgeLoad | PointLoad | 
 class Material(Model):
     """Young's modulus, Poisson's ratio, thickness and density of a shell.
 
-    The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa). Where the shell is not the same
+    The strain energy per reference area is W = 1/2 (D H eps eps + B H kappa kappa). A homogeneous shell has one H, of
+    its Poisson's ratio; with a `bending_poissons_ratio`, bending has an H of its own. Where the shell is not the same
     everywhere, modulus and thickness are `youngs_modulus` and `thickness` times their factors. The factors vary the
     stiffness D and B alone: an areal density is what it is.
 
@@ -366,6 +367,9 @@ class Material(Model):
 
     youngs_modulus: Positive = Field(description="E, Pa")
     poissons_ratio: Annotated[Finite, Field(gt=-1, lt=0.5)] = Field(description="nu")
+    bending_poissons_ratio: Annotated[Finite, Field(gt=-1, lt=1)] | None = Field(
+        None, description="nu of bending alone, where it is another; B stays what nu makes it"
+    )
     thickness: Positive = Field(description="h, metres")
     areal_density: Annotated[Finite, Field(ge=0)] = Field(0.0, description="rho, kg per square metre")
     bending_factor: Positive = Field(1.0, description="scales B alone; 1 for a homogeneous shell")
@@ -388,6 +392,12 @@ class Material(Model):
         )
         modulus, thickness = (np.array(formula.derivatives(xi, 0)[0, 0]) for formula in formulas)
         return modulus, thickness
+
+    @property
+    def poissons_ratios(self) -> tuple[float, float]:
+        """Poisson's ratios of stretching and of bending."""
+        bending = self.bending_poissons_ratio
+        return self.poissons_ratio, self.poissons_ratio if bending is None else bending
 
     @property
     def membrane_stiffness(self) -> float:

@@ -150,6 +150,8 @@ class Shell(Problem):
         for name in ("modulus_factor", "thickness_factor"):
             if data["material"][name] == 1.0:
                 del data["material"][name]
+        if data["material"]["bending_poissons_ratio"] is None:
+            del data["material"]["bending_poissons_ratio"]
         return data
 
     @cached_property

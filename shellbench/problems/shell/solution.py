@@ -325,7 +325,14 @@ def silent(progress: Progress) -> None:
 
 
 Beyond = Literal[
-    "varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads", "kinks"
+    "varying stiffness",
+    "bending Poisson's ratio",
+    "foundation",
+    "supported parts",
+    "loaded parts",
+    "local supports",
+    "local loads",
+    "kinks",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -403,6 +410,12 @@ def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | N
 def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
     if not case.material.uniform:
         yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
+    membrane, bending = case.material.poissons_ratios
+    if membrane != bending:
+        yield (
+            "bending Poisson's ratio",
+            "its bending has a Poisson's ratio of its own, and this solver takes one for both",
+        )
     if case.springs and case.dynamics is None:
         yield "foundation", "it rests on springs, which this solver does not take"
     if any(isinstance(place, Edge) and not place.whole for _, place in case.supported_places()):

@@ -293,7 +293,7 @@ def _root_operator(
     count, per_cell = weights.shape
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
     moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
-    operator = stress_root_operator(geometry, material.poissons_ratio, moduli)
+    operator = stress_root_operator(geometry, material, moduli)
     operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
     operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]

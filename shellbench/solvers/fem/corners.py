@@ -224,10 +224,10 @@ def _supports_beside(case: Case, edge: Edge, running: float) -> list[Support]:
 def _exponent(case: Case, angle: float, first: Rim, second: Rim) -> float:
     """Return the least exponent of what loads can excite between two rims."""
     across, within = excited(case)
-    nu = case.material.poissons_ratio
+    nu, nu_of_bending = case.material.poissons_ratios
     found = INFINITE
     if across:
-        found = bending_exponent(angle, *sorted([first.bending, second.bending]), nu, INFINITE)
+        found = bending_exponent(angle, *sorted([first.bending, second.bending]), nu_of_bending, INFINITE)
     if within:
         found = min(found, membrane_exponent(angle, first, second, nu, INFINITE))
     return found

@@ -157,16 +157,21 @@ def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Arr
     return np.stack([membrane * modulus * thickness, bending * modulus * thickness**3], axis=-1)
 
 
-def stress_root_operator(surface: Midsurface, poissons_ratio: float, moduli: Array) -> Array:
+def elasticities(surface: Midsurface, material: Material) -> Array:
+    """Return H (n, 2, 3, 3) of stretching and of bending."""
+    return np.stack([elasticity(surface, nu) for nu in material.poissons_ratios], axis=1)
+
+
+def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
     """Return the operator (n, 6, 3, 5) whose squared length is twice the strain energy density; `moduli` (n, 2): D, B.
 
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix
     is a product of a matrix with its own transpose, symmetric and positive semidefinite by construction.
     """
     operator = strain_operator(surface)
-    root = np.swapaxes(np.linalg.cholesky(elasticity(surface, poissons_ratio)), -1, -2)
+    root = np.swapaxes(np.linalg.cholesky(elasticities(surface, material)), -1, -2)
     flat = operator.reshape(len(operator), 2, 3, -1)
-    rooted = (root[:, None] @ flat) * np.sqrt(moduli)[:, :, None, None]
+    rooted = (root @ flat) * np.sqrt(moduli)[:, :, None, None]
     return rooted.reshape(operator.shape)
 
 

@@ -30,7 +30,7 @@ from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     Deformation,
     Midsurface,
-    elasticity,
+    elasticities,
     stiffness_moduli,
     strain_operator,
 )
@@ -127,7 +127,7 @@ class FemSolution(ShellSolution):
             strains = Deformation.from_gradients(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
-        stresses = strains @ elasticity(surface, material.poissons_ratio)
+        stresses = (strains[:, :, None] @ elasticities(surface, material))[:, :, 0]
         return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1), surface.area
 
     @cached_property

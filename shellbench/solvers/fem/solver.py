@@ -73,7 +73,16 @@ class FemSolver(ShellSolver):
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "foundation", "supported parts", "loaded parts", "local supports", "local loads", "kinks"}
+        {
+            "varying stiffness",
+            "bending Poisson's ratio",
+            "foundation",
+            "supported parts",
+            "loaded parts",
+            "local supports",
+            "local loads",
+            "kinks",
+        }
     )
 
     def declines(self, case: Case) -> str | None:

@@ -25,7 +25,7 @@ from shellbench.solvers.fem.kinematics import (
     GRADIENT,
     Deformation,
     Midsurface,
-    elasticity,
+    elasticities,
     stiffness_moduli,
 )
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
@@ -115,7 +115,7 @@ class StrainEnergy:
             moduli = stiffness_moduli(self.surface, self.material, points.reshape(-1, 2))
             reference = Midsurface.at(self.surface.derivatives(points.reshape(-1, 2), order=2))
             share = (weights.ravel() * reference.area)[:, None, None, None]
-            tensor = elasticity(reference, self.material.poissons_ratio)[:, None]
+            tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
             yield Portion(
                 cells,

@@ -24,6 +24,8 @@ def knots(cells: int, degree: int) -> Array:
 def along(x: Array, cells: int, degree: int, order: int = 0) -> Sparse:
     """Return all splines at x (n,), or their derivatives of an order: sparse, (n, cells + degree).
 
+    Beyond the square the polynomials of its last cells go on.
+
     Raises
     ------
     ValueError
@@ -32,7 +34,7 @@ def along(x: Array, cells: int, degree: int, order: int = 0) -> Sparse:
     if order > degree:
         raise ValueError(f"a field of degree {degree} has no derivatives of order {order}")
     at = knots(cells, degree)
-    matrix = BSpline.design_matrix(x, at[order : len(at) - order], degree - order)
+    matrix = BSpline.design_matrix(x, at[order : len(at) - order], degree - order, extrapolate=True)
     # A derivative is a spline of one degree less, whose coefficients are differences over the length of supports.
     for lost in range(order - 1, -1, -1):
         k, t = degree - lost, at[lost : len(at) - lost]
@@ -53,7 +55,7 @@ def local(points: Array, cells: int, degree: int, orders: tuple[int, int] = (0, 
 
 def not_zero(x: Array, cells: int, degree: int, order: int) -> tuple[NDArray[np.int64], Array]:
     """Return the splines that are not zero at x (n,): their numbers and values, each (n, degree + 1)."""
-    cell = np.minimum((x * cells).astype(np.int64), cells - 1)
+    cell = np.clip((x * cells).astype(np.int64), 0, cells - 1)
     if degree == 1 and order == 0:  # eq. (4), much faster
         share = x * cells - cell
         return np.stack([cell, cell + 1], axis=1), np.stack([1 - share, share], axis=1)

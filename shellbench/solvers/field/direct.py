@@ -204,14 +204,16 @@ def minimised(
     progress: ProgressCallback,
     coarse: LayeredField | None = None,
     symmetric: bool = True,
+    count: int | None = None,
 ) -> LayeredField:
     """Return the grid of least energy; with a density that follows the losses, where both players rest.
 
-    A coarser grid's answer is where it starts, if there is one.
+    A coarser grid's answer is where it starts, if there is one. `count` are Gauss points of a cell along a side; None
+    for those of its degree.
     """
     assert case.cloth is not None
     began, history = time.perf_counter(), list[Step]()
-    points, areas = gauss(cells, GAUSS[degree])
+    points, areas = gauss(cells, count or GAUSS[degree])
     given, start = held(case, cells, degree)
     if coarse is not None:
         start = np.where(given, start, spread(coarse, cells, degree))

@@ -152,7 +152,7 @@ class Sampled:
         angles: Array = np.arange(len(points), dtype=float) * GOLDEN_TURN % TURN
 
         def of_corners(count: int) -> Batch:
-            return Batch.of(case, cells, degree, corners(points, angles, cloth.side, count))
+            return Batch.of(case, cells, degree, corners(points, angles, cloth.side, count, cloth.past_edges))
 
         triangles = of_corners(3) if cloth.strain else None
         stars = of_corners(6) if cloth.bend or cloth.collision else None

@@ -54,6 +54,9 @@ class GridSettings(SampledSettings):
         description="cells a side, and half as many; None: 64 to match, 16 to minimise, 48 (and 36) to meet a body",
     )
     symmetric: bool = Field(True, description="whether a question that is symmetric about a body gets such an answer")
+    points: int | None = Field(
+        None, ge=1, le=12, strict=True, description="Gauss points of a cell along a side, to minimise; None: degree's"
+    )
 
 
 class TrainedSettings(SampledSettings):
@@ -147,7 +150,9 @@ class GridSolver(OfFields):
                 solved.append(matched(case, count, degree))
             else:
                 start = solved[-1] if case.body and solved else None
-                solved.append(minimised(case, count, degree, play, progress, start, settings.symmetric))
+                solved.append(
+                    minimised(case, count, degree, play, progress, start, settings.symmetric, settings.points)
+                )
         coarse, fine = solved[-2:]
         uncertainty = told_by_levels([measured(case, coarse), measured(case, fine)])
         return replace(fine, uncertainty=uncertainty | by_itself(case, fine))

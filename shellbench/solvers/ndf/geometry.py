@@ -144,16 +144,17 @@ def rigidities(surface: Surface, material: Material, points: Array, placement: P
     return stretch, stretch * height.square() * (material.bending_stiffness / material.membrane_stiffness)
 
 
-def energy_rows(geometry: Geometry, poissons_ratio: float, rigidity: tuple[Tensor, Tensor]) -> Tensor:
+def energy_rows(geometry: Geometry, poissons_ratios: tuple[float, float], rigidity: tuple[Tensor, Tensor]) -> Tensor:
     """Return rows (N, 6, 3, 6) whose half sum of squares is the energy density W (eq. (17)), J/m^2.
 
-    The first three carry the membrane part, the last three the bending part; `rigidity` is D and B, as (N, 1, 1).
+    The first three carry the membrane part, the last three the bending part, each with its Poisson's ratio;
+    `rigidity` is D and B, as (N, 1, 1).
     """
-    root = torch.linalg.cholesky(elasticity_tensor(geometry, poissons_ratio)).mT
+    stretching, turning = (torch.linalg.cholesky(elasticity_tensor(geometry, nu)).mT for nu in poissons_ratios)
     rows = strain_rows(geometry)
     count = len(rows)
-    membrane = rigidity[0].sqrt() * root @ rows[:, :3].reshape(count, 3, 18)
-    bending = rigidity[1].sqrt() * root @ rows[:, 3:].reshape(count, 3, 18)
+    membrane = rigidity[0].sqrt() * stretching @ rows[:, :3].reshape(count, 3, 18)
+    bending = rigidity[1].sqrt() * turning @ rows[:, 3:].reshape(count, 3, 18)
     return torch.cat([membrane, bending], dim=1).view(count, 6, 3, 6)
 
 

@@ -136,7 +136,8 @@ def line_rule(ends: Array, order: int) -> tuple[Array, Array]:
     return (middle + half * x).ravel(), (half * w).ravel()
 
 
-def _ends(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> Array:
+def ends_of(domain: Domain, focal: Array, spec: RuleSpec, axis: int) -> Array:
+    """Return ascending ends of panels along a coordinate, graded toward focal points (k, 2)."""
     values = [float(f) for f in focal[:, axis]]
     return panel_ends(domain.lower[axis], domain.upper[axis], values, spec, axis, domain.periodic[axis])
 
@@ -145,7 +146,7 @@ def area_rule(domain: Domain, focal: Array, spec: RuleSpec) -> Rule:
     """Return the rule on the rectangle, graded toward focal points (k, 2); cells there and at corners are cut."""
     # A tensor rule that narrows toward both coordinates of a point puts most of its points where nothing is singular.
     lines = replace(spec, cuts=0) if spec.point_cuts else spec
-    ends = [_ends(domain, focal, lines, axis) for axis in (0, 1)]
+    ends = [ends_of(domain, focal, lines, axis) for axis in (0, 1)]
     (x1, w1), (x2, w2) = (line_rule(along, spec.order) for along in ends)
     points, weights = _tensor(x1, w1, x2, w2)
     inner = np.ones((len(x1), len(x2)), dtype=bool)
@@ -235,7 +236,7 @@ def _last_corner_rule(order: int) -> tuple[Array, Array]:
 def edge_rule(domain: Domain, edge: Edge, focal: Array, spec: RuleSpec) -> Rule:
     """Return the rule along an edge, or along a part of one; weights are those of the running coordinate."""
     axis = 1 - edge.axis
-    ends = _ends(domain, focal, spec, axis)
+    ends = ends_of(domain, focal, spec, axis)
     start, stop = edge.bounds(domain)
     inside = ends[(ends > start + MERGE * domain.size[axis]) & (ends < stop - MERGE * domain.size[axis])]
     running, weights = line_rule(np.array([start, *inside, stop]), spec.order)

@@ -66,7 +66,7 @@ class RitzSolver(ShellSolver):
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "foundation", "loaded parts", "local loads", "kinks"}
+        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks"}
     )
 
     def declines(self, case: Case) -> str | None:

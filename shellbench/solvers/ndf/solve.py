@@ -29,7 +29,7 @@ from torch import Tensor
 from shellbench.errors import SolveFailure
 from shellbench.solvers.ndf.energy import NormalEquations
 from shellbench.solvers.ndf.field import Ansatz, Features
-from shellbench.solvers.ndf.jets import D1, D2, VALUE, Integers, from_derivatives
+from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, Integers, from_derivatives
 from shellbench.solvers.ndf.quadrature import RuleSpec, edge_rule
 from shellbench.solvers.ndf.sampled import FeatureSet
 from shellbench.solvers.ndf.supports import edge_supports, point_supports
@@ -229,12 +229,12 @@ def _constraints(ansatz: Ansatz, features: Features) -> list[tuple[Tensor, Tenso
     return [point_constraints(ansatz, features), *slope_constraints(ansatz, features)]
 
 
-def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tensor]:
+def point_constraints(ansatz: Ansatz, features: FeatureSet) -> tuple[Tensor, Tensor]:
     """Return rows (k, 3 M) and targets (k,), metres, that hold the point supports."""
     placement, supports = features.placement, point_supports(ansatz.case, ansatz.t)
     points = np.array([s.point.xi for s in supports]).reshape(-1, 2)
     if not supports or ansatz.soft:
-        return features.network.weights[0].new_zeros((0, 3 * features.count)), placement.tensor(np.zeros(0))
+        return placement.tensor(np.zeros((0, 3 * features.count))), placement.tensor(np.zeros(0))
     components = [s.component for s in supports]
     index = torch.arange(len(supports), device=placement.device)
     held = ansatz.factors.matrix(points, placement)[VALUE][index, components]
@@ -243,12 +243,16 @@ def point_constraints(ansatz: Ansatz, features: Features) -> tuple[Tensor, Tenso
     return rows, placement.tensor(np.array([s.value for s in supports])) - lift
 
 
+NOWHERE = np.zeros((0, 2))
 SLOPES = RuleSpec((12, 12), 6)  # along an edge whose slope is held by rows; twice the panels around a turn
 
 
-def slope_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Tensor, Tensor]]:
+def slope_constraints(
+    ansatz: Ansatz, features: FeatureSet, spec: RuleSpec | None = None, focal: Array = NOWHERE
+) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield, edge by edge, rows (k, 3 M) and targets (k,), metres, that hold slopes where an ansatz asks for rows.
 
+    `spec` and the points (k, 2) that it is graded toward give the Gauss points; None: those of `SLOPES`.
     A row is u,n . a3 at a Gauss point, times sqrt(h ds): as stiff as the membrane, it is as stiff as bending over h.
     """
     case, placement = ansatz.case, features.placement
@@ -257,8 +261,8 @@ def slope_constraints(ansatz: Ansatz, features: FeatureSet) -> Iterator[tuple[Te
         if held is None or not support.free or ansatz.slopes == "even":
             continue
         panels = [n * (1 + turns) for n, turns in zip(SLOPES.panels, case.surface.domain.periodic, strict=True)]
-        spec = replace(SLOPES, panels=(panels[0], panels[1]))
-        rule = edge_rule(case.surface.domain, edge, np.zeros((0, 2)), spec)
+        chosen = spec or replace(SLOPES, panels=(panels[0], panels[1]))
+        rule = edge_rule(case.surface.domain, edge, focal, chosen)
         x = from_derivatives(case.surface.derivatives(rule.points, 2), placement)
         across, along = (D1, D2) if edge.axis == 0 else (D2, D1)
         length = x[along].norm(dim=-1)

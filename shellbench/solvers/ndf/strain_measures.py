@@ -362,8 +362,8 @@ class Undeformed:
 
     def elasticity(self, material: Material) -> Tensor:
         """Return D H and B H (eqs. (17)-(19)) as (N, 2, 3, 3), N/m and N m."""
-        tensor = elasticity_tensor(self.geometry, material.poissons_ratio)[:, None]
-        return tensor * torch.stack(self.rigidity(material), dim=1)
+        tensors = [elasticity_tensor(self.geometry, nu) for nu in material.poissons_ratios]
+        return torch.stack(tensors, dim=1) * torch.stack(self.rigidity(material), dim=1)
 
 
 def stresses(elasticity: Tensor, strains: Tensor) -> Tensor:

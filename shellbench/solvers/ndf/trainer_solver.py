@@ -61,7 +61,9 @@ class NdfSolver(ShellSolver):
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
     uses_start: ClassVar[bool] = True
-    takes: ClassVar[frozenset[Beyond]] = frozenset({"varying stiffness", "loaded parts", "local loads", "kinks"})
+    takes: ClassVar[frozenset[Beyond]] = frozenset(
+        {"varying stiffness", "bending Poisson's ratio", "loaded parts", "local loads", "kinks"}
+    )
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""

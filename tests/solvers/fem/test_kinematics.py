@@ -15,6 +15,7 @@ from shellbench.solvers.fem.kinematics import (
     Deformation,
     Midsurface,
     cross_matrix,
+    elasticities,
     elasticity,
     stiffness_moduli,
     strain_operator,
@@ -80,6 +81,22 @@ def test_elasticity_of_an_orthonormal_basis_is_plane_stress():
     assert np.allclose(elasticity(flat, nu)[0], [[1, nu, 0], [nu, 1, 0], [0, 0, 2 * (1 - nu)]])
 
 
+def test_bending_has_a_ratio_of_its_own():
+    """B/2 (k1^2 + k2^2 + 2 nu_b k1 k2 + 2 (1 - nu_b) k12^2); stretching keeps nu. `fem` has it in two forms."""
+    material = Material(youngs_modulus=3.0, poissons_ratio=0.3, bending_poissons_ratio=-0.4, thickness=0.2)
+    flat = Midsurface.at({(1, 0): np.array([[1.0, 0, 0]]), (0, 1): np.array([[0, 1.0, 0]]),
+                          (2, 0): np.zeros((1, 3)), (0, 2): np.zeros((1, 3)), (1, 1): np.zeros((1, 3))})  # fmt: skip
+    gradients = np.random.default_rng(0).normal(size=(3, len(DERIVATIVES)))
+    moduli = np.array([[material.membrane_stiffness, material.bending_stiffness]])
+    rooted = np.einsum("sct,ct->s", stress_root_operator(flat, material, moduli)[0], gradients)
+    (e1, e2, e12), k = np.einsum("sct,ct->s", strain_operator(flat)[0], gradients).reshape(2, 3)
+    stretched = moduli[0, 0] / 2 * (e1**2 + e2**2 + 0.6 * e1 * e2 + 1.4 * e12**2)
+    bent = moduli[0, 1] / 2 * (k[0] ** 2 + k[1] ** 2 - 0.8 * k[0] * k[1] + 2.8 * k[2] ** 2)
+    assert np.sum(rooted[:3] ** 2) / 2 == pytest.approx(stretched)
+    assert np.sum(rooted[3:] ** 2) / 2 == pytest.approx(bent)
+    assert k @ elasticities(flat, material)[0, 1] @ k * moduli[0, 1] / 2 == pytest.approx(bent)
+
+
 def test_energy_density_does_not_depend_on_the_coordinates():
     """The same cylinder in sheared coordinates, eta2 = xi2 + 0.4 xi1, stores the same energy in the same field."""
     material = Material(youngs_modulus=3.0, poissons_ratio=0.3, thickness=0.2)
@@ -101,7 +118,7 @@ def test_energy_density_does_not_depend_on_the_coordinates():
         assert np.allclose(surface.position(points)[:, 1], [0.5, 1.1, 0.2])
         d = displacement.derivatives(points, 2)
         gradients = np.stack([d[key] for key in DERIVATIVES], axis=-1)
-        operator = stress_root_operator(geometry, material.poissons_ratio, stiffness_moduli(surface, material, points))
+        operator = stress_root_operator(geometry, material, stiffness_moduli(surface, material, points))
         rooted = np.einsum("psct,pct->ps", operator, gradients)
         densities.append(np.stack([np.sum(rooted[:, :3] ** 2, axis=1), np.sum(rooted[:, 3:] ** 2, axis=1)]) / 2)
     assert densities[0].min() > 0

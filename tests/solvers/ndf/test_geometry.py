@@ -16,6 +16,7 @@ from shellbench.solvers.ndf.geometry import (
     through_matrix,
 )
 from shellbench.solvers.ndf.jets import D1, D2, Placement, from_derivatives, matrix_product
+from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
 from tests.solvers.ndf.shells import SURFACES, differences, inner_points, shell
 
 PLACEMENT = Placement()
@@ -33,7 +34,7 @@ def test_rigid_motions_strain_nothing(surface):
     points = inner_points(case)
     rows = energy_rows(
         geometry(case.surface, points, PLACEMENT),
-        case.material.poissons_ratio,
+        case.material.poissons_ratios,
         rigidities(case.surface, case.material, points, PLACEMENT),
     )
     modes = from_derivatives(rigid_modes(case.surface, points, order=2), PLACEMENT)
@@ -66,10 +67,12 @@ def test_strains_are_the_linear_part_of_metric_and_curvature_changes(surface):
     np.testing.assert_allclose(found, expected.T, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
 
-def test_energy_density_of_a_stretched_and_bent_plate():
+@pytest.mark.parametrize("nu_bending", [None, -1 / 3])
+def test_energy_density_of_a_stretched_and_bent_plate(nu_bending):
     """W = 1/2 D (e1^2 + e2^2 + 2 nu e1 e2) + 1/2 B (...) in the plane, with shear 1/2 D (1 - nu)/2 gamma^2."""
-    case = shell("plane")
+    case = shell("plane", {"bending_poissons_ratio": nu_bending})
     nu, d, b = case.material.poissons_ratio, case.material.membrane_stiffness, case.material.bending_stiffness
+    nu_b = nu if nu_bending is None else nu_bending
 
     def displacement(p):
         xi1, xi2 = p[..., 0], p[..., 1]
@@ -78,13 +81,18 @@ def test_energy_density_of_a_stretched_and_bent_plate():
     points = inner_points(case)
     rows = energy_rows(
         geometry(case.surface, points, PLACEMENT),
-        case.material.poissons_ratio,
+        case.material.poissons_ratios,
         rigidities(case.surface, case.material, points, PLACEMENT),
     )
     strain = apply_rows(rows, PLACEMENT.tensor(differences(displacement, points)))
     membrane = d / 2 * (0.1**2 + 0.2**2 - 2 * nu * 0.02 + (1 - nu) / 2 * 0.3**2)
-    bending = b / 2 * (2**2 + 1 - 2 * nu * 2 + 2 * (1 - nu) * 0.7**2)
+    bending = b / 2 * (2**2 + 1 - 2 * nu_b * 2 + 2 * (1 - nu_b) * 0.7**2)
     density = 0.5 * strain**2
+    undeformed = Undeformed.at_points(case.surface, points, PLACEMENT)
+    plain = apply_rows(strain_rows(undeformed.geometry), PLACEMENT.tensor(differences(displacement, points)))
+    torch.testing.assert_close(
+        (plain * stresses(undeformed.elasticity(case.material), plain)).sum(1) / 2, density.sum(1)
+    )
     torch.testing.assert_close(
         density[:, :3].sum(1), torch.full((20,), membrane, dtype=torch.float64), rtol=1e-8, atol=0
     )

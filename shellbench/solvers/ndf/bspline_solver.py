@@ -1,0 +1,80 @@
+"""The solver `bspline-ritz` and its settings; what solves is `bspline`, which is imported when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field
+
+from shellbench.model import Finite
+from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.solution import Beyond, ShellSolver
+
+if TYPE_CHECKING:
+    from shellbench.solvers.ndf.bspline_solution import SplineSolution
+
+
+class SplineSettings(Settings):
+    """Settings of `bspline-ritz`."""
+
+    cells: int | None = Field(
+        None, ge=4, le=96, strict=True, description="along a side, twice as many around; None: from 8 on, until settled"
+    )
+    most_cells: int = Field(48, ge=4, le=96, strict=True, description="up to which it refines")
+    degree: int = Field(3, ge=1, le=5, strict=True, description="of the splines; 1 has no curvature, and is declined")
+    grading: Finite = Field(
+        2.0, ge=1, le=3, description="exponent of the cells' distances from point forces; 1: equal cells"
+    )
+    symmetry: bool = Field(True, description="whether a part is solved where planes of symmetry allow it")
+    layers: bool = Field(
+        True, description="whether cells narrow toward the edges of curved shells without point forces"
+    )
+
+
+class SplineSolver(ShellSolver):
+    """Cubic B-splines with solved coefficients; see `shellbench.problem.Solver`."""
+
+    name: ClassVar[str] = "bspline-ritz"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("kirchhoff-love-linear",), label="grid of cubic B-splines, solved for (Ritz)"
+    )
+    settings_type: ClassVar[type[SplineSettings]] = SplineSettings
+    takes: ClassVar[frozenset[Beyond]] = frozenset(
+        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks"}
+    )
+
+    def declines(self, case: Case) -> str | None:
+        """Return why a grid can't hold this case, as one clause, or None if it can."""
+        if reason := super().declines(case):
+            return reason
+        from shellbench.solvers.ndf.bspline import why_not_held
+
+        return why_not_held(case)
+
+    def declines_with(self, case: Case, settings: SplineSettings) -> str | None:
+        """Return why the grid that settings ask for can't hold this case, as one clause, or None if it can."""
+        if settings.degree == 1:
+            return "a bilinear grid has no curvature, so that bending would cost it nothing"
+        return self.declines(case)
+
+    def load(self, path: Path) -> SplineSolution:
+        """Read a solution of this solver; InputError in one sentence if it is none."""
+        from shellbench.solvers.ndf.bspline_solution import SplineSolution
+
+        return SplineSolution.load(path)
+
+    def answer(
+        self, case: Case, settings: SplineSettings, start: Solution | Path | None, progress: ProgressCallback
+    ) -> SplineSolution:
+        """Solve a case.
+
+        Raises
+        ------
+        SolveFailure
+            If the equations have no solution.
+        """
+        from shellbench.solvers.ndf import bspline
+
+        return bspline.solve(case, settings, progress)

@@ -1,0 +1,101 @@
+"""Faults of splines, and of a bending Poisson's ratio of its own: each turns the gate red.
+
+As in tests/test_faults.py: the fault is injected, the case is solved and judged as a user would have it.
+"""
+
+import numpy as np
+import pytest
+
+from shellbench.bench.store import Store
+from shellbench.problems.shell.conditions import Material
+from shellbench.solvers.ndf import bspline, bspline_solution, energy, splines
+from tests.test_faults import Fault, findings, must_be_red, stop_early, wrapped
+
+BRIDGE, PLATE, ROOF = "bridge_plate", "square_plate", "scordelis_lo"
+
+
+def half_a_slope(patch):
+    """Halve the slopes of one spline of each line."""
+    original = splines.Line.local
+
+    def local(self, x):
+        numbers, values = original(self, x)
+        return numbers, values * np.where(np.arange(3)[:, None, None] == 1, np.where(numbers == 3, 0.5, 1.0), 1.0)
+
+    patch.setattr(splines.Line, "local", local)
+
+
+def one_ratio(patch):
+    """Let bending have the Poisson's ratio of stretching."""
+    patch.setattr(Material, "poissons_ratios", property(lambda self: (self.poissons_ratio,) * 2))
+
+
+def exchanged(patch):
+    """Exchange both ratios."""
+    original = Material.poissons_ratios.fget
+    patch.setattr(Material, "poissons_ratios", property(lambda self: original(self)[::-1]))
+
+
+def an_edge_forgotten(patch):
+    """Build no support in at the last of the plate's edges."""
+    original = bspline.build_ansatz
+
+    def leaking(case, spec):
+        rim, *others = case.supports
+        held = rim.model_copy(update={"on": rim.on[:-1]})
+        return original(case.model_copy(update={"supports": (held, *others)}), spec)
+
+    for module in (bspline, bspline_solution):
+        patch.setattr(module, "build_ansatz", leaking)
+
+
+def slopes_left_free(patch):
+    """Hold no slope at planes of symmetry."""
+    patch.setattr(bspline, "slope_constraints", lambda *args: iter(()))
+
+
+def conditions_of_one_edge(patch):
+    original = bspline.slope_constraints
+    patch.setattr(bspline, "slope_constraints", lambda *args: iter(list(original(*args))[:1]))
+
+
+def knots_apart(patch):
+    """Widen the first cell in the recurrence of the slopes alone."""
+    original = splines.raised_slopes
+
+    def slopes(values, knots, span):
+        moved = knots.copy()
+        moved[4] += 0.01 * (knots[5] - knots[4])
+        return original(values, moved, span)
+
+    patch.setattr(splines, "raised_slopes", slopes)
+
+
+FAULTS = [
+    Fault("a spline's slope halved", "bspline-ritz", PLATE, half_a_slope),
+    Fault("a knot of slopes moved", "bspline-ritz", PLATE, knots_apart),
+    Fault("a leaking support", "bspline-ritz", PLATE, an_edge_forgotten),
+    Fault("slopes left free at planes of symmetry", "bspline-ritz", PLATE, slopes_left_free),
+    Fault("one plane of symmetry alone", "bspline-ritz", ROOF, conditions_of_one_edge),
+    Fault("halved load", "bspline-ritz", PLATE, wrapped(energy, "force_density", lambda f: f / 2)),
+    Fault("one Poisson's ratio", "bspline-ritz", BRIDGE, one_ratio),
+    Fault("one Poisson's ratio", "fem", BRIDGE, one_ratio),
+    Fault("ratios exchanged", "fem", BRIDGE, exchanged),
+    Fault("one Poisson's ratio", "ndf-ritz", BRIDGE, one_ratio),
+]
+pytestmark = pytest.mark.long
+CASES = sorted({(fault.solver, fault.case) for fault in FAULTS})
+
+
+@pytest.mark.parametrize(("solver", "case"), CASES)
+def test_without_a_fault_the_gate_is_green(solver, case, tmp_path, monkeypatch):
+    stop_early(monkeypatch)
+    found = findings(Store(tmp_path), solver, case)
+    assert found
+    assert all(finding.colour == "green" for finding in found), [finding.sentence for finding in found]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")
+def test_a_fault_turns_the_gate_red(fault, tmp_path, monkeypatch):
+    stop_early(monkeypatch)
+    must_be_red(fault, tmp_path, monkeypatch)
