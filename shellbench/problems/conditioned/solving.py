@@ -1,4 +1,4 @@
-"""What solvers for ranges of materials have in common: the protocol, and the part of an answer that says how it came."""
+"""What solvers for ranges of materials have in common: the protocol, and how an answer came."""
 
 from __future__ import annotations
 

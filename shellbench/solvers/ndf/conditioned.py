@@ -54,12 +54,13 @@ from shellbench.solvers.ndf.weights import network_of, network_tensors, read_ten
 HEADER = "shellbench"
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
-CONFIRMED = 2  # new materials in a row whose displacement must be known already
+LAST = 2  # fields that must not change the displacement of any candidate any more
 ASKED_TIMES = 50  # answers by which their time is measured
 """How the field is built.
 
 Young's modulus multiplies all four parts alike, so u is inversely proportional to it, exactly: fields are solved for at
-the middle one. Thickness and Poisson's ratio are chosen from a grid, each as far from those before as can be.
+the middle one. Thickness and Poisson's ratio are chosen from a grid that is denser at the ends, each as
+far from those before as can be.
 """
 
 
@@ -204,7 +205,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     # 1. One hidden layer, that of `ndf-ritz` with its challengers at the middle of the ranges. The four matrices of
     #    its features, once.
     # 2. Material after material: the output layer of least energy, with the challengers and without. It ends when
-    #    the fields before knew the displacement of new materials already.
+    #    the last fields no longer change the displacement of any candidate.
     # 3. The four matrices of these fields, on a finer quadrature: strains of the fields themselves, so that nothing
     #    cancels.
     # 4. Uncertainty of each held-out figure: what challengers change, what the last fields change, and the gap.
@@ -292,42 +293,43 @@ class _Build:
         full: list[Tensor] = []
         alone: list[Tensor] = []
         steps: list[Step] = []
-        known = 0
         for number, material in enumerate(chosen_materials(self.case, self.settings.snapshots)):
             self.progress(Progress(number, None, f"solving at h = {material.thickness:.4g} m"))
             at = equations.at(material)
             layer = solve_part(self.ansatz, self.features, at, everything).weights
-            predicted = self._predicted(equations, full, material) if full else None
             full.append(layer)
             alone.append(solve_part(self.ansatz, self.features, at, usual).weights)
-            value = float(self.asked @ layer)
             energy = -0.5 * float(at.load @ layer)
-            steps.append(Step(number, time.perf_counter() - self.begin, energy, len(layer), quantities={}))
-            same = predicted is not None and abs(predicted / value - 1) <= self.settings.tolerance
-            known = known + 1 if same else 0
-            if known >= CONFIRMED and len(full) > CONFIRMED + 1:
+            steps.append(Step(number, time.perf_counter() - self.begin, energy, len(layer)))
+            if len(full) > LAST + 1 and self._moved(equations, full) <= self.settings.tolerance:
                 break
         return full, alone, steps
 
-    def _predicted(self, equations: Equations, layers: Sequence[Tensor], material: Material) -> float:
-        """Return the displacement that the fields so far give a material, m."""
+    def _moved(self, equations: Equations, layers: Sequence[Tensor]) -> float:
+        """Return by how much the last fields change the displacement of any candidate, as a share of it."""
         stacked = torch.stack(list(layers))
         parts, load = equations.of_fields(stacked), (stacked @ equations.load).numpy()
-        return Reduced.from_fields(parts, parts, load, (stacked @ self.asked).numpy(), self.case.middle).value(material)
+        now = Reduced.from_fields(parts, parts, load, (stacked @ self.asked).numpy(), self.case.middle)
+        before = now.without_last(LAST, self.case.middle)
+        return max(abs(before.value(m) / now.value(m) - 1) for m in candidates(self.case)[0])
+
+
+def candidates(case: ConditionedCase) -> tuple[list[Material], Array]:
+    """Return the materials that are chosen from, and their places (n, 2) in the unit square: denser at its ends."""
+    thick, ratios = ((1 - np.cos(np.linspace(0, np.pi, count))) / 2 for count in CANDIDATES)
+    places = np.array([(h, nu) for h in thick for nu in ratios])
+    return [case.ranges.material((float(h), 0.5, float(nu))) for h, nu in places], places
 
 
 def chosen_materials(case: ConditionedCase, most: int) -> Iterator[Material]:
-    """Yield materials of the ranges: the middle one, then each as far from those before as can be."""
-    thick, ratios = (np.linspace(0, 1, count) for count in CANDIDATES)
-    grid = np.array([(h, nu) for h in thick for nu in ratios])
-    taken = [int(np.argmin(np.abs(grid - 0.5).sum(axis=1)))]
-    while True:
-        h, nu = grid[taken[-1]]
-        yield case.ranges.material((float(h), 0.5, float(nu)))
-        if len(taken) >= min(most, len(grid)):
-            return
-        apart = np.linalg.norm(grid[:, None] - grid[taken], axis=-1).min(axis=1)
+    """Yield candidates: the middle one, then each as far from those before as can be."""
+    materials, places = candidates(case)
+    taken = [int(np.argmin(np.abs(places - 0.5).sum(axis=1)))]
+    yield materials[taken[0]]
+    while len(taken) < min(most, len(places)):
+        apart = np.linalg.norm(places[:, None] - places[taken], axis=-1).min(axis=1)
         taken.append(int(apart.argmax()))
+        yield materials[taken[-1]]
 
 
 def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tuple[dict[str, float], float, float]:
@@ -336,7 +338,7 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
     Of a displacement: what the challengers change, or as a share of it the energy that they gain and the gap; of a
     derivative: what they change, and the gap. To both comes what the last fields have changed. All times `SAFETY`.
     """
-    shorter = first.without_last(CONFIRMED, case.middle)
+    shorter = first.without_last(LAST, case.middle)
     gaps = [first.gap(material) for material in case.materials]
     shares = [second.energy(m) / first.energy(m) for m in case.materials]
     missed = [abs(1 - share) for share in shares]
