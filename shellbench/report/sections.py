@@ -15,6 +15,7 @@ from shellbench.bench.store import Say, Store
 from shellbench.report import (
     calibration,
     clothing,
+    conditioned,
     consistency,
     cost,
     engines,
@@ -58,6 +59,7 @@ MAKERS: tuple[Maker, ...] = (
     ropes.section,
     clothing.section,
     learned.section,
+    conditioned.section,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     calibration.section,

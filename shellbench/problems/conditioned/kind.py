@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class ConditionedPortrait(Portrait):
     problem: Any
 
     @property
-    def materials(self) -> dict[str, Material]:
+    def materials(self) -> Mapping[str, Material]:
         """The held-out material of each quantity that is a displacement there, by name."""
         of = self.problem.materials
         return {q.name: of[q.material] for q in self.problem.quantities if isinstance(q, Value)}
