@@ -16,7 +16,7 @@ from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.row import Row
 from shellbench.report import panel
-from shellbench.report.columns import Column, column, count, frame, seconds, significant, solution, words
+from shellbench.report.columns import Column, column, count, frame, seconds, significant, solution
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit, dashes_of
 from shellbench.report.solutions import grouped, solution_name
@@ -56,6 +56,11 @@ class Conditioned:
         return self.rows[0].case
 
     @property
+    def sure(self) -> bool:
+        """Whether it states an uncertainty of every displacement."""
+        return all(row.uncertainty is not None for row in self.rows if row.quantity in self.errors)
+
+    @property
     def worst(self) -> float:
         """Largest error of a displacement."""
         return max(self.errors.values())
@@ -83,7 +88,7 @@ def _remarks(suite: str) -> tuple[str, ...]:
 
 def conditioned(found: Evidence) -> Iterator[Conditioned]:
     """Yield the solutions of problems that ask for many materials."""
-    for case, of_case in grouped(found.rows, lambda row: row.case).items():
+    for of_case in grouped(found.rows, lambda row: row.case).values():
         record = next((found.records[row.run_id] for row in of_case if row.run_id in found.records), None)
         portrait = portrait_of(record) if record is not None else None
         if portrait is None or not portrait.materials:
@@ -113,9 +118,12 @@ def _mean(numbers: Sequence[float]) -> float:
     return math.fsum(numbers) / len(numbers)
 
 
-def rival(one: Conditioned, others: Sequence[Conditioned]) -> Conditioned | None:
-    """Return the cheapest solution that spends nothing beforehand and is no worse; None if there is none."""
-    fair = [other for other in others if not other.before and other.worst <= one.worst]
+def rival(one: Conditioned, others: Sequence[Conditioned], sure: bool = False) -> Conditioned | None:
+    """Return the cheapest solution that spends nothing beforehand and is no worse; None if there is none.
+
+    If `sure`, one that states its own uncertainty.
+    """
+    fair = [other for other in others if not other.before and other.worst <= one.worst and (other.sure or not sure)]
     return min(fair, key=lambda other: other.each, default=None)
 
 
@@ -134,7 +142,7 @@ def table(by_case: Mapping[str, Sequence[Conditioned]]) -> Table:
             line |= {"derivative": max(one.derivatives.values(), default=None)}
             line |= {"before": one.before or None, "each": one.each}
             if one.before and (other := rival(one, solutions)) is not None:
-                # The proof: what known values cost where no series has them, the surest solve at each held-out material.
+                # The proof: the surest solve at each held-out material, where no series knows the displacement.
                 surest = min((s for s in solutions if not s.before), key=lambda s: s.worst)
                 proof = len(one.errors) * surest.each
                 line |= {
@@ -142,6 +150,8 @@ def table(by_case: Mapping[str, Sequence[Conditioned]]) -> Table:
                     "breakeven": breakeven(one.before, one.each, other.each),
                     "proven": breakeven(one.before + proof, one.each, other.each),
                 }
+                if (certain := rival(one, solutions, sure=True)) is not None:
+                    line["sure"] = breakeven(one.before, one.each, certain.each)
             lines.append(line)
     columns: tuple[str | Column, ...] = (
         "solution",
@@ -153,7 +163,8 @@ def table(by_case: Mapping[str, Sequence[Conditioned]]) -> Table:
         column("each", "Each answer (s)", significant(2)),
         column("breakeven", "Breakeven", count),
         column("proven", "With its proof", count),
-        column("against", "Against", solution if lines else words),
+        column("against", "Against", solution),
+        column("sure", "Against a sure one", count),
     )
     names = ["block", "case", "solution", "seeds", "worst", "mean", "derivative", "before", "each", "breakeven"]
     return Table(
@@ -163,8 +174,8 @@ def table(by_case: Mapping[str, Sequence[Conditioned]]) -> Table:
         " displacement's logarithm; of several seeds the worst. Breakeven: materials to ask until the field, its"
         " building included, has cost less than a solve each by the cheapest solution that is no worse at its worst"
         " material. With its proof: the solves at all held-out materials by which its error could be known are"
-        " counted, too.",
-        data=frame(lines, [*names, "proven", "against"]),
+        " counted, too. Against a sure one: the rival must state its own error.",
+        data=frame(lines, [*names, "proven", "against", "sure"]),
         columns=columns,
     )
 
