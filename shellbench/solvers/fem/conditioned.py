@@ -142,9 +142,11 @@ def _difference(
         quotients.append(math.log(above.value / below.value) / (2 * step))
         for one in (below, above):
             known = known and one.uncertainty is not None
-            relative += (one.uncertainty or 0.0) / abs(one.value) / settings.step
+            relative = max(relative, (one.uncertainty or 0.0) / abs(one.value))
     near, far = quotients
-    return (4 * near - far) / 3, abs(near - far) / 3 + relative if known else None
+    # Of a quotient over one step a relative error u of each displacement makes u / step, and half of it over two.
+    spread = (4 / 3 + 1 / 6) * relative / settings.step
+    return (4 * near - far) / 3, abs(near - far) / 3 + spread if known else None
 
 
 def _mean(numbers: Iterable[float]) -> float:

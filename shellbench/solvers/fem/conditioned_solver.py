@@ -28,7 +28,7 @@ class RepeatedSettings(Settings):
     """
 
     cells: tuple[PositiveInt, PositiveInt] | None = None
-    step: float = Field(0.02, gt=0, lt=0.1)
+    step: float = Field(0.005, gt=0, lt=0.1)
 
 
 class FemRepeatedSolver(ConditionedSolver):

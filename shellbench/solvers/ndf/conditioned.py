@@ -339,21 +339,29 @@ def uncertainties(case: ConditionedCase, first: Reduced, second: Reduced) -> tup
     """Return the uncertainty of each quantity, the largest gap, and the largest share of energy that was missed.
 
     Of a displacement: what the challengers change, or as a share of it the energy that they gain and the gap; of a
-    derivative: what they change, and the gap. To both comes what the last fields have changed. All times `SAFETY`.
+    derivative: what they change, and the gap. To both comes the most that the last fields have changed at any
+    candidate: at a single material they may change little by chance. All times `SAFETY`.
     """
     shorter = first.without_last(LAST, case.middle)
     like = first.without_last(len(first.load) - len(second.load), case.middle)  # as many fields as `second` has
     gaps = [first.gap(material) for material in case.materials]
-    shares = [second.energy(m) / like.energy(m) for m in case.materials]
-    missed = [abs(1 - share) for share in shares]
+    missed = [abs(1 - second.energy(m) / like.energy(m)) for m in case.materials]
+    among = candidates(case)[0]
     found: dict[str, float] = {}
     for quantity in case.quantities:
         material = case.materials[quantity.material]
         share = missed[quantity.material] + gaps[quantity.material] + ROUNDING
-        value, before, with_, without = (quantity_of(one, material, quantity) for one in (first, shorter, like, second))
+        value, challenged, alone = (quantity_of(one, material, quantity) for one in (first, like, second))
         scale = abs(value) if isinstance(quantity, Value) else 1.0
-        found[quantity.name] = SAFETY * (max(abs(with_ - without), share * scale) + abs(value - before))
+        last = max(_changed(first, shorter, candidate, quantity) for candidate in among)
+        found[quantity.name] = SAFETY * (max(abs(challenged - alone), share * scale) + last * scale)
     return found, max(gaps), max(missed)
+
+
+def _changed(one: Reduced, other: Reduced, material: Material, quantity: Any) -> float:
+    """Return how two answers differ in a quantity at some material: relative for a displacement."""
+    first, second = (quantity_of(each, material, quantity) for each in (one, other))
+    return abs(first - second) / (abs(first) if isinstance(quantity, Value) else 1.0)
 
 
 def quantity_of(reduced: Reduced, material: Material, quantity: Any) -> float:
