@@ -69,6 +69,14 @@ def run(
         ),
     ] = None,
     seed: SeedOption = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="RUN_ID",
+            help="Go on from the solution of an earlier run of the same solver, for this case or an edited one.",
+        ),
+    ] = None,
     quick: Annotated[
         bool,
         typer.Option(
@@ -128,10 +136,13 @@ def run(
         shellbench run scordelis_lo --solver fem --solver ndf-ritz --seed 0 --seed 1
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
+
+        shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
     from rich.console import Console
 
     from shellbench.bench.display import display
+    from shellbench.bench.earlier import find_earlier
     from shellbench.bench.execute import execute
     from shellbench.bench.identity import parse_setting
     from shellbench.bench.plan import DEFAULT_SUITE, Request, make_plan
@@ -143,19 +154,21 @@ def run(
     for text in settings or ():
         name, key, value = parse_setting(text)
         given.setdefault(name, {})[key] = value
+    where = Store(store)
+    contents = where.read()
+    warn(contents.damaged)
+    earlier = None if start is None else find_earlier(start, where, contents)
     request = Request(
         cases=tuple(cases or ()),
         suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
-        solvers=tuple(solver or ()),
+        solvers=tuple(solver or ((earlier.solver,) if earlier else ())),
         settings=given,
         seeds=tuple(dict.fromkeys(seed or ())),
         device=device.value,
         threads=threads,
         quick=QUICK_SOLVERS if quick else (),
+        start=earlier,
     )
-    where = Store(store)
-    contents = where.read()
-    warn(contents.damaged)
     outcomes: list[Outcome] = []
     try:
         with contextlib.closing(_executor(scheduler, jobs, threads, timeout)) as executor:
