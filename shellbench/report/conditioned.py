@@ -89,7 +89,9 @@ def _remarks(suite: str) -> tuple[str, ...]:
 def conditioned(found: Evidence) -> Iterator[Conditioned]:
     """Yield the solutions of problems that ask for many materials."""
     for of_case in grouped(found.rows, lambda row: row.case).values():
-        record = next((found.records[row.run_id] for row in of_case if row.run_id in found.records), None)
+        record = next(
+            (found.records[row.run_id] for row in of_case if row.run_id and row.run_id in found.records), None
+        )
         portrait = portrait_of(record) if record is not None else None
         if portrait is None or not portrait.materials:
             continue
@@ -191,7 +193,8 @@ def exhibit(solutions: Sequence[Conditioned], found: Evidence) -> Exhibit:
     for one in solutions:
         by_thickness = sorted((materials[name][0], max(error, SHOWN)) for name, error in one.errors.items())
         ink = found.inks[one.rows[0].solver]
-        panel.draw(panels[0, 0], *zip(*by_thickness, strict=True), ink, dashes[one.name])
+        x, y = zip(*by_thickness, strict=True)
+        panel.draw(panels[0, 0], x, y, ink, dashes[one.name])
         entries[one.name] = panel.entry(ink, linestyle=dashes[one.name])
     panel.finish([panels[0, 0]], "thickness (m)", "relative error")
     panel.add_legend(figure, entries, 3)

@@ -19,7 +19,6 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
-from shellbench.problems.shell.measure import measure
 from shellbench.solvers.fem.conditioned_solver import RepeatedSettings
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
@@ -122,7 +121,7 @@ def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings
     shell = case.near(material)
     start = time.perf_counter()
     found = FemSolver().solve(shell, FemSettings(cells=settings.cells))
-    value = measure(found, shell.quantity(ASKED))
+    value = shell.quantity(ASKED).measure(found)
     seconds = time.perf_counter() - start
     return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
 

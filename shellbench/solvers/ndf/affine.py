@@ -14,7 +14,9 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.conditioned.case import ASKED, Material
-from shellbench.problems.shell.quantities import DisplacementQuantity, unit
+from shellbench.problems.shell.measure import unit
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.energy import (
     BATCH,
@@ -130,7 +132,8 @@ def asked_row(ansatz: Ansatz, features: Features) -> Tensor:
     case = ansatz.case
     quantity = case.quantity(ASKED)
     assert isinstance(quantity, DisplacementQuantity)
-    points = np.array([case.places[name].xi for name in quantity.points])
+    places = [case.places[name] for name in quantity.points]
+    points = np.array([place.xi for place in places if isinstance(place, Point)])
     directions = features.placement.tensor(np.array([unit(d) for d in quantity.directions]) / len(points))
     matrix = ansatz.factors.matrix(points, features.placement)[VALUE]
     along = (matrix.mT @ directions[..., None])[..., 0]

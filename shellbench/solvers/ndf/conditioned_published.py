@@ -24,7 +24,9 @@ from shellbench.problem import ProgressCallback
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
-from shellbench.problems.shell.quantities import DisplacementQuantity, unit
+from shellbench.problems.shell.measure import unit
+from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.ndf.affine import part_rows
 from shellbench.solvers.ndf.build import FieldSpec, build_inputs, focal_points, resolution
 from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSettings
@@ -183,7 +185,8 @@ class TrainedField(ConditionedAnswer):
         shell = self._question.ansatz.case
         quantity = shell.quantity(ASKED)
         assert isinstance(quantity, DisplacementQuantity)
-        points = np.array([shell.places[name].xi for name in quantity.points])  # type: ignore[union-attr]
+        places = [shell.places[name] for name in quantity.points]
+        points = np.array([place.xi for place in places if isinstance(place, Point)])
         directions = np.array([unit(d) for d in quantity.directions])
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 

@@ -42,7 +42,7 @@ def stiffness_rates(material: Material, by: Parameter) -> Array:
     if by == "youngs_modulus":
         return stiffnesses(material)
     if by == "thickness":
-        return stiffnesses(material) * np.array([1.0, 1.0, 3.0, 3.0])
+        return np.asarray(stiffnesses(material) * np.array([1.0, 1.0, 3.0, 3.0]))
     # nu / (1 - nu^2) has the derivative (1 + nu^2) / (1 - nu^2)^2; (1 - nu) / (1 - nu^2) = 1 / (1 + nu).
     membrane = young * h * np.array([(1 + nu**2) / (1 - nu**2) ** 2, -1 / (1 + nu) ** 2])
     return np.concatenate([membrane, membrane * h**2 / 12])
