@@ -47,7 +47,7 @@ from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.reduced import stiffnesses
 from shellbench.solvers.ndf.weights import read_tensors, telling_damage, write_tensors
 
-HEADER, FORMAT = "shellbench", "ndf-conditioned-published, format 1"
+HEADER, FORMAT = "shellbench", "ndf-material, format 1"
 INPUTS = len(Material._fields)
 BLOCK = 10  # iterations that are tabulated at once
 STEP = 1e-3  # of difference quotients of the network, in double precision

@@ -1,4 +1,4 @@
-"""The solver `ndf-conditioned-published` and its settings; what trains is `conditioned_published`."""
+"""The solver `ndf-material` and its settings; what trains is `conditioned_published`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class ConditionedPublishedSettings(SeededSettings):
-    """Settings of `ndf-conditioned-published`; the defaults are the paper's."""
+    """Settings of `ndf-material`; the defaults are the paper's."""
 
     iterations: int = Field(2000, ge=1, description="of Adam, each at one random material")
     layers: int = Field(5, ge=1, le=20, description="hidden layers")
@@ -31,7 +31,7 @@ class ConditionedPublishedSettings(SeededSettings):
 class ConditionedPublishedSolver(ConditionedSolver):
     """The paper's field with the material as an input (Kairanda et al., section 4.4)."""
 
-    name: ClassVar[str] = "ndf-conditioned-published"
+    name: ClassVar[str] = "ndf-material"
     capabilities: ClassVar[Capabilities] = Capabilities(
         THEORIES, "neural field with the material as an input, by the published training", devices=("cpu", "cuda")
     )
