@@ -18,6 +18,11 @@ from shellbench.solvers.ndf.build import (
     resolution,
 )
 from shellbench.solvers.ndf.conditioned import ConditionedField
+from shellbench.solvers.ndf.conditioned_published import drawn_material
+from shellbench.solvers.ndf.conditioned_published_solver import (
+    ConditionedPublishedSettings,
+    ConditionedPublishedSolver,
+)
 from shellbench.solvers.ndf.energy import concentrated, normal_equations
 from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement
@@ -110,3 +115,15 @@ def test_uncertainties_hold_the_error(field):
     for quantity in field.case.quantities:
         known = catalog.known_values(field.case.name).judge(quantity.name, field.case.theory)
         assert abs(quantity.measure(field) - known.value) <= field.uncertainty[quantity.name] + known.uncertainty
+
+
+def test_the_published_network_sees_the_material(tmp_path):
+    case = catalog.named_case("conditioned_plate")
+    settings = ConditionedPublishedSettings(iterations=2, layers=1, width=8, cells=(3, 3))
+    found = ConditionedPublishedSolver().solve(case, settings)
+    assert found.value(0) != found.value(1)
+    again = ConditionedPublishedSolver().load(found.save(tmp_path / "trained"))
+    assert again.value(1) == found.value(1)
+    first = drawn_material(case, 0, 1)
+    assert case.ranges.outside(first) is None
+    assert first != drawn_material(case, 0, 2)
