@@ -19,6 +19,8 @@ from typing import Any
 from shellbench.bench.listing import attributes
 from shellbench.model import Model
 from shellbench.problem import Problem
+from shellbench.problems.conditioned import case as conditioned
+from shellbench.problems.conditioned import quantities as of_materials
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
@@ -203,9 +205,14 @@ class UndescribedError(Exception):
     """A field that neither its class nor its definition explains."""
 
 
+def _is_shown(cls: type[Model]) -> bool:
+    # Quantities of many materials have names of their own kind's.
+    return cls.__module__.startswith(SHOWN) and "conditioned" not in cls.__module__
+
+
 def model_class(name: str) -> type[Model]:
     """Return the model of this name."""
-    (found,) = {cls for cls in subclasses(Model) if cls.__name__ == name and cls.__module__.startswith(SHOWN)}
+    (found,) = {cls for cls in subclasses(Model) if cls.__name__ == name and _is_shown(cls)}
     return found
 
 
@@ -331,7 +338,18 @@ def page() -> str:
     complete = (Path(__file__).parents[1] / "examples/hyperbolic_paraboloid.toml").read_text(encoding="utf-8")
     last = f"## A whole file\n\n`examples/hyperbolic_paraboloid.toml`:\n\n```toml\n{complete.strip()}\n```"
     return (
-        "\n\n".join([PREFACE.strip(), top, *(section(*each) for each in SECTIONS), last, chains(), capes(), fields()])
+        "\n\n".join(
+            [
+                PREFACE.strip(),
+                top,
+                *(section(*each) for each in SECTIONS),
+                last,
+                chains(),
+                capes(),
+                materials(),
+                fields(),
+            ]
+        )
         + "\n"
     )
 
@@ -398,6 +416,33 @@ def capes() -> str:
         parts.append(f"{', '.join(f'`{one}`' for one in kinds)}: {summary(cls)}")
     file = (Path(__file__).parents[1] / "cases/cape_clips.toml").read_text(encoding="utf-8")
     parts.append(f"`cases/cape_clips.toml`:\n\n```toml\n{file.strip()}\n```")
+    return "\n\n".join(parts)
+
+
+def materials() -> str:
+    """Return the reference of the kind of problem that asks for a range of materials."""
+    own = {"theory", "ranges", "held_out", "asked", "quantities"}
+    parts = [
+        '## Shells of many materials\n\nA file with `kind = "conditioned"` asks a shell of the linear theory for a range of'
+        " materials, and judges at some that are drawn with a seed. It has the title, the description, the units and the"
+        " suites of every case; in the table `[shell]` all that a shell has, but for title, theory, quantities and the three"
+        " figures of its material that have a range; and:",
+        table(conditioned.ConditionedCase, [name for name in conditioned.ConditionedCase.model_fields if name in own]),
+    ]
+    tables = {"ranges": conditioned.Ranges, "held_out": conditioned.HeldOut, "asked": conditioned.Asked}
+    for name, cls in tables.items():
+        parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
+    parts.append("`[[quantities]]` have the fields that those of shells have in common, but for `at`.")
+    common = {"kind", *quantities.ShellQuantity.model_fields}
+    for cls in (of_materials.Value, of_materials.Sensitivity):
+        kind = cls.model_json_schema()["properties"]["kind"]["const"]
+        parts += [f"`{kind}`: {summary(cls)}", table(cls, [name for name in cls.model_fields if name not in common])]
+    file = (Path(__file__).parents[1] / "cases/conditioned_roof.toml").read_text(encoding="utf-8")
+    first, *rest = file.strip().split("[[quantities]]")
+    shown = "[[quantities]]".join([first, rest[0], next(q for q in rest if "sensitivity" in q)])
+    parts.append(
+        f"Of `cases/conditioned_roof.toml`, with the first quantity of each kind:\n\n```toml\n{shown.strip()}\n```"
+    )
     return "\n\n".join(parts)
 
 

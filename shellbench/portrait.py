@@ -6,7 +6,7 @@ drawn and nothing is known but its quantities; a kind that has more to tell deri
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -305,6 +305,16 @@ class Portrait:
     def worst(self) -> tuple[str, str] | None:
         """Names of the arrays of a garment's worst mesh (n1, n2, 3), m: simulated, and as it was skinned; else None."""
         return None
+
+    @property
+    def materials(self) -> Mapping[str, tuple[float, float, float]]:
+        """Thickness, modulus and Poisson's ratio of each quantity that belongs to one of many materials, by name."""
+        return {}
+
+    @property
+    def derivatives(self) -> tuple[str, ...]:
+        """Names of quantities that are derivatives by the material."""
+        return ()
 
     @property
     def learns(self) -> bool:

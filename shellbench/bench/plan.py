@@ -18,6 +18,7 @@ from typing import Any
 
 from shellbench.bench import catalog
 from shellbench.bench.current import newest, run_key
+from shellbench.bench.earlier import START, Earlier
 from shellbench.bench.environment import engine_distribution, environment
 from shellbench.bench.identity import dump_settings, make_identity, make_settings
 from shellbench.bench.record import ANSWERED, NOT_SETTLED, Environment, Record
@@ -36,8 +37,9 @@ FIRST_SEED = 0
 class Request:
     """What was asked for: names as they were typed; empty for what was left open.
 
-    `threads` are those of each run; None for as many as usual (`shellbench.bench.environment.threads`). `quick` names
-    solvers of which one seed is wanted, where no solver is named; of those that are, one seed is wanted too.
+    `start` is an earlier run from which all go on. `threads` are those of each run; None for as many as usual
+    (`shellbench.bench.environment.threads`). `quick` names solvers of which one seed is wanted, where no solver is
+    named; of those that are, one seed is wanted too.
     """
 
     cases: tuple[str, ...] = ()
@@ -48,6 +50,7 @@ class Request:
     device: str = "cpu"
     threads: int | None = None
     quick: tuple[str, ...] = ()
+    start: Earlier | None = None
 
 
 @dataclass(frozen=True)
@@ -184,6 +187,7 @@ def make_plan(
         if name not in names:
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
     solvers = {name: load_solver(entry) for name, entry in entries.items()}
+    _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
     place = cache(environment)  # looked at once a plan: git is asked each time
@@ -221,6 +225,16 @@ def declines(solver: Solver, case: Problem) -> str | None:
     return solver.declines(case)
 
 
+def _check_start(start: Earlier | None, solvers: Mapping[str, Solver]) -> None:
+    if start is None:
+        return
+    for name, solver in solvers.items():
+        if name != start.solver:
+            raise InputError(f"--start {start.run_id}: this run is by solver '{start.solver}', not by '{name}'")
+        if not getattr(solver, "uses_start", False):
+            raise InputError(f"--start: solver '{name}' can't go on from an earlier solution")
+
+
 def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str, ...]:
     without = [name for name, solver in solvers.items() if request.device not in solver.capabilities.devices]
     if without and (set(without) == set(solvers) or set(without) & set(request.solvers)):
@@ -245,6 +259,8 @@ def _task(
     with contextlib.suppress(InputError):  # a plug-in may have settings without a default
         defaults = dump_settings(make_settings(solver, {}, seed, device))
     identity = make_identity(case, entry, settings)
+    if request.start is not None:
+        identity = identity.model_copy(update={"settings": {**identity.settings, START: request.start.run_id}})
     run_id, created = new_run_id(case.name, entry.name, identity.seed)
     apart = {"seed": settings.seed, "device": settings.device} if isinstance(settings, SeededSettings) else {}
     return Task(
@@ -259,6 +275,7 @@ def _task(
         defaults=defaults,
         solver_label=solver.capabilities.label,
         exam=catalog.exam_version(),
+        start=None if request.start is None else str(request.start.file),
         environment=place(
             device,
             entry.distribution,

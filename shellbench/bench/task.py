@@ -30,6 +30,8 @@ class Task(Model):
         All that was set for the solver, seed and device included.
     defaults
         See `shellbench.bench.record.Record`.
+    start
+        File of the earlier solution from which it goes on; None for none. The identity has its name among the settings.
     """
 
     run_id: str
@@ -43,6 +45,7 @@ class Task(Model):
     defaults: dict[str, Any] = Field(default_factory=dict)
     solver_label: str
     exam: int | None = None
+    start: str | None = None
     environment: Environment
 
     def record(self, reason: str | None = None, **result: Any) -> Record:

@@ -239,7 +239,8 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         solver = load_solver(SolverEntry(task.identity.solver, task.target, "", ""))
         settings = solver.settings_type.model_validate(with_checkpoints(task, solver, folder))
         start = time.perf_counter()
-        solution = solver.solve(case, settings, progress=tell)
+        earlier = {} if task.start is None else {"start": Path(task.start)}
+        solution = solver.solve(case, settings, progress=tell, **earlier)
     except SolveFailure as failure:
         reason, solution = str(failure), failure.partial
     except InputError:

@@ -80,6 +80,14 @@ def run(
         ),
     ] = None,
     seed: SeedOption = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            "--start",
+            metavar="RUN_ID",
+            help="Go on from the solution of an earlier run of the same solver, for this case or an edited one.",
+        ),
+    ] = None,
     quick: Annotated[
         bool,
         typer.Option(
@@ -145,7 +153,10 @@ def run(
         shellbench run scordelis_lo --solver fem --solver ndf-ritz --seed 0 --seed 1
 
         shellbench run my_shell.toml --solver fem --set fem.tolerance=1e-7
+
+        shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
+    from shellbench.bench.earlier import find_earlier
     from shellbench.bench.identity import parse_setting
     from shellbench.bench.plan import DEFAULT_SUITE, Request
     from shellbench.bench.store import Store
@@ -156,18 +167,21 @@ def run(
     for text in settings or ():
         name, key, value = parse_setting(text)
         given.setdefault(name, {})[key] = value
+    where = Store(store)
+    earlier = None if start is None else find_earlier(start, where, where.read())
     request = Request(
         cases=tuple(cases or ()),
         suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
-        solvers=tuple(solver or ()),
+        solvers=tuple(solver or ((earlier.solver,) if earlier else ())),
         settings=given,
         seeds=tuple(dict.fromkeys(seed or ())),
         device=device.value,
         threads=threads,
         quick=QUICK_SOLVERS if quick else (),
+        start=earlier,
     )
     executor = _executor(scheduler, jobs, threads, timeout)
-    raise typer.Exit(carry_out(request, Store(store), executor, force=force, verbose=verbose))
+    raise typer.Exit(carry_out(request, where, executor, force=force, verbose=verbose))
 
 
 def carry_out(request: Request, where: Store, executor: Executor, *, force: bool = False, verbose: bool = False) -> int:

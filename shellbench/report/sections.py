@@ -15,6 +15,7 @@ from shellbench.bench.store import Say, Store
 from shellbench.report import (
     calibration,
     clothing,
+    conditioned,
     consistency,
     cost,
     engines,
@@ -60,6 +61,7 @@ MAKERS: tuple[Maker, ...] = (
     clothing.section,
     learned.section,
     samples.section,
+    conditioned.section,
     drawn("convergence", "Convergence", CONVERGENCE),
     fields.section,
     calibration.section,

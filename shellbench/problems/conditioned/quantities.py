@@ -1,0 +1,41 @@
+"""What can be asked of an answer for a range of materials: the displacement at one of them, and its derivatives."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from shellbench.problem import Quantity
+
+Parameter = Literal["thickness", "youngs_modulus", "poissons_ratio"]
+
+
+class Value(Quantity):
+    """The asked displacement at a held-out material, m."""
+
+    kind: Literal["value"]
+    material: int = Field(ge=0, strict=True, description="number of the held-out material, from 0")
+
+    def measure(self, solution: Any) -> float:
+        """Return the displacement, m."""
+        return float(solution.value(self.material))
+
+
+class Sensitivity(Quantity):
+    """A derivative of the logarithm of the asked displacement, without unit.
+
+    By the logarithm of the thickness or of Young's modulus, or by Poisson's ratio itself.
+    """
+
+    kind: Literal["sensitivity"]
+    unit: str = ""
+    material: int = Field(ge=0, strict=True, description="number of the held-out material, from 0")
+    by: Parameter = Field(description="what it is derived by")
+
+    def measure(self, solution: Any) -> float:
+        """Return the derivative."""
+        return float(solution.sensitivity(self.material, self.by))
+
+
+ConditionedQuantity = Annotated[Value | Sensitivity, Field(discriminator="kind")]

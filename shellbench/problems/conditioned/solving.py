@@ -1,0 +1,64 @@
+"""What solvers for ranges of materials have in common: the protocol, and how an answer came."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shellbench.problem import Solution, Step
+from shellbench.problems.conditioned.case import ConditionedCase, Material
+from shellbench.problems.conditioned.quantities import Parameter
+from shellbench.problems.solving import FreshSolver
+
+THEORIES = ("kirchhoff-love-linear-conditioned",)
+SECONDS_BEFORE, SECONDS_EACH = "seconds_before", "seconds_each"
+"""Diagnostics of every answer: wall time, s, until the first material can be answered, and of each answer from then."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionedAnswer(ABC):
+    """An answer for all materials of a range; see `shellbench.problem.Solution`."""
+
+    case: ConditionedCase
+    history: tuple[Step, ...] = ()
+    diagnostics: Mapping[str, Any] = field(default_factory=dict)
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    extrapolated: Mapping[str, float] = field(default_factory=dict)
+    unsettled: str | None = None
+
+    @abstractmethod
+    def value(self, number: int) -> float:
+        """Return the asked displacement, m, at a held-out material."""
+
+    @abstractmethod
+    def sensitivity(self, number: int, by: Parameter) -> float:
+        """Return the derivative of its logarithm; see `shellbench.problems.conditioned.quantities.Sensitivity`."""
+
+
+def stepped(material: Material, by: Parameter, step: float) -> Material:
+    """Return a material a step farther: in log h or log E, or in nu."""
+    if by == "poissons_ratio":
+        return material._replace(poissons_ratio=material.poissons_ratio + step)
+    return material._replace(**{by: getattr(material, by) * math.exp(step)})
+
+
+class ConditionedSolver(FreshSolver):
+    """A solver of problems of kind `conditioned`."""
+
+    def declines(self, case: Any) -> str | None:
+        """Return why it can't take a problem, as one clause, or None if it can."""
+        if not isinstance(case, ConditionedCase):
+            return "it solves problems of kind 'conditioned' only"
+        return self.refuses(case)
+
+    def refuses(self, case: ConditionedCase) -> str | None:
+        """Return why it can't take a problem of its kind."""
+        return None
+
+    @abstractmethod
+    def load(self, path: Path) -> Solution:
+        """Read what an answer has saved."""

@@ -1,0 +1,152 @@
+"""Every held-out material by a solve of its own, and derivatives by central differences of such solves."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from shellbench.errors import InputError
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
+from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
+from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
+from shellbench.solvers.fem.conditioned_solver import RepeatedSettings
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
+
+NOT_ASKED = np.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class RepeatedSolution(ConditionedAnswer):
+    """The asked displacements (n,), m, and their derivatives (n, 3), by parameter; NaN where none was asked."""
+
+    values: NDArray[np.float64]
+    derivatives: NDArray[np.float64]
+    unknowns: int
+
+    @property
+    def parameters(self) -> int:
+        """Degrees of freedom of all materials together."""
+        return self.unknowns
+
+    @property
+    def storage_bytes(self) -> int:
+        """Bytes of the figures that are kept: no mesh is."""
+        return int(self.values.nbytes + self.derivatives.nbytes)
+
+    def value(self, number: int) -> float:
+        """Return the asked displacement, m, at a held-out material."""
+        return float(self.values[number])
+
+    def sensitivity(self, number: int, by: Parameter) -> float:
+        """Return a derivative of its logarithm."""
+        return float(self.derivatives[number, Material._fields.index(by)])
+
+    def save(self, path: Path) -> Path:
+        """Write the figures as safetensors, the case in its header."""
+        file = path.with_suffix(".safetensors")
+        arrays = {"values": self.values, "derivatives": self.derivatives}
+        save_file(arrays, file, metadata={"case": self.case.model_dump_json(), "unknowns": str(self.unknowns)})
+        return file
+
+    @classmethod
+    def load(cls, path: Path) -> RepeatedSolution:
+        """Read what `save` wrote; InputError in one sentence if it is none."""
+        try:
+            with safe_open(path, framework="numpy") as file:
+                told = dict(file.metadata() or {})
+                values, derivatives = file.get_tensor("values"), file.get_tensor("derivatives")
+            case, unknowns = ConditionedCase.model_validate_json(told["case"]), int(told["unknowns"])
+        except (OSError, SafetensorError, KeyError, ValueError, ValidationError) as error:
+            raise InputError(f"{path} holds no repeated solution: {' '.join(str(error).split())[:200]}") from None
+        return cls(case=case, values=values, derivatives=derivatives, unknowns=unknowns)
+
+
+@dataclass(frozen=True)
+class _One:
+    """The answer to one material: displacement and its uncertainty, m, degrees of freedom, seconds, energy, J."""
+
+    value: float
+    uncertainty: float | None
+    unknowns: int
+    seconds: float
+    energy: float
+
+
+def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
+    """Solve for each held-out material, and four times more for each derivative that is asked."""
+    begin = time.perf_counter()
+    count = len(case.materials)
+    values, derivatives = np.full(count, NOT_ASKED), np.full((count, len(Material._fields)), NOT_ASKED)
+    uncertainty: dict[str, float] = {}
+    steps: list[Step] = []
+    solved: list[_One] = []
+    for number, material in enumerate(case.materials):
+        progress(Progress(number, count, f"material {number}"))
+        one = _solve(case, material, settings)
+        values[number] = one.value
+        solved.append(one)
+        steps.append(Step(number, time.perf_counter() - begin, one.energy, one.unknowns))
+        for quantity in case.quantities:
+            if quantity.material != number:
+                continue
+            if isinstance(quantity, Value):
+                spread = one.uncertainty
+            else:
+                found, spread = _difference(case, material, quantity, settings)
+                derivatives[number, Material._fields.index(quantity.by)] = found
+            if spread is not None:
+                uncertainty[quantity.name] = spread
+    return RepeatedSolution(
+        case=case,
+        history=tuple(steps),
+        uncertainty=uncertainty,
+        diagnostics={SECONDS_BEFORE: 0.0, SECONDS_EACH: _mean(one.seconds for one in solved)},
+        values=values,
+        derivatives=derivatives,
+        unknowns=sum(one.unknowns for one in solved),
+    )
+
+
+def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings) -> _One:
+    shell = case.near(material)
+    start = time.perf_counter()
+    found = FemSolver().solve(shell, FemSettings(cells=settings.cells))
+    value = shell.quantity(ASKED).measure(found)
+    seconds = time.perf_counter() - start
+    return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
+
+
+def _difference(
+    case: ConditionedCase, material: Material, quantity: Sensitivity, settings: RepeatedSettings
+) -> tuple[float, float | None]:
+    """Return a difference quotient of the logarithm, and its uncertainty.
+
+    Central differences over one and two steps give one of fourth order, (4 D(step) - D(2 step)) / 3. Its uncertainty is
+    the error of D(step), which it takes away, and that of the solves.
+    """
+    quotients, relative = [], 0.0
+    known = True
+    for step in (settings.step, 2 * settings.step):
+        below, above = (_solve(case, stepped(material, quantity.by, way * step), settings) for way in (-1, 1))
+        quotients.append(math.log(above.value / below.value) / (2 * step))
+        for one in (below, above):
+            known = known and one.uncertainty is not None
+            relative = max(relative, (one.uncertainty or 0.0) / abs(one.value))
+    near, far = quotients
+    # Of a quotient over one step a relative error u of each displacement makes u / step, and half of it over two.
+    spread = (4 / 3 + 1 / 6) * relative / settings.step
+    return (4 * near - far) / 3, abs(near - far) / 3 + spread if known else None
+
+
+def _mean(numbers: Iterable[float]) -> float:
+    return float(np.mean(list(numbers)))

@@ -1,0 +1,57 @@
+"""The solver `fem-repeated`: `fem` once for every material. What a field for all materials must beat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field, PositiveInt
+
+from shellbench.problem import Capabilities, ProgressCallback, Settings
+from shellbench.problems.conditioned.case import ConditionedCase
+from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
+from shellbench.solvers.fem.solver import FemSolver
+
+if TYPE_CHECKING:
+    from shellbench.solvers.fem.conditioned import RepeatedSolution
+
+
+class RepeatedSettings(Settings):
+    """Settings of `fem-repeated`.
+
+    Attributes
+    ----------
+    cells
+        As of `fem`: one fixed mesh, which tells nothing of its error. None: refine until converged.
+    step
+        Of difference quotients, in log h, log E and nu.
+    """
+
+    cells: tuple[PositiveInt, PositiveInt] | None = None
+    step: float = Field(0.005, gt=0, lt=0.1)
+
+
+class FemRepeatedSolver(ConditionedSolver):
+    """Finite elements, one solve a material; derivatives by central differences."""
+
+    name: ClassVar[str] = "fem-repeated"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        THEORIES, "fem, one solve a material; derivatives by differences"
+    )
+    settings_type: ClassVar[type[Settings]] = RepeatedSettings
+
+    def refuses(self, case: ConditionedCase) -> str | None:
+        """Return why `fem` can't take the shell."""
+        return FemSolver().declines(case.shell_of(case.middle))
+
+    def answer(self, case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
+        """Solve for each held-out material; InputError and SolveFailure are those of `fem`."""
+        from shellbench.solvers.fem.conditioned import solve
+
+        return solve(case, settings, progress)
+
+    def load(self, path: Path) -> RepeatedSolution:
+        """Read what an answer has saved; InputError in one sentence if it is none."""
+        from shellbench.solvers.fem.conditioned import RepeatedSolution
+
+        return RepeatedSolution.load(path)

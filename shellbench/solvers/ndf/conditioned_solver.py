@@ -1,0 +1,64 @@
+"""The solver `ndf-conditioned` and its settings; what solves is `conditioned`, which is imported when it is called."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from pydantic import Field
+
+from shellbench.model import Positive
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
+from shellbench.problems.conditioned.case import ConditionedCase
+from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
+from shellbench.solvers.ndf.choices import LARGEST_GAP
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
+
+if TYPE_CHECKING:
+    from shellbench.solvers.ndf.conditioned import ConditionedField
+
+
+class ConditionedSettings(SeededSettings):
+    """Settings of `ndf-conditioned`; what is None follows from the case."""
+
+    neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
+    snapshots: int = Field(32, ge=3, le=63, description="materials at which the output layer is solved for, at most")
+    tolerance: Positive = Field(
+        1e-6, description="change of the asked displacement, by the last two fields, that ends it"
+    )
+    largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")
+
+
+class ConditionedFieldSolver(ConditionedSolver):
+    """One neural field for a range of materials; see `shellbench.problem.Solver`."""
+
+    name: ClassVar[str] = "ndf-conditioned"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        THEORIES,
+        "neural field for all materials: random sine layer, output layers solved for at some and combined by energy",
+        devices=("cpu", "cuda"),
+    )
+    settings_type: ClassVar[type[ConditionedSettings]] = ConditionedSettings
+
+    def refuses(self, case: ConditionedCase) -> str | None:
+        """Return why the field can't hold the shell."""
+        shell = case.shell_of(case.middle)
+        if not shell.material.uniform or shell.springs:
+            return "its modulus or thickness varies, or it rests on springs: its energy is not two stiffnesses alone"
+        if any(support.motion is not None for support in shell.supports):
+            return "a support is moved: the field answers for loads alone"
+        return RitzSolver().declines(shell)
+
+    def answer(
+        self, case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback
+    ) -> ConditionedField:
+        """Build the field; SolveFailure if it exploits its quadrature at a material."""
+        from shellbench.solvers.ndf.conditioned import solve
+
+        return solve(case, settings, progress)
+
+    def load(self, path: Path) -> ConditionedField:
+        """Read what an answer has saved; InputError in one sentence if it is none."""
+        from shellbench.solvers.ndf.conditioned import ConditionedField
+
+        return ConditionedField.load(path)
