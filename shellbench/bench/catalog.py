@@ -220,4 +220,6 @@ def tolerances() -> Mapping[str, Tolerances]:
 
 def tolerance(case_name: str, quantity: str, solver: str) -> Tolerance | None:
     """Return what one of the suite's own cases, or a variant of it, allows a solver; None if nothing is frozen."""
-    return tolerances().get(solver, {}).get(case_name.partition(VARIANT)[0], {}).get(quantity)
+    base, _, variant = case_name.partition(VARIANT)
+    found = tolerances().get(solver, {}).get(base, {}).get(quantity)
+    return found.of_variant(variant) if found else None

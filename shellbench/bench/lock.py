@@ -132,7 +132,8 @@ def todays_lock() -> Lock:
 def _locked(case: Problem) -> LockedCase:
     known, figures = catalog.known_values(case.name), {}
     for quantity in case.quantities:
-        of_solver = {solver: catalog.tolerance(case.name, quantity.name, solver) for solver in catalog.tolerances()}
+        held = {solver: cases.get(case.name, {}) for solver, cases in catalog.tolerances().items()}
+        of_solver = {solver: found.get(quantity.name) for solver, found in held.items()}
         allowed = {solver: tolerance for solver, tolerance in of_solver.items() if tolerance}
         judge = known.judge(quantity.name, case.theory)
         if allowed or judge:
@@ -292,6 +293,8 @@ def _of_tolerance(name: str, then: Tolerance, now: Tolerance | None) -> Iterator
         yield "broken", f"{name} is an open finding, and was none"
     elif now and then.open_finding and not now.open_finding:
         yield "unlocked", f"{name} is no open finding any more"
+    for variant in sorted((now.variants or {}).keys() - (then.variants or {}).keys() if now else ()):
+        yield "broken", f"{name} is an open finding as {variant}, and was none"
 
 
 def _judge(judge: Judge | None) -> str:

@@ -139,11 +139,14 @@ class Tolerance(Model):
         Instead, in the quantity's unit.
     open_finding
         Why it is known to be exceeded. Such a row is an expected failure, and red once it passes.
+    variants
+        Variants of the case in which alone it is known to be exceeded, and why.
     """
 
     relative: Annotated[Positive, Field(lt=1)] | None = None
     absolute: Positive | None = None
     open_finding: Annotated[str, Field(min_length=1)] | None = None
+    variants: dict[Name, Annotated[str, Field(min_length=1)]] | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -167,6 +170,11 @@ class Tolerance(Model):
     def is_absolute(self) -> bool:
         """Whether it is in the quantity's unit."""
         return self.absolute is not None
+
+    def of_variant(self, name: str) -> Self:
+        """Return what it is for a variant; the name is empty for the case as declared."""
+        found = (self.variants or {}).get(name, self.open_finding)
+        return self.model_copy(update={"open_finding": found, "variants": None})
 
     def __str__(self) -> str:
         return f"{self.largest:g} {'absolute' if self.is_absolute else 'relative'}"

@@ -83,6 +83,11 @@ DISARMED: list[tuple[str, Change, list[str]]] = [
         ["strip centre toy-noisy is an open finding, and was none"],
     ),
     (
+        "a figure is declared an open finding of a variant",
+        lambda: allow("centre = 1e-6", 'centre = { relative = 1e-6, variants = { turned = "noisy" } }', "toy-noisy"),
+        ["strip centre toy-noisy is an open finding as turned, and was none"],
+    ),
+    (
         "a judging value is changed",
         lambda: edit(known_file(), f"value = {strip.CENTRE!r}", "value = 0.00625000000001"),
         [

@@ -35,6 +35,11 @@ def test_a_number_is_relative_and_a_table_says_what_it_is(tmp_path: Path) -> Non
     assert (table.largest, table.is_absolute, table.open_finding) == (2.0, True, "locks")
 
 
+def test_an_open_finding_may_be_of_a_variant_alone(tmp_path: Path) -> None:
+    held = read(tmp_path, '{ relative = 1e-3, variants = { oblique = "few cells" } }')
+    assert [held.of_variant(name).open_finding for name in ("", "oblique", "turned")] == [None, "few cells", None]
+
+
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
