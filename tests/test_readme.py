@@ -61,6 +61,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"5 x 512|20 x 20 random samples|in motion 20 x 20 x 20",
     r"seed 0",
     r"about 0\.35 s",
+    r"More than 1e-3 of a linear figure, or 2e-2 of one on a path",
 )  # fmt: skip
 
 
