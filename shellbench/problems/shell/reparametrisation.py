@@ -181,8 +181,14 @@ def _pair(items: Any) -> Any:
 
 
 def _solved(old: Callable[[float], float], wanted: float, domain: Domain, axis: int) -> float:
-    """Return where an increasing function of a coordinate has a value: halving, for it can't miss."""
+    """Return where an increasing function of a coordinate has a value: halving, for it can't miss.
+
+    What lies whole turns away on a closed coordinate stays so.
+    """
     low, high = domain.lower[axis], domain.upper[axis]
+    if domain.periodic[axis] and not low <= wanted <= high:
+        turns = math.floor((wanted - low) / (high - low)) * (high - low)
+        return _solved(old, min(max(wanted - turns, low), high), domain, axis) + turns
     for end in (low, high, (low + high) / 2):  # exact where the chart is the identity
         if old(end) == wanted:
             return end
