@@ -235,7 +235,7 @@ def challenged(
         held = case.path.quantity is not None and not (isinstance(q, LimitPoint) and q.turning == "displacement")
         numbers = _asked(q, solution, offset)
         if not numbers:
-            continue  # a critical state, of which one linear solve does not tell
+            continue  # one linear solve does not tell of it
         for k in numbers:
             if (k, held) not in known:
                 step = solution.history[offset + k]
@@ -269,9 +269,12 @@ def challenged(
 
 
 def _asked(q: QuantityModel, solution: PathSolution, offset: int) -> tuple[int, ...]:
-    """Return the numbers of the states of the path that tell a quantity; none of a critical state."""
+    """Return the numbers of the states of the path that tell a quantity; none of a critical state.
+
+    None either of where along the curve an extremum lies: it follows the slope of the changes there, not their size.
+    """
     steps, path = solution.history[offset:], solution.case.path
-    if isinstance(q, CriticalPoint):
+    if isinstance(q, CriticalPoint) or (isinstance(q, LimitPoint) and q.gives != q.turning):
         return ()
     along = [step.at if path.quantity is None else step.quantities[path.quantity] for step in steps]
     if not isinstance(q, LimitPoint):
