@@ -93,12 +93,12 @@ def solve(
     solver: str,
     rungs: Sequence[Callable[[], Rung]],
     largest_gap: float,
-    seed: int,
+    seed: int | None,
     progress: ProgressCallback,
 ) -> PathSolution:
     """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
 
-    `seed` draws the challengers that tell how sure the path is.
+    `seed` draws the challengers that tell how sure the path is; with None it states nothing.
 
     Raises
     ------
@@ -136,7 +136,8 @@ def solve(
         "energy_change": change,
         "settled": run.prescribed or (change is not None and change <= SETTLED),
     }
-    return run.stated(replace(solution, history=(*history, *states), diagnostics=diagnostics), seed)
+    found = replace(solution, history=(*history, *states), diagnostics=diagnostics)
+    return found if seed is None else run.stated(found, seed)
 
 
 class _Run:

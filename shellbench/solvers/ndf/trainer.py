@@ -98,7 +98,8 @@ def follow(
     widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
-    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, plan.seed, progress)
+    # Along paths challengers of trained layers would state as much as some tolerances, and would decide by a hair.
+    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, None, progress)
     trained = solution.parameters > solution.states[-1].field.output.numel()
     hidden = "trained in linear theory" if trained else "as drawn"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
