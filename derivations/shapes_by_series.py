@@ -1,4 +1,4 @@
-"""The cases of the suites `shapes` and `bridge` that closed forms and series answer: what judges each, and its second form."""
+"""The cases of the suites `shapes` and `bridge_shell` that closed forms and series answer: what judges each, and its second form."""
 
 from __future__ import annotations
 

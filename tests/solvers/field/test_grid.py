@@ -141,6 +141,6 @@ def test_a_margin_that_no_edge_reaches_would_stretch_for_nothing(monkeypatch):
     even = 3 * (2 * 0.000532 + 0.0009) / 8  # 3 (2 tr E^2 + tr^2 E)/8
     assert strain_of(GridSolver().solve(case, {"resolution": 8})) == pytest.approx(even, rel=0.05)  # by the order of s
     off = 0.2 / np.sqrt(3)
-    monkeypatch.setattr(energy, "corners", lambda p, a, s, n: corners(np.clip(p, off, 1 - off), a, s, n))
+    monkeypatch.setattr(energy, "corners", lambda p, a, s, n, _: corners(np.clip(p, off, 1 - off), a, s, n))
     found = GridSolver().solve(case, {"resolution": 8})
     assert found.history[-1].energy / case.cloth.strain < 0.1 * even  # as its own samples see it
