@@ -16,7 +16,7 @@ from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.measure import measure_all
-from shellbench.solvers.fem import constraints, problem, strain_energy, time_step
+from shellbench.solvers.fem import constraints, kinematics, problem, strain_energy, time_step
 from shellbench.solvers.fem.assembly import BlockMatrix
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.test_faults import stiffness
@@ -190,8 +190,8 @@ def first_component_leaks(patch: pytest.MonkeyPatch) -> None:
 
 
 def wrong_poisson(patch: pytest.MonkeyPatch) -> None:
-    original = strain_energy.elasticity
-    patch.setattr(strain_energy, "elasticity", lambda surface, nu: original(surface, nu + 0.05))
+    original = kinematics.elasticity
+    patch.setattr(kinematics, "elasticity", lambda surface, nu: original(surface, nu + 0.05))
 
 
 FAULTS = [

@@ -155,7 +155,7 @@ FAULTS = (
     Fault("bending leaves out a pair of faces", *BEND, instead(structure, "OUTER", structure.OUTER[:2])),
     Fault("outer corners are too near", *BEND, wrapped(solution, "corners", lambda at: np.concatenate(
         [at[:, :3], 0.95 * at[:, 3:] + 0.05 * at[:, :3].mean(axis=1, keepdims=True)], axis=1))),
-    Fault("the side is halved", *BEND, given(solution, "corners", lambda p, a, side, n: (p, a, side / 2, n))),
+    Fault("the side is halved", *BEND, given(solution, "corners", lambda p, a, side, n, past: (p, a, side / 2, n, past))),
     Fault("edges of minimised structures are twice as soft", *HANG, wrapped(
         energy, "stretched", lambda found: tuple(part / 2 for part in found))),
     Fault("rest lengths are 1 % short", *HANG, given(energy, "stretched", lambda edge, rest, convex: (edge, 0.99 * rest, convex))),
@@ -212,4 +212,5 @@ def test_a_fault_is_red(fault, monkeypatch):
 
 def test_every_case_of_the_suite_has_a_fault():
     counts = {"field_count_plain", "field_count_grid", "field_count_vertices"}  # of which the fourth stands for all
-    assert {fault.case for fault in FAULTS} == {case for case, _ in RUNS} - counts
+    bridge = {case.name for case in catalog.cases_of("bridge")}  # of tests/test_bridge_faults.py
+    assert {fault.case for fault in FAULTS} == {case for case, _ in RUNS} - counts - bridge

@@ -7,7 +7,7 @@ import pytest
 
 from shellbench.problems.shell.shell import Shell
 from shellbench.solvers.fem import following as fem_following
-from shellbench.solvers.fem import kinematics, loads, problem, strain_energy
+from shellbench.solvers.fem import kinematics, loads, problem
 from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
 from tests.test_faults import (
     Fault,
@@ -127,7 +127,7 @@ FAULTS = [
     Fault("a linear normal", "fem", TURNED, linear_normal),
     Fault("linear membrane strains", "fem", PLATE, fem_strain(without_product)),
     Fault("no curvature of its own", "fem", TURNED, fem_strain(unbent)),
-    Fault("wrong Poisson ratio", "fem", ROOF, lambda p: more_poisson(p, strain_energy, "elasticity")),
+    Fault("wrong Poisson ratio", "fem", ROOF, lambda p: more_poisson(p, kinematics, "elasticity")),
     Fault("bending stiffness 0.1 % off", "fem", ROLLED, stiffness("bending_stiffness", 1.001)),
     Fault("an edge forgotten", "fem", PLATE, only_three_edges),
     Fault("halved moments", "fem", MOMENT, halved_moments(loads)),

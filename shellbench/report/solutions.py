@@ -168,7 +168,9 @@ def _figure(value: KnownValue, judge: Row | None) -> dict[str, Any]:
     error = (value.value - reference) / abs(reference) if reference else None
     return _reference(judge) | {
         "kind": value.role,
-        "solution": f"{value.label}, published" if value.label in variants() else value.label or value.role,
+        "solution": f"{value.label}, published"
+        if value.label and value.label in variants()
+        else value.label or value.role,
         **{name: getattr(value, name) for name in ("theory", "source", "origin", "locator", "value", "uncertainty")},
         "mean_error": error,
         "worst_error": error,
