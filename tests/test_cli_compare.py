@@ -79,7 +79,7 @@ def test_a_run_that_ends_worse_is_lost_and_its_reason_told(shellbench, both) -> 
 def test_what_goes_and_comes_is_told_and_counts_if_asked(shellbench, both) -> None:  # noqa: F811
     for record in runs(both[1], "toy-noisy")[:1]:
         (both[1].folder / f"{record.run_id}.json").unlink()
-    code, out, _ = compare(shellbench, both)
+    code, out, _ = compare(shellbench, both, "--wide")
     assert (code, f"only in {both[0].folder}: strip toy-noisy, seed " in out) == (0, True)
     assert compare(shellbench, both, "--gone")[0] == 1
     found = json.loads(compare(shellbench, both[::-1], "--gone", "--format", "json")[1])
