@@ -38,7 +38,7 @@ def off(where: Store, by: float, solver: str = "toy", factor: float = 1.0) -> No
 
 
 def compare(shellbench, stores, *more: object):  # noqa: F811
-    return shellbench("compare", *(s.folder for s in stores), *more)
+    return shellbench("compare", *(s.folder for s in stores), "--wide", *more)  # names of folders are long, some more
 
 
 def test_a_store_has_lost_nothing_against_itself(shellbench, both) -> None:  # noqa: F811
@@ -79,7 +79,7 @@ def test_a_run_that_ends_worse_is_lost_and_its_reason_told(shellbench, both) -> 
 def test_what_goes_and_comes_is_told_and_counts_if_asked(shellbench, both) -> None:  # noqa: F811
     for record in runs(both[1], "toy-noisy")[:1]:
         (both[1].folder / f"{record.run_id}.json").unlink()
-    code, out, _ = compare(shellbench, both, "--wide")
+    code, out, _ = compare(shellbench, both)
     assert (code, f"only in {both[0].folder}: strip toy-noisy, seed " in out) == (0, True)
     assert compare(shellbench, both, "--gone")[0] == 1
     found = json.loads(compare(shellbench, both[::-1], "--gone", "--format", "json")[1])
