@@ -151,7 +151,7 @@ def test_formats(shellbench, both, monkeypatch: pytest.MonkeyPatch) -> None:  # 
     assert "\n- loss: strip toy" in out
     assert out.count("<details>") == out.count("</details>") == 1
     monkeypatch.setenv("COLUMNS", "80")
-    lines = compare(shellbench, both)[1].splitlines()
+    lines = shellbench("compare", *(s.folder for s in both))[1].splitlines()
     assert max(map(len, lines)) <= 80 + len(str(both[1].folder))  # a path is not broken
 
 
