@@ -1,4 +1,4 @@
-"""What solvers of several kinds have in common: how they take a case, settings and progress. No mechanics."""
+"""What solvers of all kinds have in common: how they take a case, settings and progress. No mechanics."""
 
 from __future__ import annotations
 
@@ -7,22 +7,34 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from shellbench.errors import InputError
-from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution
 
 
-class FreshSolver(ABC):
-    """A solver that starts from no earlier solution; see `shellbench.problem.Solver` for the protocol.
+def silent(progress: Progress) -> None:
+    """Tell nobody."""
 
-    A subclass gives `declines` and `answer`.
+
+class CheckedSolver(ABC):
+    """A solver that answers what it does not decline; see `shellbench.problem.Solver` for the protocol.
+
+    Attributes
+    ----------
+    uses_start
+        Whether it goes on from an earlier solution; one is refused otherwise.
     """
 
     name: ClassVar[str]
     capabilities: ClassVar[Capabilities]
     settings_type: ClassVar[type[Settings]] = Settings
+    uses_start: ClassVar[bool] = False
 
     @abstractmethod
     def declines(self, case: Any) -> str | None:
         """Return why it can't take a problem, as one clause, or None if it can."""
+
+    def declines_with(self, case: Any, settings: Any) -> str | None:
+        """Return why it can't take a problem with settings; what `declines` says unless settings matter."""
+        return self.declines(case)
 
     def solve(
         self,
@@ -38,16 +50,32 @@ class FreshSolver(ABC):
         SolveFailure
             If no trustworthy answer was reached; what was reached comes with it.
         InputError
-            If an earlier solution is given, or the case is declined.
+            If the solver declines the case, the settings do not fit it, or `start` is of no use to the solver.
         """
-        if start is not None:
-            raise InputError(f"{self.name} starts from no earlier solution")
-        if reason := self.declines(case):
-            raise InputError(f"{case.name}: {reason}")
         kind = self.settings_type
         chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
-        return self.answer(case, chosen, progress or (lambda _: None))
+        if start is not None and not self.uses_start:
+            raise InputError(f"{self.name} can't go on from an earlier solution: it solves every case from rest")
+        if refusal := self.declines_with(case, chosen):
+            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
+        return self.answer_from(start, case, chosen, progress or silent)
+
+    @abstractmethod
+    def answer_from(
+        self, start: Solution | Path | None, case: Any, settings: Any, progress: ProgressCallback
+    ) -> Solution:
+        """Solve a case that is not declined; `start` is None unless the solver has a use for it."""
+
+
+class FreshSolver(CheckedSolver):
+    """A solver that starts from no earlier solution. A subclass gives `declines` and `answer`."""
+
+    def answer_from(
+        self, start: Solution | Path | None, case: Any, settings: Any, progress: ProgressCallback
+    ) -> Solution:
+        """Solve a case that is not declined; see `answer`."""
+        return self.answer(case, settings, progress)
 
     @abstractmethod
     def answer(self, case: Any, settings: Any, progress: ProgressCallback) -> Solution:
-        """Solve a case that is not declined; see `solve`."""
+        """Answer a case that it takes; SolveFailure if it can't."""

@@ -28,11 +28,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.errors import InputError
-from shellbench.problem import FIELDS, Capabilities, NumberFormat, Progress, ProgressCallback, Settings, Solution, Step
+from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
+from shellbench.problems.solving import CheckedSolver
 from shellbench.shown import solution_html
 
 Array = NDArray[np.float64]
@@ -320,10 +321,6 @@ def _on_points(points: ArrayLike, function: Callable[[Array], Array]) -> Array:
     return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))
 
 
-def silent(progress: Progress) -> None:
-    """Tell nobody."""
-
-
 Beyond = Literal[
     "varying stiffness",
     "bending Poisson's ratio",
@@ -337,7 +334,7 @@ Beyond = Literal[
 """What a case may have that not every solver of shells takes."""
 
 
-class ShellSolver:
+class ShellSolver(CheckedSolver):
     """What solvers of shells have in common; see `shellbench.problem.Solver` for the protocol.
 
     A subclass gives `answer` and `load`, and `declines` where it can't take all cases of its theories. It is a light
@@ -345,16 +342,10 @@ class ShellSolver:
 
     Attributes
     ----------
-    uses_start
-        Whether `answer` goes on from an earlier solution; it is refused otherwise.
     takes
         What it takes beyond the plainest shells; cases with more are declined.
     """
 
-    name: ClassVar[str]
-    capabilities: ClassVar[Capabilities]
-    settings_type: ClassVar[type[Settings]] = Settings
-    uses_start: ClassVar[bool] = False
     takes: ClassVar[frozenset[Beyond]] = frozenset()
 
     def declines(self, case: Case) -> str | None:
@@ -363,35 +354,11 @@ class ShellSolver:
             return f"it does not solve the theory {case.theory}"
         return why_not_plain(case, self.takes)
 
-    def declines_with(self, case: Case, settings: Any) -> str | None:
-        """Return why the solver can't take a case with settings; what `declines` says unless settings matter."""
-        return self.declines(case)
-
-    def solve(
-        self,
-        case: Case,
-        settings: Any = None,
-        start: Solution | Path | None = None,
-        progress: ProgressCallback | None = None,
+    def answer_from(
+        self, start: Solution | Path | None, case: Case, settings: Any, progress: ProgressCallback
     ) -> Solution:
-        """Solve a case with settings, or what makes some.
-
-        Raises
-        ------
-        SolveFailure
-            If no trustworthy answer was reached; what was reached comes with it.
-        InputError
-            If the solver declines the case, the settings do not fit it, or `start` is of no use to the solver.
-        """
-        chosen = (
-            settings if isinstance(settings, self.settings_type) else self.settings_type.model_validate(settings or {})
-        )
-        if start is not None and not self.uses_start:
-            raise InputError(f"{self.name} can't go on from an earlier solution: it solves every case from rest")
-        refusal = self.declines_with(case, chosen)
-        if refusal:
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
-        return self.answer(case, chosen, start, progress or silent)
+        """Solve a case that is not declined; see `answer`."""
+        return self.answer(case, settings, start, progress)
 
     def answer(self, case: Case, settings: Any, start: Solution | Path | None, progress: ProgressCallback) -> Solution:
         """Solve a case that is not declined; see `solve`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 from pydantic import Field, PositiveInt
 
@@ -72,18 +72,7 @@ class FemSolver(ShellSolver):
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements, exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
-    takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {
-            "varying stiffness",
-            "bending Poisson's ratio",
-            "foundation",
-            "supported parts",
-            "loaded parts",
-            "local supports",
-            "local loads",
-            "kinks",
-        }
-    )
+    takes: ClassVar[frozenset[Beyond]] = frozenset(get_args(Beyond))  # all there is
 
     def declines(self, case: Case) -> str | None:
         """Return why the solver can't take this case, or None."""

@@ -24,7 +24,7 @@ def test_a_chain_at_rest_and_a_start_are_refused(solver):
     assert "in motion only" in solver().declines(case)
     with pytest.raises(InputError, match="in motion only"):
         solver().solve(case, None)
-    with pytest.raises(InputError, match="starts from no earlier solution"):
+    with pytest.raises(InputError, match="can't go on from an earlier solution"):
         solver().solve(catalog.named_case("rope_static"), None, start="here")
 
 

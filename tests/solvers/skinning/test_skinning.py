@@ -61,7 +61,7 @@ def test_a_file_of_another_solver_or_of_none_is_refused(answers, tmp_path):
     (tmp_path / "none.safetensors").write_bytes(b"no tensors")
     with pytest.raises(InputError, match="holds no skinned cape"):
         solver.FloorSolver().load(tmp_path / "none.safetensors")
-    with pytest.raises(InputError, match="starts from no earlier solution"):
+    with pytest.raises(InputError, match="can't go on from an earlier solution"):
         solver.RidgeSolver().solve(small(), start=file)
 
 
