@@ -8,6 +8,7 @@ import pytest
 
 from shellbench.bench.store import Store
 from shellbench.problems.shell.conditions import Material
+from shellbench.solvers.fem import kinematics
 from shellbench.solvers.ndf import bspline, bspline_solution, energy, splines
 from tests.test_faults import Fault, findings, must_be_red, stop_early, wrapped
 
@@ -71,6 +72,21 @@ def knots_apart(patch):
     patch.setattr(splines, "raised_slopes", slopes)
 
 
+def one_ratio_in_elements(patch):
+    """Let the stiffness of `fem` alone take the membrane's ratio for both."""
+    original = kinematics.elasticity
+    patch.setattr(kinematics, "elasticities", lambda surface, material: np.stack(
+        [original(surface, material.poissons_ratio)] * 2, axis=1))  # fmt: skip
+
+
+def one_ratio_in_fields(patch):
+    """Let the energy of fields alone do so."""
+    original = energy.energy_rows
+    patch.setattr(
+        energy, "energy_rows", lambda geometry, ratios, rigidity: original(geometry, ratios[:1] * 2, rigidity)
+    )
+
+
 FAULTS = [
     Fault("a spline's slope halved", "bspline-ritz", PLATE, half_a_slope),
     Fault("a knot of slopes moved", "bspline-ritz", PLATE, knots_apart),
@@ -82,6 +98,8 @@ FAULTS = [
     Fault("one Poisson's ratio", "fem", BRIDGE, one_ratio),
     Fault("ratios exchanged", "fem", BRIDGE, exchanged),
     Fault("one Poisson's ratio", "ndf-ritz", BRIDGE, one_ratio),
+    Fault("bending by the membrane's ratio, in its own stiffness", "fem", BRIDGE, one_ratio_in_elements),
+    Fault("bending by the membrane's ratio, in its own energy", "ndf-ritz", BRIDGE, one_ratio_in_fields),
 ]
 pytestmark = pytest.mark.long
 CASES = sorted({(fault.solver, fault.case) for fault in FAULTS})
