@@ -12,7 +12,6 @@ thickness and modulus inputs of a network instead, and trains it by descent at r
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -49,9 +48,8 @@ from shellbench.solvers.ndf.ritz import field_spec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings
 from shellbench.solvers.ndf.solve import solve_part
 from shellbench.solvers.ndf.supports import check_balance
-from shellbench.solvers.ndf.weights import network_of, network_tensors, read_tensors, telling_damage, write_tensors
+from shellbench.solvers.ndf.weights import described, network_of, network_tensors, write_described
 
-HEADER = "shellbench"
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
 LAST = 2  # fields that must not change the displacement of any candidate any more
@@ -156,7 +154,6 @@ class ConditionedField(ConditionedAnswer):
 
     def save(self, path: Path) -> Path:
         """Write the field as safetensors, all else as JSON in its header; return the file with its suffix."""
-        target = path.with_suffix(".safetensors")
         words = {
             "format": FORMAT,
             "case": self.case.data(),
@@ -164,17 +161,12 @@ class ConditionedField(ConditionedAnswer):
             "activation": self.features.network.activation,
             "uncertainty": dict(self.uncertainty),
         }
-        write_tensors(target, self.tensors(), {HEADER: json.dumps(words)})
-        return target
+        return write_described(path, self.tensors(), words)
 
     @classmethod
     def load(cls, path: Path) -> ConditionedField:
         """Read what `save` wrote; InputError in one sentence if it is none."""
-        texts, tensors = read_tensors(path)
-        with telling_damage(path):
-            words = json.loads(texts.get(HEADER, "{}"))
-            if words.get("format") != FORMAT:
-                raise ValueError("it holds no conditioned field")
+        with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
             spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
             inputs = build_inputs(shell, spec)

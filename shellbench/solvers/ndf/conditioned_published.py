@@ -7,7 +7,6 @@ samples and Adam's constants are those of `published`. Thickness, modulus and ra
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Iterator
@@ -45,9 +44,9 @@ from shellbench.solvers.ndf.published_training import (
 )
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.reduced import stiffnesses
-from shellbench.solvers.ndf.weights import read_tensors, telling_damage, write_tensors
+from shellbench.solvers.ndf.weights import described, write_described
 
-HEADER, FORMAT = "shellbench", "ndf-material, format 1"
+FORMAT = "ndf-material, format 1"
 INPUTS = len(Material._fields)
 BLOCK = 10  # iterations that are tabulated at once
 STEP = 1e-3  # of difference quotients of the network, in double precision
@@ -202,20 +201,14 @@ class TrainedField(ConditionedAnswer):
 
     def save(self, path: Path) -> Path:
         """Write weights and biases as safetensors, all else as JSON in the header."""
-        target = path.with_suffix(".safetensors")
         words = {"format": FORMAT, "case": self.case.data(), "omega0": self.siren.omega0, "unit": self.unit}
         named = {f"{k:03d}": tensor for k, tensor in enumerate(self.siren.tensors)}
-        write_tensors(target, named, {HEADER: json.dumps(words)})
-        return target
+        return write_described(path, named, words)
 
     @classmethod
     def load(cls, path: Path) -> TrainedField:
         """Read what `save` wrote; InputError in one sentence if it is none."""
-        texts, tensors = read_tensors(path)
-        with telling_damage(path):
-            words = json.loads(texts.get(HEADER, "{}"))
-            if words.get("format") != FORMAT:
-                raise ValueError("it holds no trained field for many materials")
+        with described(path, FORMAT, "trained field for many materials") as (words, tensors):
             ordered = tuple(tensors[name] for name in sorted(tensors))
             half = len(ordered) // 2
             siren = Siren(ordered[:half], ordered[half:], float(words["omega0"]))

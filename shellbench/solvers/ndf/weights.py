@@ -7,6 +7,7 @@ and weights in a shorter floating-point format.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -73,6 +74,30 @@ def telling_damage(path: Path) -> Iterator[None]:
     except (ValueError, KeyError, TypeError, ArithmeticError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: is damaged: {reason[:200]}") from None
+
+
+def write_described(path: Path, tensors: Mapping[str, Tensor], words: Mapping[str, Any]) -> Path:
+    """Write tensors, and words as JSON in the header; return the path with its suffix."""
+    target = path.with_suffix(".safetensors")
+    write_tensors(target, tensors, {HEADER: json.dumps(words)})
+    return target
+
+
+@contextmanager
+def described(path: Path, form: str, what: str) -> Iterator[tuple[dict[str, Any], dict[str, Tensor]]]:
+    """Yield words and tensors of what `write_described` wrote, and tell what of them does not fit together.
+
+    Raises
+    ------
+    InputError
+        In one sentence, if it can't be read, or its words do not have this `format`: it holds no `what`.
+    """
+    texts, tensors = read_tensors(path)
+    with telling_damage(path):
+        words = json.loads(texts.get(HEADER, "{}"))
+        if words.get("format") != form:
+            raise ValueError(f"it holds no {what}")
+        yield words, tensors
 
 
 def are_finite(tensors: Iterable[Tensor]) -> bool:
