@@ -8,6 +8,7 @@ again through them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -36,6 +37,7 @@ from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     Miss,
     changes,
+    finer_rule,
     first_level,
     layered,
     probed,
@@ -51,8 +53,6 @@ from shellbench.solvers.ndf.supports import point_supports
 SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
 SAME = 1e-9  # relative distance of a state from its mark
-
-
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
 
 
@@ -97,8 +97,10 @@ class Challenge:
         """Draw challengers of a path's problem, whose last field is a solution of this resolution."""
         case, spec = solution.case, solution.spec
         level = first_level(case, usual, given_width=True, given_rule=True)
-        rule = layered(case, usual.rule)
-        number = max(1, round(SHARE * solution.field.features.network.width / len(level.kinds)))
+        width = solution.field.features.network.width
+        number = max(1, round(SHARE * width / len(level.kinds)))
+        # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
+        rule = layered(case, finer_rule(usual.rule, math.sqrt(1 + len(level.kinds) * number / width)))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution, level, seed)
         assert isinstance(problem.features, Combined)
