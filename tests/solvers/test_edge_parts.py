@@ -60,6 +60,7 @@ def test_a_partly_clamped_plate_is_as_its_dual_series_says():
     assert found == pytest.approx(known.value, rel=1e-4)
 
 
+@pytest.mark.long
 def test_an_edge_is_the_sum_of_its_parts():
     parts = {"a": {"edge": "xi1_min", "between": [0, 0.3]}, "b": {"edge": "xi1_min", "between": [0.3, 1]}}
     others = EVERY_EDGE[1:]

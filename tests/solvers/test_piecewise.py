@@ -142,6 +142,7 @@ def test_springs_under_half_of_a_strip():
     assert by_field(case) == pytest.approx(0.01, rel=1e-6)
 
 
+@pytest.mark.long
 def test_the_field_knows_how_sure_it_is_beside_a_jump():
     """A roof bends within a layer along the line where its load jumps."""
     roof = {"kind": "cylinder", "axis": "y", "radius": 1.0, "xi1": [30, 150], "xi2": [0, 1]}

@@ -84,6 +84,7 @@ def test_a_bar_stretches_as_its_modulus_and_its_section_say(solver):
     assert found["membrane_energy"] == pytest.approx(force * expected / 2, rel=allowed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_tapered_strip_rolls_up_by_its_own_curvature(solver):
     """Under an end moment B theta' = M: theta(L) = 3 M L / B0, and the bending energy is M theta / 2."""

@@ -63,6 +63,7 @@ def test_a_load_in_time_accelerates_by_newtons_law():
     assert np.polyfit(np.log([20, 40, 80]), np.log(errors), 1)[0] == pytest.approx(-1, abs=0.05)
 
 
+@pytest.mark.long
 def test_a_spring_swings_at_its_own_frequency():
     """u = g/w^2 (1 - cos w t), w^2 = k/rho, of cloth that is rigid in this motion; first order in the time step."""
     spring = {"name": "bed", "stiffness": 144.0}  # w^2 = 1000 / s^2

@@ -196,6 +196,7 @@ def twisted():
     return problem, list(following_steps(problem, (0.13, 0.2), 0.025, 1e-4))
 
 
+@pytest.mark.long
 def test_where_the_inertia_changes_the_smallest_eigenvalue_changes_sign(twisted):
     problem, states = twisted
     (critical,) = [s for s in states if s.critical]

@@ -102,6 +102,7 @@ def test_edges_beside_a_clamp_are_graded():
     assert max(sides) > 1
 
 
+@pytest.mark.long
 def test_a_graded_mesh_restores_the_rate_that_a_corner_takes():
     # the rhombus of 60 degrees under its load: 2 s = 1 on uniform meshes, 2 s g = 4 on graded ones
     case = catalog.named_case("rhombic_plate_60")

@@ -116,7 +116,9 @@ def test_energies_of_manufactured_shells_converge_with_twice_the_degree_less_two
 
 
 @pytest.mark.parametrize("degree", HIGHER)
-@pytest.mark.parametrize("name", ["helicoid", "hypar", "cylinder"])
+@pytest.mark.parametrize(
+    "name", ["helicoid", *(pytest.param(n, marks=pytest.mark.long) for n in ("hypar", "cylinder"))]
+)
 def test_clamped_and_hinged_shells_answer_as_with_cubics(name, degree):
     # edges whose normal turns, oblique coordinates, a seam; loads that are not symmetric
     edges = EVERY_EDGE if name != "cylinder" else ["xi2_min", "xi2_max"]

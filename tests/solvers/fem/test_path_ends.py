@@ -98,6 +98,7 @@ def test_no_shell_of_the_suite_is_declined(name):
 # how paths end
 
 
+@pytest.mark.long
 def test_a_load_beyond_a_limit_point_ends_in_one_sentence_with_the_states_so_far():
     case = under_load("hinged_roof_thick", 5.0, marks=(1.0, 2.0))
     with pytest.raises(SolveFailure) as caught:

@@ -114,6 +114,7 @@ def test_values_are_what_their_settings_give(name):
         assert abs(found[value.quantity] - value.value) <= 0.2 * value.uncertainty  # they are rounded
 
 
+@pytest.mark.long
 def test_the_whole_plate_tends_to_its_value():
     """The error at its middle falls with the sixth power of the spans, one more than the splines' degree."""
     (value,) = from_kratos("square_plate")
@@ -122,6 +123,7 @@ def test_the_whole_plate_tends_to_its_value():
     assert np.log(errors[0] / errors[1]) / np.log(12 / 8) == pytest.approx(6, abs=0.3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PARTS)
 def test_parts_that_are_stated_by_hand_are_those_that_symmetry_leaves(name):
     """Both ways, on coarse patches: nothing is solved but the part, and the same is found."""

@@ -147,6 +147,7 @@ def test_soft_supports_are_springs_in_series_with_a_strip(weight):
         np.testing.assert_allclose(solution.reaction(name)[0], [sign * 2 * force, 0, 0], rtol=1e-5, atol=1e-5 * force)
 
 
+@pytest.mark.long
 def test_soft_supports_become_hard_ones_at_the_rate_of_their_weight():
     case, weights = strip(), np.array([1e1, 1e2, 1e3, 1e4])
     points = inner_points(case)
@@ -181,6 +182,7 @@ def test_the_gap_of_soft_supports_is_that_of_shell_and_springs_together():
     assert solution.diagnostics["energy_gap"] < 1e-5
 
 
+@pytest.mark.long
 def test_soft_feet_carry_the_load_and_a_saved_solution_comes_back(tmp_path):
     corners = [f"xi1_{a},xi2_{b}" for a in ("min", "max") for b in ("min", "max")]
     feet = [support("feet", *corners, components=["z"])]
@@ -199,6 +201,7 @@ def test_soft_feet_carry_the_load_and_a_saved_solution_comes_back(tmp_path):
     assert again.reaction("feet")[0] == pytest.approx(force)
 
 
+@pytest.mark.long
 def test_soft_supports_hold_covariant_components_as_well():
     case = named_case("scordelis_lo")
     first, second = (measure(solve(case, supports="soft", components=c), case.primary)
@@ -254,7 +257,7 @@ def test_the_turning_that_curvature_does_not_see_tells_kinks_from_bends(activati
 
 
 @pytest.mark.parametrize(
-    "name", ["square_plate", pytest.param("scordelis_lo", marks=pytest.mark.long), "sleeve_torque"]
+    "name", ["square_plate", *(pytest.param(n, marks=pytest.mark.long) for n in ("scordelis_lo", "sleeve_torque"))]
 )
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.long)])
 def test_a_rectified_field_is_a_failed_run_that_shows_its_value(name, seed):

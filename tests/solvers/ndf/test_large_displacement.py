@@ -305,6 +305,7 @@ def test_rungs_are_climbed_until_the_energy_stands_still():
     assert [s.iteration for s in solution.history] == list(range(len(solution.history)))
 
 
+@pytest.mark.long
 def test_a_deep_network_agrees_with_random_features():
     case = named_case("square_plate_nonlinear")
     reference = solve(case, neurons=120)
@@ -329,7 +330,10 @@ def test_hidden_layers_stay_as_drawn_where_moments_act(coiled):
     assert sum(deep.energies(at=0.25)) == pytest.approx(sum(coiled.energies(at=0.25)), rel=1e-2)
 
 
-@pytest.mark.parametrize("control", ["load", "displacement", pytest.param("arc_length", marks=pytest.mark.long)])
+LONG_CONTROLS = [pytest.param(control, marks=pytest.mark.long) for control in ("displacement", "arc_length")]
+
+
+@pytest.mark.parametrize("control", ["load", *LONG_CONTROLS])
 def test_consistent_units_give_the_same_path(control):
     """Metres to millimetres and newtons to kilonewtons: the same states, by every control."""
 
@@ -354,6 +358,7 @@ def test_consistent_units_give_the_same_path(control):
     np.testing.assert_allclose(second.energies(), np.array(first.energies()), rtol=1e-4)
 
 
+@pytest.mark.long
 def test_seeds_are_reproducible_and_differ():
     case = named_case("square_plate_nonlinear")
     first, again, other = (solve(case, neurons=20, seed=seed) for seed in (0, 0, 1))

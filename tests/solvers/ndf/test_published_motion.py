@@ -189,6 +189,7 @@ def test_settings_that_do_not_fit_are_refused():
         trained(FALL, few(iterations=1), start=trained(named_case("square_plate"), few(iterations=1)))
 
 
+@pytest.mark.long
 def test_the_strains_of_the_loss_can_be_chosen():
     published, exact = (trained(MOVED, few(iterations=1, strain=s)) for s in ("published", "exact"))
     assert published.diagnostics["strain"] == trained(MOVED, few(iterations=1)).diagnostics["strain"]

@@ -93,6 +93,7 @@ def test_a_rigid_turn_by_an_edge_is_its_own_exact_answer():
     assert abs(value - known) <= solution.uncertainty["turn"]
 
 
+@pytest.mark.long
 def test_challengers_find_nothing_beside_moved_points_where_nothing_is_missed():
     """The stress of the parallelogram is the same everywhere: its field is smooth, and its first answer right."""
     solution = solve("twisted_parallelogram", neurons=150)
@@ -114,6 +115,7 @@ def test_infinite_moments_at_corners_are_met():
         assert values[name] == pytest.approx(known, rel=1e-4)
 
 
+@pytest.mark.long
 def test_uncertainties_tell_what_regularisation_takes(monkeypatch):
     """A level of 1e-6 takes more than features of other kinds, as regularised, tell of."""
     usual, steps = static.solve_part, static.STEPS_LEFT

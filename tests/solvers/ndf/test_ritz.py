@@ -44,6 +44,7 @@ def roof():
     return solve(case)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["square_plate", "scordelis_lo", "sleeve_torque"])
 def test_gated_quantities_are_within_their_tolerance(name):
     case = named_case(name)
@@ -75,6 +76,7 @@ def test_clamped_plate():
     assert measure(solve(case), case.primary) == pytest.approx(expected, rel=5e-5)
 
 
+@pytest.mark.long
 def test_plate_under_a_point_load():
     """The same, section 34: w = .0116008 P a^2 / B at the centre (Navier's series summed)."""
     case = plate(loads=[{"kind": "point", "on": ["centre"], "force": [0, 0, -1]}])
@@ -151,6 +153,7 @@ def test_reactions_at_feet_carry_the_load():
     np.testing.assert_allclose(solution.displacement(np.array([[0, -1], [2, 1]]))[:, 2], 0, atol=1e-12)
 
 
+@pytest.mark.long
 def test_a_symmetric_load_gives_a_symmetric_answer(roof):
     points = inner_points(roof.case)
     domain = roof.case.surface.domain
@@ -192,6 +195,7 @@ def test_certified_energy_is_a_lower_bound_that_rises_with_the_width(roof):
     assert wider.history[-1].quantities["edge_deflection"] == pytest.approx(measure(wider, wider.case.primary))
 
 
+@pytest.mark.long
 def test_seeds_are_reproducible_and_differ():
     case = plate()
     first, again, other = (solve(case, neurons=40, seed=seed) for seed in (0, 0, 1))
@@ -209,6 +213,7 @@ def test_ablations_solve_as_well(activation, components):
     assert found == pytest.approx(0.3005924566, rel=5e-3)
 
 
+@pytest.mark.long
 def test_a_slit_tube_is_softer():
     """Without periodic inputs nothing closes the tube: it can only be softer than the closed one."""
     case = shell("tube", supports=[support("end", "xi2_min", clamped=True)],
@@ -344,7 +349,8 @@ def test_an_unloaded_shell_rests():
     assert solution.energies() == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("thickness", [0.025, *(pytest.param(h, marks=pytest.mark.long) for h in (0.125, 0.5))])
+@pytest.mark.long
+@pytest.mark.parametrize("thickness", [0.025, 0.125, 0.5])
 def test_thin_and_thick_roofs_with_the_same_settings(thickness):
     """Refined fields agree with default ones to 1e-3, and the certificate with the training energy."""
     base = named_case("scordelis_lo")

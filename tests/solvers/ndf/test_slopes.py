@@ -70,7 +70,13 @@ def test_rims_that_hold_their_slope_alone_take_shear():
     "loads",
     [
         [{"kind": "area", "vector": [0, 3, -20]}],
-        [{"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": 4}, {"kind": "area", "vector": [0, 0, -20]}],
+        pytest.param(
+            [
+                {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": 4},
+                {"kind": "area", "vector": [0, 0, -20]},
+            ],
+            marks=pytest.mark.long,
+        ),
     ],
 )
 def test_a_plane_of_symmetry_needs_no_chart_that_it_mirrors(loads):
