@@ -15,9 +15,11 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "examples/solver_template/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 OF_COMMANDS = ("", "bash", "text", "console")  # languages of blocks that show commands
-OPTIONAL = re.compile(r"\[[^\]]*\]")  # what a line may leave out
+OPTIONAL = re.compile(r"\[(?![\d\[])[^\]]*\]")  # what a line may leave out; no list of numbers
 CHOICE = re.compile(r"(\.\w+)(\|\.\w+)+")  # FILE.npz|.obj|.vtu
-BESIDE = re.compile(r"\s{2,}(?!-)\S.*|\s*[#;&|].*")  # words beside a command, or another command
+BESIDE = re.compile(
+    r"\s{2,}(?!-)\S.*|(?<=[^\"])\s*[#;&|](?=[^\"]*(?:\"[^\"]*\"[^\"]*)*$).*"
+)  # words beside a command, or another command
 
 
 def shown(page: str) -> list[str]:
@@ -28,7 +30,7 @@ def shown(page: str) -> list[str]:
     return [
         BESIDE.sub("", CHOICE.sub(r"\1", OPTIONAL.sub("", line))).strip()
         for line in whole
-        if line.startswith("shellbench ")
+        if re.match(r"shellbench [a-z-]", line)  # pytest's output begins with the word, too
     ]
 
 
