@@ -1,5 +1,6 @@
 """Sessions: the main job, the tests and what keeps the code in order. `python -m nox -l` lists them."""
 
+import platform
 import shutil
 import sys
 from pathlib import Path
@@ -13,6 +14,8 @@ CONSTRAINTS = ("-c", "constraints.txt")
 QUICK_SOLVERS = ("--solver", "fem", "--solver", "ndf-ritz", "--seed", "0")
 GATES = ("--regression", "--cost")  # what is reported unless it is asked to be judged
 STUDIES = ("resolution", "thinness", "sampling", "training")
+PINNED_EXTRAS = ("compiled", "dask", "kratos", "mujoco", "vtk", "test", "docs", "lint")  # `fast` is Intel's alone
+PINNED = "# Versions that CI installs: pip install -c constraints.txt . Written by: python -m nox -s constraints\n"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 ENGINES = ("kratos", "mujoco", "dask")
 CALIBRATED = ("obstacle_course", "verification", "shapes", "variants", "thinness")  # the linear shells
@@ -49,8 +52,16 @@ def install(session: nox.Session, *extras: str) -> None:
 
 
 def engines_here() -> tuple[str, ...]:
-    """Return the extras that can be installed: Kratos may have no wheel outside Linux, and its tests then say so."""
-    return ENGINES if sys.platform == "linux" else tuple(name for name in ENGINES if name != "kratos")
+    """Return the extras that can be installed: Kratos has wheels for x86-64 Linux alone; elsewhere its tests say so."""
+    has_kratos = sys.platform == "linux" and platform.machine() == "x86_64"
+    return ENGINES if has_kratos else tuple(name for name in ENGINES if name != "kratos")
+
+
+def pinned(frozen: str) -> str:
+    """Return the file of constraints from what `pip freeze` says: no local versions, and nothing from a folder."""
+    lines = (line.strip() for line in frozen.splitlines())
+    kept = {line.partition("+")[0] for line in lines if "==" in line and not line.startswith(("#", "-", "shellbench="))}
+    return PINNED + "".join(f"{line}\n" for line in sorted(kept, key=lambda line: line.partition("==")[0].lower()))
 
 
 @nox.session
@@ -345,6 +356,39 @@ def docs(session: nox.Session) -> None:
     session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
     session.run("mkdocs", "build", "--strict", "--quiet", env={"NO_MKDOCS_2_WARNING": "1"})
     session.log("site/index.html")
+
+
+@nox.session(reuse_venv=False)
+def constraints(session: nox.Session) -> None:
+    """Pin the newest versions of all that the extras need, in constraints.txt. Test them before you commit it.
+
+    `-- --check` installs what is pinned already, and says what the file lacks.
+    """
+    check = "--check" in session.posargs
+
+    session.install("-q", f".[{','.join(PINNED_EXTRAS)}]", *(CONSTRAINTS if check else ()))
+    found = pinned(session.run("python", "-m", "pip", "freeze", silent=True))
+    file = Path("constraints.txt")
+    if check:
+        lacking = sorted(set(found.splitlines()) - set(file.read_text(encoding="utf-8").splitlines()))
+        if lacking:
+            session.error(f"constraints.txt lacks {', '.join(lacking)}: write it by `python -m nox -s constraints`")
+    else:
+        file.write_text(found, encoding="utf-8")
+        session.log("constraints.txt is written: run the tests with it, then commit it")
+
+
+@nox.session
+def package(session: nox.Session) -> None:
+    """Build wheel and sdist in dist/, install the wheel alone, and try it outside of the repository."""
+    session.install("-q", "hatchling", *CONSTRAINTS)
+    shutil.rmtree("dist", ignore_errors=True)
+    session.run("python", "-m", "hatchling", "build", "-d", "dist")
+    wheel = next(Path("dist").glob("*.whl")).resolve()
+    session.install("-q", str(wheel), *CONSTRAINTS)
+    session.chdir(session.create_tmp())
+    for command in ("doctor", "list square_plate", "run square_plate --solver fem", "table", "gate"):
+        session.run("shellbench", *command.split())
 
 
 @nox.session

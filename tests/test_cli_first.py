@@ -124,30 +124,6 @@ def test_a_solver_that_can_not_be_written_is_refused(tmp_path: Path, name: str, 
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
-@pytest.mark.long
-def test_templates_come_with_a_wheel(tmp_path: Path) -> None:
-    """Built and unpacked, the package writes both templates outside of the repository."""
-    source = shutil.copytree(
-        ROOT, tmp_path / "source", ignore=shutil.ignore_patterns(".git", "reports", "__pycache__", ".nox")
-    )
-    build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path / "dist")]
-    subprocess.run(build, cwd=source, check=True, capture_output=True, timeout=GUARD)
-    shutil.rmtree(source)
-    site = tmp_path / "site"
-    (wheel,) = (tmp_path / "dist").glob("*.whl")
-    shutil.unpack_archive(wheel, site, "zip")
-    for command in (["new-case", "mine"], ["new-solver", "my-plate"], ["list", "mine.toml"]):
-        whole = [sys.executable, "-m", "shellbench", *command]
-        subprocess.run(whole, cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(site)}, check=True, timeout=GUARD)
-    there = {
-        str(path.relative_to(ROOT / "examples/solver_template"))
-        for path in (ROOT / "examples/solver_template").rglob("*")
-    }
-    wanted = {name for name in there if not re.search(r"cache|\.shellbench(/|$)", name)}
-    written = {str(path.relative_to(tmp_path / "my-plate")) for path in (tmp_path / "my-plate").rglob("*")}
-    assert written == {name.replace("plate_series", "my_plate") for name in wanted}
-
-
 @pytest.mark.usefixtures("here")
 def test_the_doctor_finds_this_machine_fit_and_a_wrong_answer_bad(tmp_path: Path, toys: Path, monkeypatch) -> None:  # noqa: F811
     monkeypatch.setattr(doctor, "list_solver", lambda entry: {"available": True})  # to import them all takes a second

@@ -12,21 +12,25 @@ import typer
 from shellbench.cli import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "examples/solver_template/README.md", *sorted((ROOT / "docs").glob("*.md"))]
-FENCED = re.compile(r"^```(?:bash|text|console)?\n(.*?)^```", re.MULTILINE | re.DOTALL)
-OPTIONAL = re.compile(r"\[[^\]]*\]")  # what a line may leave out
+PAGES = [ROOT / "README.md", ROOT / "examples/solver_template/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+OF_COMMANDS = ("", "bash", "text", "console")  # languages of blocks that show commands
+OPTIONAL = re.compile(r"\[(?![\d\[])[^\]]*\]")  # what a line may leave out; no list of numbers
 CHOICE = re.compile(r"(\.\w+)(\|\.\w+)+")  # FILE.npz|.obj|.vtu
-BESIDE = re.compile(r"\s{2,}(?!-)\S.*|\s*[#;&|].*")  # words beside a command, or another command
+BESIDE = re.compile(
+    r"\s{2,}(?!-)\S.*|(?<=[^\"])\s*[#;&|](?=[^\"]*(?:\"[^\"]*\"[^\"]*)*$).*"
+)  # words beside a command, or another command
 
 
 def shown(page: str) -> list[str]:
     """Command lines of a page: those that begin a line of a block of code."""
-    lines = "\n".join(FENCED.findall(page)).replace("\\\n", " ").splitlines()
+    blocks = [block for language, block in FENCED.findall(page) if language in OF_COMMANDS]
+    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     whole = [line.strip().removeprefix("$ ") for line in lines]
     return [
         BESIDE.sub("", CHOICE.sub(r"\1", OPTIONAL.sub("", line))).strip()
         for line in whole
-        if line.startswith("shellbench ")
+        if re.match(r"shellbench [a-z-]", line)  # pytest's output begins with the word, too
     ]
 
 

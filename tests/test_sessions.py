@@ -31,7 +31,8 @@ class Session:
 def sessions(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Return the sessions by name."""
     nox: Any = types.ModuleType("nox")
-    nox.session, nox.Session, nox.options = (lambda made: made), Session, types.SimpleNamespace()
+    nox.session = lambda made=None, **_: made or (lambda made: made)
+    nox.Session, nox.options = Session, types.SimpleNamespace()
     monkeypatch.setitem(sys.modules, "nox", nox)
     return runpy.run_path(str(ROOT / "noxfile.py"))
 
@@ -77,3 +78,24 @@ def test_calibration_asks_linear_shells_and_drawn_ones_and_judges(
 def test_the_checks_before_landing_judge_regression() -> None:
     (line,) = [text for text in (ROOT / ".ci" / "run").read_text().splitlines() if "obstacle_course --" in text]
     assert "--regression" in line.partition("--")[2]
+
+
+def test_constraints_are_what_pip_says_without_folders_and_local_versions(sessions) -> None:
+    written = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+    frozen = written.replace("torch==2.13.0\n", "torch==2.13.0+cpu\n").splitlines()[1:]
+    assert any("+cpu" in line for line in frozen)
+    said = [*reversed(frozen), "-e git+ssh://somewhere#egg=shellbench", "mine @ file:///tmp/mine", "shellbench==0.1.0"]
+    assert sessions["pinned"]("\n".join(said)) == written
+
+
+def test_constraints_are_written_by_a_session_and_checked_by_it(sessions, monkeypatch, tmp_path) -> None:
+    monkeypatch.chdir(tmp_path)
+    session = Session()
+    session.run = lambda *_, **__: "b==2\nA==1\n"
+    session.log = session.error = lambda words: said.append(words)
+    said: list[str] = []
+    sessions["constraints"](session)
+    assert (tmp_path / "constraints.txt").read_text() == sessions["PINNED"] + "A==1\nb==2\n"
+    session.posargs, session.run = ["--check"], lambda *_, **__: "b==2\nA==1\nc==3\n"
+    sessions["constraints"](session)
+    assert "lacks c==3:" in said[-1]

@@ -28,6 +28,11 @@ def data_folder(name: str) -> Path:
     return installed if installed.is_dir() else PACKAGE.parent / name
 
 
+def shipped_baseline() -> Path:
+    """Return the baseline that comes with the suite; the file is there but in a catalog of tests."""
+    return data_folder("reports") / "baseline.json"
+
+
 def case_names() -> list[str]:
     """Names of the suite's own cases."""
     return sorted(path.stem for path in data_folder("cases").glob("*.toml"))

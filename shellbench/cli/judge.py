@@ -86,7 +86,7 @@ def gate_command(
     Cost compares seconds, memory and parameters with the baseline's, between runs on like hardware. The latter two
     are reported, and count only if asked for.
     """
-    from shellbench.bench import verdicts
+    from shellbench.bench import catalog, verdicts
     from shellbench.bench.baseline import read_baseline
     from shellbench.bench.expected import Scope
     from shellbench.bench.gate import gate
@@ -98,6 +98,8 @@ def gate_command(
         tuple(dict.fromkeys(seed or ())),
         tuple(dict.fromkeys(cases or ())),
     )
+    if baseline == DEFAULT_BASELINE and not baseline.exists():  # outside of the repository
+        baseline = catalog.shipped_baseline()
     verdict = gate(Store(store), read_baseline(baseline), scope)
     warn(verdict.warnings)
     typer.echo(verdicts.as_text(verdict, str(baseline), cost=cost, verbose=verbose, regression=regression))

@@ -27,6 +27,7 @@ from shellbench.report.tables import DISPLACEMENTS, QUANTITIES, render, tables_a
 from shellbench.report.view import LIBRARY, View, library, palettes_json, script_sources, scripts, views
 
 REPORT_COMMAND = "shellbench report"
+SITE = "shellbench report"  # what its pages are titled
 TOGETHER = (DISPLACEMENTS, QUANTITIES)  # tables with the same columns, in one CSV
 
 
@@ -87,12 +88,12 @@ def write_report(
         facts["made_by"] = _made_by(facts["makings"], drawn, turned)
         for leaf in leaves:
             on_page = {one.name.removeprefix(PICTURE) for one in leaf.exhibits if one.name.startswith(PICTURE)}
-            viewed = _scripts({case: one for case, one in turned.items() if case in on_page})
+            viewed = page_scripts({case: one for case, one in turned.items() if case in on_page})
             of_leaf = {"verdict": facts["verdicts"][leaf.name], "solvers": _labels(leaf.rows)} | viewed
-            document.write(out / leaf.file, _page("leaf.html.j2", HTML, leaf, facts | of_leaf))
+            document.write(out / leaf.file, render_page("leaf.html.j2", HTML, leaf, facts | of_leaf))
         report = Leaf(WHOLE, "", shown, sections)
-        document.write(out / "index.html", _page("index.html.j2", HTML, report, facts | _scripts({})))
-        document.write(out / "report.md", _page("report.md.j2", MARKDOWN, report, facts))
+        document.write(out / "index.html", render_page("index.html.j2", HTML, report, facts | page_scripts({})))
+        document.write(out / "report.md", render_page("report.md.j2", MARKDOWN, report, facts))
         if turned:
             document.write(out / LIBRARY, library())
         tables = all_tables(sections)
@@ -129,6 +130,8 @@ def _facts(records: Mapping[str, Record], found: Evidence, sections: Sequence[Se
     sources = document.read_bibliography(catalog.data_folder("references") / document.BIBLIOGRAPHY)
     return {
         "version": __version__,
+        "site": SITE,
+        "whole": WHOLE,
         "verdict": overall(found.compared),
         "report_command": REPORT_COMMAND,
         "solvers": _labels(found.rows),
@@ -165,7 +168,7 @@ def _made_by(
     return {name: [by_run[run_id] for run_id in run_ids if run_id in by_run] for name, run_ids in shown.items()}
 
 
-def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
+def page_scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     """Return the views by the name of the picture that each takes the place of, and what runs in the page."""
     return {
         "views": {f"{PICTURE}{case}": one.json for case, one in turned.items()},
@@ -177,7 +180,8 @@ def _scripts(turned: Mapping[str, View]) -> dict[str, Any]:
     }
 
 
-def _page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
+def render_page(template: str, notation: Notation, leaf: Leaf, facts: dict[str, Any]) -> str:
+    """Return a page of a template of the report; `facts` are what it names beside the leaf and its tables."""
     environment = document.templates(autoescape=notation is HTML)
     environment.filters |= {"escape_words": notation.escape, "code": notation.code, "anchor": anchor}
     environment.globals |= {"written": lambda table: table.write(notation.name), "files": _table_files}

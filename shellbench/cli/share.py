@@ -1,0 +1,83 @@
+"""The commands that share results: ``pack`` and ``board``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shellbench.cli.options import DEFAULT_STORE, SOLVERS, StoreOption, SuiteOption, warn
+
+DEFAULT_BOARD = Path("reports/board")
+
+
+def pack(
+    solver: Annotated[str, typer.Argument(metavar="SOLVER", help="Whose records.", **SOLVERS)],
+    store: StoreOption = DEFAULT_STORE,
+    suite: SuiteOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE.zip", help="File to write; SOLVER-VERSION.zip if not given.")
+    ] = None,
+    install: Annotated[
+        str,
+        typer.Option(
+            "--install", metavar="COMMAND", help="How to install the solver; said by its package if not given."
+        ),
+    ] = "",
+) -> None:
+    """Pack a solver's records into one file, to submit them to a board.
+
+    Packed are the runs that count, of the suite's own cases: values, settings, versions, seconds and machine, each
+    record with its checksum. The file is a zip of JSON. It has no solutions and no code.
+
+    Examples
+    --------
+        shellbench pack mine --suite obstacle_course --install "python -m pip install mine==1.2"
+    """
+    from shellbench.bench.pack import SUFFIX, write_pack
+    from shellbench.bench.registry import find_solver
+    from shellbench.bench.store import Store
+    from shellbench.errors import InputError
+
+    entry = find_solver(solver)
+    file = out or Path(f"{entry.name}-{entry.version}{SUFFIX}")
+    if file.suffix != SUFFIX:
+        raise InputError(f"--out: found {str(file)!r}, but a pack is a file *{SUFFIX}")
+    manifest, notes = write_pack(Store(store), solver, file, tuple(suite or ()), install)
+    warn(notes)
+    typer.echo(
+        f"written to {file}: {len(manifest.runs)} runs of {solver} {manifest.version}\n"
+        f"install:  {manifest.install}\n"
+        f"checksum: {manifest.checksum}"
+    )
+
+
+def board(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of packs.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_BOARD,
+    store: Annotated[
+        Path | None,
+        typer.Option("--store", metavar="DIR", help="Your own runs: figures that they confirm are marked re-measured."),
+    ] = None,
+) -> None:
+    """Build a static page from packs: by case, and by cost at equal error.
+
+    Each pack is checked first. One that was changed since it was written is refused, and no page is built. Errors and
+    verdicts are made anew from today's known values.
+
+    Examples
+    --------
+        shellbench board submissions --store reports/runs --out site/board
+    """
+    from shellbench.bench.board import read_board
+    from shellbench.bench.gate import check_filled
+    from shellbench.bench.store import Store
+    from shellbench.report.board import write_board
+
+    own = None if store is None else Store(store)
+    if own is not None:
+        check_filled(own)
+    entries = read_board(folder, own)
+    warn(tuple(f"{entry.name}: {words}" for entry in entries for words in (*entry.notes, *entry.differs)))
+    typer.echo(f"written to {write_board(entries, out)}")
