@@ -15,9 +15,9 @@ functionals at once, and no graph is kept.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import torch
 from torch import Tensor
@@ -39,6 +39,9 @@ from shellbench.solvers.ndf.geometry import apply_rows
 from shellbench.solvers.ndf.jets import D1, D2, D11, D12, D22, VALUE, activation, compose
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.solve import IndefiniteError, RegularisedInverse
+
+if TYPE_CHECKING:
+    from shellbench.solvers.ndf.sketch import Sketch
 
 PART = 1024  # points whose feature strains are held in memory at once
 
@@ -126,14 +129,18 @@ class Energy:
         return (self.gain - over.gain) / max(abs(2 * self.potential), torch.finfo(torch.float64).tiny)
 
 
-def normal_equations_on(sample: Sample, tips: Tips, network: Network) -> NormalEquations:
-    """Integrate the energy of the output weights on a sample."""
+def normal_equations_on(
+    sample: Sample, tips: Tips, network: Network, kept: list[Tensor] | None = None
+) -> NormalEquations:
+    """Integrate the energy of the output weights on a sample; `kept` takes the jets of its parts, for `energy_on`."""
     unknowns = 3 * (network.width + sample.fixed.shape[2])
     like = network.weights[0]
     stiffness, load = like.new_zeros((unknowns, unknowns)), like.new_zeros(unknowns)
     anchor = like.new_zeros((len(sample.table.anchors), unknowns))
     for part in sample.parts():
         jets = part.jets(network)
+        if kept is not None:
+            kept.append(jets)
         rows = strain_matrix(part.table, jets)
         add_gram(stiffness, rows)
         load += value_vector(part.table.force, jets[VALUE]) - rows.T @ part.table.offset.reshape(-1)
@@ -141,8 +148,8 @@ def normal_equations_on(sample: Sample, tips: Tips, network: Network) -> NormalE
     return NormalEquations(mirrored(stiffness), load + tips.load(network), anchor, 0.0)
 
 
-def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor) -> Energy:
-    """Return the energy of the field with output layer (3, M) on a sample.
+def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor, kept: list[Tensor] | None = None) -> Energy:
+    """Return the energy of the field with output layer (3, M) on a sample, the jets of its parts `kept` or computed.
 
     Raises
     ------
@@ -150,8 +157,8 @@ def energy_on(sample: Sample, tips: Tips, network: Network, output: Tensor) -> E
         If it is not a number.
     """
     work, stored, base = 0.0, 0.0, -2 * (sample.table.work + tips.work)
-    for part in sample.parts():
-        jet = part.jets(network) @ output.T
+    for k, part in enumerate(sample.parts()):
+        jet = (kept[k] if kept else part.jets(network)) @ output.T
         strain, table = apply_rows(part.table.rows, jet), part.table
         work += float((table.force * jet[VALUE]).sum() - (table.offset * strain).sum())
         stored += float((strain**2).sum())
@@ -250,7 +257,12 @@ def gradient(network: Network, tape: list[Layer], seed: Tensor) -> Tensor:
 def flatten(network: Network) -> Tensor:
     """Return all weights (P,): layer by layer, each unit's weights and then its bias."""
     pairs = zip(network.weights, network.biases, strict=True)
-    return torch.cat([torch.cat([weight, bias[:, None]], dim=1).reshape(-1) for weight, bias in pairs])
+    return flatten_layers([torch.cat([weight, bias[:, None]], dim=1) for weight, bias in pairs])
+
+
+def flatten_layers(matrices: Sequence[Tensor]) -> Tensor:
+    """Return the entries of matrices, one after the other, row by row."""
+    return torch.cat([matrix.reshape(-1) for matrix in matrices])
 
 
 def unflatten(vector: Tensor, like: Network) -> Network:
@@ -270,14 +282,14 @@ FLOOR = 1e-6  # of the unprojected diagonal, in Marquardt's scaling: weights tha
 
 @dataclass(frozen=True)
 class Quadratic:
-    """The model g d + 1/2 d H d of the energy, J.
+    """The model g d + 1/2 d H d of the energy, J, in k directions of the weights.
 
     Attributes
     ----------
     slope, matrix
-        g (P,) and H (P, P).
+        g (k,) and H (k, k).
     floor
-        (P,) diagonal of J^T J.
+        (k,) diagonal of J^T J.
     """
 
     slope: Tensor
@@ -324,8 +336,17 @@ def energy_gradient(sample: Sample, tips: Tips, network: Network, output: Tensor
     return total
 
 
-def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network, output: Tensor) -> Quadratic:
+def quadratic_model(
+    sample: Sample,
+    tips: Tips,
+    coarse: Sample,
+    network: Network,
+    output: Tensor,
+    sketch: Sketch | None = None,
+) -> Quadratic:
     """Return the model of the energy: its gradient on `sample`, its matrix on the sparser `coarse`.
+
+    It is one of all weights, or in the directions of a `sketch`.
 
     Raises
     ------
@@ -338,14 +359,15 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
     # Golub and Pereyra differentiate the projection too. Kaufman drops that term, which is of the size of the residual.
     # Strains are no small residual, but g is exact all the same, and H is only a model. The projection itself is never
     # formed: it would have a row for each strain of each point.
-    unknowns = output.numel()
-    joint = output.new_zeros((unknowns + network.parameters,) * 2)
+    unknowns, count = output.numel(), sketch.count if sketch else network.parameters
+    joint = output.new_zeros((unknowns + count,) * 2)
     anchors = output.new_zeros((len(coarse.table.anchors), unknowns))
     for part in coarse.parts():
         features, tape = forward(network, part.inputs)
         jets = torch.cat([features, part.fixed], dim=-1)
         seed = part.table.rows.transpose(2, 3) @ output[:, : network.width]
-        add_gram(joint, torch.cat([strain_matrix(part.table, jets), jacobian(network, tape, seed)], dim=1))
+        moved = (sketch.rows if sketch else jacobian)(network, tape, seed)
+        add_gram(joint, torch.cat([strain_matrix(part.table, jets), moved], dim=1))
         anchors += (part.table.anchors.mT @ jets[VALUE]).reshape(len(anchors), unknowns)
     joint = mirrored(joint)
     own, cross, matrix = joint[:unknowns, :unknowns], joint[:unknowns, unknowns:], joint[unknowns:, unknowns:]
@@ -355,4 +377,5 @@ def quadratic_model(sample: Sample, tips: Tips, coarse: Sample, network: Network
         half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None
-    return Quadratic(energy_gradient(sample, tips, network, output), matrix - half.T @ half, matrix.diagonal().clone())
+    slope = energy_gradient(sample, tips, network, output)
+    return Quadratic(sketch.restrict(slope) if sketch else slope, matrix - half.T @ half, matrix.diagonal().clone())

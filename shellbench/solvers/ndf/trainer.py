@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
+from shellbench.solvers.ndf.first_order import train_by_adam
 from shellbench.solvers.ndf.jets import VALUE, Placement, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
@@ -200,6 +201,8 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
         damping=settings.damping,
         attempts=settings.attempts,
         seed=settings.seed,
+        directions=settings.directions,
+        learning_rate=settings.learning_rate,
     )
 
 
@@ -225,7 +228,8 @@ class _Run:
             check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
             state, points = trusted(self.problem, self.plan, state, points)
             self._report(0, state)
-            state, ending = train(self.problem, self.plan, state, points, self._report)
+            optimise = train_by_adam if self.settings.optimiser == "adam" else train
+            state, ending = optimise(self.problem, self.plan, state, points, self._report)
             self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
             return self._certified(state, points, ending)
         except SolveFailure as failure:
@@ -306,6 +310,7 @@ class _Run:
                 "hidden_layers": [len(bias) for bias in state.network.biases],
                 "quadrature_points": len(points.train),
                 "check_points": len(points.check),
+                "network_evaluations": state.evaluations,
                 "fine_quadrature_points": len(rule.points),
             },
         )

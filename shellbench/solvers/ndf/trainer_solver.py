@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field as PydanticField
 
@@ -34,7 +34,14 @@ class TrainerSettings(SeededSettings):
     inner: tuple[int, ...] = PydanticField(INNER, description="widths of the hidden layers before the last")
     widths: tuple[int, ...] | None = PydanticField(None, description="widths of the last hidden layer, tried in turn")
     activation: str = "sine"
-    iterations: int = PydanticField(3, ge=0, le=1000, description="Gauss-Newton iterations at most")
+    directions: int | None = PydanticField(
+        None, ge=1, description="of hidden weights that a Gauss-Newton step moves in; None for all of them"
+    )
+    optimiser: Literal["gauss-newton", "adam"] = PydanticField(
+        "gauss-newton", description="what moves hidden weights; the output layer is always solved for"
+    )
+    learning_rate: Positive = PydanticField(1e-3, description="of Adam, at the start; it falls along half a cosine")
+    iterations: int = PydanticField(3, ge=0, le=100_000, description="at most")
     tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
     gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
     damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")

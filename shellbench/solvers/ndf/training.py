@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
@@ -33,6 +35,7 @@ from shellbench.solvers.ndf.gauss_newton import (
 )
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.sketch import Sketch
 from shellbench.solvers.ndf.solve import solve_output
 
 # Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with
@@ -48,6 +51,7 @@ AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as 
 REFINE, MOST_REFINED = 1.4, 3.0  # more training points where they are exploited, and how many more at most
 HARDEN, EASE, EASE_MORE = 4.0, 3.0, 10.0  # factors of the damping after a refusal, a fair step and a good one
 FAIR, GOOD = 0.3, 0.7  # of the predicted decrease
+DRAWS = 3  # of directions among which no step was certified, one after the other, before training ends
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,10 @@ class Plan:
         Standard deviations of the starting features' weights, for plain and for stretched inputs.
     gap
         Disagreement of training and check points beyond which more points are taken.
+    directions
+        Of hidden weights in a Gauss-Newton step, at most; None for all of them.
+    learning_rate
+        Of Adam (see `first_order`), at the start.
     """
 
     inner: tuple[int, ...]
@@ -74,6 +82,8 @@ class Plan:
     damping: float
     attempts: int
     seed: int
+    directions: int | None = None
+    learning_rate: float = 1e-3
 
 
 @dataclass(frozen=True)
@@ -86,6 +96,8 @@ class Trained:
         (3, M) output layer, solved for on the training points.
     reactions
         (k,) forces of the point supports, N.
+    evaluations
+        Of the network's jets at one point since training began, a sweep back counted as one.
     """
 
     network: Network
@@ -93,6 +105,7 @@ class Trained:
     reactions: Tensor
     train: Energy
     check: Energy
+    evaluations: int = 0
 
     @property
     def gap(self) -> float:
@@ -173,13 +186,23 @@ class Quadratures:
 
     def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points and measure both energies."""
-        equations = normal_equations_on(self.train, self.tips, network)
+        return self.checked(self.solved(problem, network))
+
+    def solved(self, problem: TrainingProblem, network: Network) -> Trained:
+        """Solve for the output layer on the training points; their energy also stands for that of the check points."""
+        kept: list[Tensor] = []
+        equations = normal_equations_on(self.train, self.tips, network, kept)
         rows, targets = problem.constraints(problem.with_network(network))
         stiffness = problem.ansatz.case.material.membrane_stiffness
         layer = solve_output(equations, rows, targets, stiffness)
         output = layer.weights.view(3, -1)
-        train, check = (energy_on(sample, self.tips, network, output) for sample in (self.train, self.check))
-        return Trained(network, output, layer.reactions, train, check)
+        energy = energy_on(self.train, self.tips, network, output, kept)
+        return Trained(network, output, layer.reactions, energy, energy, len(self.train))
+
+    def checked(self, state: Trained) -> Trained:
+        """Measure the energy on the check points, too."""
+        check = energy_on(self.check, self.tips, state.network, state.output)
+        return replace(state, check=check, evaluations=state.evaluations + len(self.check))
 
 
 Report = Callable[[int, Trained], None]
@@ -254,56 +277,99 @@ def train(
 
     `report` is called with each certified state; whatever fails later, that one stands.
     """
-    # Variable projection with Levenberg & Marquardt's damping, an iteration in four:
-    # 1. A sparse rule, one of three in turn, for the Gauss-Newton matrix.
-    # 2. Gradient on the training points, matrix on the sparse ones, output layer eliminated.
-    # 3. Damp until a step is certified: energy down on training and check points alike, the output layer solved anew.
-    # 4. No such step, and only the training points saw a gain: they are exploited, take more. Else stop.
+    # Variable projection with Levenberg & Marquardt's damping, an iteration in five:
+    # 1. Of many weights, random directions for this step; of few, all.
+    # 2. A sparse rule, one of three in turn, for the Gauss-Newton matrix.
+    # 3. Gradient on the training points, matrix on the sparse ones, output layer eliminated.
+    # 4. Damp until a step is certified: energy down on training and check points alike, the output layer solved anew.
+    # 5. No such step, and only the training points saw a gain: they are exploited, take more. Else draw other
+    #    directions, a few times, or stop.
     # Textbooks accept what lowers the objective on its own points. A field lowers that without end, by displacements
     # that cost energy only between the points. Independent points see through that.
-    damping = plan.damping
+    damping, refused, generator = plan.damping, 0, torch.Generator().manual_seed(plan.seed)
     for iteration in range(1, plan.iterations + 1):
+        weights = state.network.parameters
+        few = plan.directions is None or weights <= plan.directions
+        sketch = None if few else Sketch.draw(state.network, plan.directions or weights, generator)
         # Six strain rows a point, and twice as many rows as columns: the Gram matrix then has full rank.
-        rows = COARSE_ROWS * (state.output.numel() + state.network.parameters)
+        rows = COARSE_ROWS * (state.output.numel() + (sketch.count if sketch else weights))
         coarse = problem.sample(problem.rule_spec(rows / 6, COARSE_ORDER, more=iteration % 3))
-        local = quadratic_model(points.train, points.tips, coarse, state.network, state.output)
-        new, exploited, damping = _search(problem, plan, state, points, local, damping)
-        if new is None:
-            if not exploited or points.refinement * REFINE >= MOST_REFINED:
-                return state, "no further step is certified"
-            state, points = refined(problem, state, points)
+        local = quadratic_model(points.train, points.tips, coarse, state.network, state.output, sketch)
+        found = _search(problem, plan, state, points, local, damping, sketch)
+        damping, spent = found.damping, state.evaluations + 2 * (len(points.train) + len(coarse)) + found.evaluations
+        if found.state is None:
+            refine = found.exploited and points.refinement * REFINE < MOST_REFINED
+            refused = 0 if refine else refused + 1
+            if refused == (1 if few else DRAWS):
+                return replace(state, evaluations=spent), "no further step is certified"
+            if refine:
+                state, points = refined(problem, state, points)
+                spent += state.evaluations
+            state, damping = replace(state, evaluations=spent), min(damping, plan.damping) if refused else damping
             continue
-        gain, state = new.check.relative_gain(state.check), new
+        refused = 0
+        gain, state = found.state.check.relative_gain(state.check), replace(found.state, evaluations=spent)
         report(iteration, state)
         if gain < plan.tolerance:
             return state, "the certified gain fell below the tolerance"
     return state, "all iterations were made"
 
 
+class Search(NamedTuple):
+    """What came of ever more damped steps.
+
+    Attributes
+    ----------
+    state
+        The first one that is certified, if any is.
+    exploited
+        Whether the training points alone saw a gain.
+    damping
+        For the next iteration.
+    evaluations
+        Of the network.
+    """
+
+    state: Trained | None
+    exploited: bool
+    damping: float
+    evaluations: int
+
+
 def _search(
-    problem: TrainingProblem, plan: Plan, state: Trained, points: Quadratures, local: Quadratic, damping: float
-) -> tuple[Trained | None, bool, float]:
-    """Return the first certified state as damping rises, whether the point sets disagreed, and the next damping."""
-    theta, exploited = flatten(state.network), False
+    problem: TrainingProblem,
+    plan: Plan,
+    state: Trained,
+    points: Quadratures,
+    local: Quadratic,
+    damping: float,
+    sketch: Sketch | None,
+) -> Search:
+    theta, exploited, spent = flatten(state.network), False, 0
     for attempt in range(plan.attempts):
         # A rejected step costs an evaluation, not a model: the same matrix is damped more.
         step = local.step(damping)
-        new = _attempt(problem, points, unflatten(theta + step, state.network)) if step is not None else None
-        if new is not None and step is not None:
-            if agree(new, state) and new.gap <= max(plan.gap, state.gap):
-                # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises. Damping
-                # eases only where the first attempt was accepted.
-                ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
-                ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
-                return new, False, damping / ease
-            exploited |= new.train.gain > state.train.gain
+        if step is not None:
+            change = sketch.extend(step) if sketch else step
+            new = _attempt(problem, points, unflatten(theta + change, state.network))
+            spent += len(points.train)
+            if new is not None and new.train.gain > state.train.gain:
+                new = points.checked(new)
+                spent += len(points.check)
+                if agree(new, state) and new.gap <= max(plan.gap, state.gap):
+                    # Gain over prediction, as in a trust region: an energy falls by half of what its gain rises.
+                    # Damping eases only where the first attempt was accepted.
+                    ratio = 0.5 * (new.train.gain - state.train.gain) / local.decrease(step)
+                    ease = 1.0 if attempt or ratio <= FAIR else EASE_MORE if ratio > GOOD else EASE
+                    return Search(new, False, damping / ease, spent)
+                exploited = True
         damping *= HARDEN
-    return None, exploited, damping / HARDEN
+    return Search(None, exploited, damping / HARDEN, spent)
 
 
 def _attempt(problem: TrainingProblem, points: Quadratures, network: Network) -> Trained | None:
     try:
-        return points.evaluate(problem, network)
+        return points.solved(problem, network)
     except SolveFailure:  # the step went too far: a shorter one is tried
         return None
 
