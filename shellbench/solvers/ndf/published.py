@@ -52,17 +52,9 @@ from shellbench.solvers.ndf.published_network import (
     initial_siren,
     published_ansatz,
 )
+from shellbench.solvers.ndf.published_samples import Sampler, usual_modulus_factor
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint, training_key
-from shellbench.solvers.ndf.published_training import (
-    LossNotFinite,
-    Plan,
-    Sampler,
-    Sampling,
-    beginning,
-    train,
-    usual_modulus_factor,
-    why_collapsed,
-)
+from shellbench.solvers.ndf.published_training import LossNotFinite, Plan, Sampling, beginning, train, why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.solution import NdfSolution
 from shellbench.solvers.ndf.supports import check_balance, point_supports

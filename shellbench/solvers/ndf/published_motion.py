@@ -55,8 +55,9 @@ from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.published_motion_field import DT, Ansatz, MotionField, moving
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
+from shellbench.solvers.ndf.published_samples import stratified_samples
 from shellbench.solvers.ndf.published_solver import PublishedSettings, training_key
-from shellbench.solvers.ndf.published_training import stratified_samples, why_collapsed
+from shellbench.solvers.ndf.published_training import why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 from shellbench.solvers.ndf.supports import force_density
