@@ -91,6 +91,8 @@ class Sampler:
         How finely loads along edges are integrated.
     placement
         Of the tensors.
+    every
+        Iterations on the same samples.
     """
 
     ansatz: Ansatz
@@ -101,6 +103,7 @@ class Sampler:
     modulus_factor: float
     edges: RuleSpec
     placement: Placement
+    every: int = 1
 
     @property
     def end(self) -> float:
@@ -119,7 +122,7 @@ class Sampler:
         area = surface_area(self.ansatz, area_rule(case.surface.domain, np.zeros((0, 2)), self.edges))
         step = 1 if self.ansatz.lift.moves else max(1, BLOCK // count)  # the work on a lift is that of one sample
         for first in range(start - start % step, stop, step):
-            points = [stratified_samples(case, self.cells, self.seed, first + k) for k in range(step)]
+            points = [stratified_samples(case, self.cells, self.seed, (first + k) // self.every) for k in range(step)]
             samples = self._tabulated(np.concatenate(points), count, forces, area, exact)
             yield from islice(samples, max(start - first, 0), min(stop - first, step))
 
@@ -146,6 +149,29 @@ class Sampler:
             )
 
 
+def deflection_of_a_plate(ansatz: Ansatz) -> float:
+    """Return the deflection, m, of a plate of the shell's area, stiffness and total load."""
+    case = ansatz.case
+    spec = RuleSpec((6, 6), 6)
+    rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
+    area = rule.areas(case.surface)
+    density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
+    _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
+    load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())
+    return PLATE * load * float(area.sum()) / case.material.bending_stiffness
+
+
+def largest_prescribed(ansatz: Ansatz) -> float:
+    """Return the largest prescribed displacement, m; 0 where no support moves."""
+    rule = area_rule(ansatz.case.surface.domain, np.zeros((0, 2)), RuleSpec((6, 6), 6))
+    return float(ansatz.lift.jet(rule.points, Placement())[VALUE].abs().max()) if ansatz.lift.moves else 0.0
+
+
+def expected_displacement(ansatz: Ansatz) -> float:
+    """Return the displacement, m, that load and stiffness let expect; 1 where nothing loads or moves the shell."""
+    return max(deflection_of_a_plate(ansatz), largest_prescribed(ansatz)) or 1.0
+
+
 def usual_modulus_factor(ansatz: Ansatz) -> float:
     """Return the power of ten by which Young's modulus is scaled in training, from the case alone.
 
@@ -155,15 +181,7 @@ def usual_modulus_factor(ansatz: Ansatz) -> float:
     choices: no scaling of plate and roof, and E = 30 for 3e6 of the pinched cylinders (Kairanda et al., section 5.1).
     Where only supports are moved, the largest prescribed motion is brought to order one.
     """
-    case = ansatz.case
-    spec = RuleSpec((6, 6), 6)
-    rule = area_rule(case.surface.domain, np.zeros((0, 2)), spec)
-    area = rule.areas(case.surface)
-    density = np.linalg.norm(force_density(case, rule.points, ansatz.t), axis=-1)
-    _, forces = concentrated_forces(case, spec, np.zeros((0, 2)), ansatz.t)
-    load = float(area @ density) + float(np.linalg.norm(forces, axis=-1).sum())
-    estimate = PLATE * load * float(area.sum()) / case.material.bending_stiffness
-    moved = float(ansatz.lift.jet(rule.points, Placement())[VALUE].abs().max()) if ansatz.lift.moves else 0.0
+    estimate, moved = deflection_of_a_plate(ansatz), largest_prescribed(ansatz)
     if ORDER_ONE[0] <= max(estimate, moved) <= ORDER_ONE[1] or max(estimate, moved) == 0.0:
         return 1.0
     return float(10.0 ** round(math.log10(max(estimate / AIM, moved))))
