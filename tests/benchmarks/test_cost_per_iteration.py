@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from shellbench.bench.catalog import named_case
-from shellbench.solvers.ndf.published_training import stratified_samples
+from shellbench.solvers.ndf.published_samples import stratified_samples
 from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
 from tests.solvers.ndf.trainings import sampler_of
 

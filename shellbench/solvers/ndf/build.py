@@ -17,7 +17,16 @@ from pydantic import Field as PydanticField
 
 from shellbench.model import Model, Positive
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf.choices import LAYER, MULTIPLIERS, Components, PeriodicInput, Slopes, StrainName, Supports
+from shellbench.solvers.ndf.choices import (
+    LAYER,
+    MULTIPLIERS,
+    Components,
+    PeriodicInput,
+    Pins,
+    Slopes,
+    StrainName,
+    Supports,
+)
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
@@ -49,6 +58,8 @@ class FieldSpec(Model):
         What the output layer gives: Cartesian components, or covariant ones.
     supports
         Whether boundary factors or springs hold the supports.
+    pins
+        Of the published boundary functions, where nothing holds the shell.
     slopes
         How the slope of components is held that are free at its edge.
     stretched
@@ -72,6 +83,7 @@ class FieldSpec(Model):
     periodic_input: SavedPeriodicInput = "both"
     components: Components = "cartesian"
     supports: Supports = "hard"
+    pins: Pins = "points"
     slopes: Slopes = "even"
     stretched: bool = True
     layer: Positive = LAYER

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from torch import Tensor
@@ -14,6 +14,7 @@ from shellbench.solvers.ndf.weights import are_finite, read_tensors, telling_dam
 
 FORMAT = "shellbench-ndf-checkpoint-1"
 GROUPS = ("weight", "first_moment", "second_moment")
+ANSWERS = ("averaged", "best")  # of trainings that keep them
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class Checkpoint:
         (iteration,): the loss of each.
     history
         What has been recorded so far.
+    averaged
+        The running average of the weights; empty where none is kept.
+    best, best_energy
+        The weights of least certified energy so far, and that energy, J; empty and None where none are kept.
     """
 
     key: str
@@ -46,19 +51,27 @@ class Checkpoint:
     second_moments: list[Tensor]
     losses: Tensor
     history: tuple[Step, ...]
+    averaged: list[Tensor] = field(default_factory=list)
+    best: list[Tensor] = field(default_factory=list)
+    best_energy: float | None = None
+
+    @property
+    def answer(self) -> list[Tensor]:
+        """The tensors that stand for the training as it is now."""
+        return self.averaged or self.weights
 
 
 def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
     """Write a checkpoint in place of an older one: to a file beside it that is then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     groups = (checkpoint.weights, checkpoint.first_moments, checkpoint.second_moments)
-    tensors = {
-        f"{name}.{k}": tensor for name, group in zip(GROUPS, groups, strict=True) for k, tensor in enumerate(group)
-    }
+    named = dict(zip((*GROUPS, *ANSWERS), (*groups, checkpoint.averaged, checkpoint.best), strict=True))
+    tensors = {f"{name}.{k}": tensor for name, group in named.items() for k, tensor in enumerate(group)}
     facts = {
         "key": checkpoint.key,
         "iteration": checkpoint.iteration,
         "seconds": checkpoint.seconds,
+        "best_energy": checkpoint.best_energy,
         "history": [{**asdict(step), "quantities": dict(step.quantities)} for step in checkpoint.history],
     }
     beside = path.with_name(f".{path.name}.{os.getpid()}")
@@ -88,6 +101,8 @@ def read_checkpoint(path: Path) -> Checkpoint:
         facts = json.loads(texts["checkpoint"])
         layers = range(sum(name.startswith(f"{GROUPS[0]}.") for name in tensors))
         weights, first, second = ([tensors[f"{group}.{k}"] for k in layers] for group in GROUPS)
+        averaged, best = ([tensors[f"{group}.{k}"] for k in layers if f"{group}.0" in tensors] for group in ANSWERS)
+        energy = facts.get("best_energy")
         found = Checkpoint(
             key=str(facts["key"]),
             iteration=int(facts["iteration"]),
@@ -97,7 +112,10 @@ def read_checkpoint(path: Path) -> Checkpoint:
             second_moments=second,
             losses=tensors["losses"],
             history=tuple(Step(**step) for step in facts["history"]),
+            averaged=averaged,
+            best=best,
+            best_energy=None if energy is None else float(energy),
         )
-        if found.losses.shape != (found.iteration,) or not are_finite(found.weights):
+        if found.losses.shape != (found.iteration,) or not are_finite([*found.weights, *averaged, *best]):
             raise ValueError(f"its losses or weights are not those of {found.iteration} iterations")
     return found

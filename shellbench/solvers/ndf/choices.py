@@ -12,6 +12,10 @@ Supports = Literal["hard", "soft"]
 Slopes = Literal["even", "rows"]
 """How a slope is held where components are free that tilt the normal: by inputs that are even at the edge, so that
 nothing has a slope there, or by rows of the output layer: u,n . a3 = 0, and nothing else."""
+Pins = Literal["points", "cells", "none"]
+"""How a shell that nothing holds is kept from drifting by the published boundary functions: by pins at points, as
+printed; by pins as wide as a cell of the published grid, which samples see; or not, as its energy does not ask for
+it."""
 StrainName = Literal["exact", "published", "linear"]
 
 LAYER = 1.2  # l in sqrt(h R) around a force; .12 R for R / h = 100, the best by certified energy on pinched cylinders

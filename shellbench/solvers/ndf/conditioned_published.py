@@ -34,14 +34,8 @@ from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, constant
 from shellbench.solvers.ndf.published_network import InputScale, Siren, initial_siren, published_ansatz
-from shellbench.solvers.ndf.published_training import (
-    LossNotFinite,
-    Plan,
-    beginning,
-    stratified_samples,
-    train,
-    usual_modulus_factor,
-)
+from shellbench.solvers.ndf.published_samples import stratified_samples, usual_modulus_factor
+from shellbench.solvers.ndf.published_training import LossNotFinite, Plan, beginning, train
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.reduced import stiffnesses
 from shellbench.solvers.ndf.weights import described, write_described

@@ -52,15 +52,15 @@ from shellbench.solvers.ndf.published_network import (
     initial_siren,
     published_ansatz,
 )
+from shellbench.solvers.ndf.published_samples import Sampler, expected_displacement, usual_modulus_factor
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver, own_checkpoint, training_key
 from shellbench.solvers.ndf.published_training import (
+    CERTIFIED,
     LossNotFinite,
     Plan,
-    Sampler,
     Sampling,
     beginning,
     train,
-    usual_modulus_factor,
     why_collapsed,
 )
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
@@ -92,6 +92,10 @@ class Training(Protocol):
 
     def watch(self, siren: Siren) -> dict[str, float]:
         """Return the headline quantity of a network, if it is one that can be watched."""
+        ...
+
+    def certify(self, siren: Siren) -> dict[str, float]:
+        """Return energies of a network on a quadrature that it is not trained on, J; nothing if there are none."""
         ...
 
     def released(self, solution: Solution) -> Siren | None:
@@ -135,12 +139,23 @@ def solve(
     else:
         training = MotionTraining.from_case(case, settings, PublishedSolver.name)
     own = own_checkpoint(case, settings)
-    plan = Plan(settings.iterations, settings.learning_rate, own, settings.checkpoint_every)
+    if settings.keep == "best" and not settings.certify_every:
+        raise InputError('setting keep = "best" needs certified energies, so certify_every must not be 0')
+    plan = Plan(
+        settings.iterations,
+        settings.learning_rate,
+        own,
+        settings.checkpoint_every,
+        cosine=settings.schedule == "cosine",
+        averaging=settings.averaging,
+        certify_every=settings.certify_every,
+        keep_best=settings.keep == "best",
+    )
     begin = start if start is not None or own is None or not own.exists() else own
     now = _start(training, settings.iterations, begin)
     resumed = now.iteration
     try:
-        now = train(training.siren, now, training.sampler, plan, training.watch, progress)
+        now = train(training.siren, now, training.sampler, plan, training.watch, progress, training.certify)
     except LossNotFinite as failure:
         partial = training.solution(failure.good, resumed) if failure.good.iteration else None
         raise SolveFailure(f"the training diverged: {failure}; try a smaller learning_rate", partial) from None
@@ -190,12 +205,22 @@ class _Training:
         if settings.strain not in (None, "linear"):
             raise InputError(f"setting strain = '{settings.strain}' belongs to cases in motion; here it is 'linear'")
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
-        spec = FieldSpec(periodic_input=settings.periodic_input, stretched=False, multipliers=0)
+        spec = FieldSpec(
+            activation=settings.activation,
+            periodic_input=settings.periodic_input,
+            pins=settings.pins,
+            stretched=False,
+            multipliers=0,
+        )
         ansatz, inputs, focal = published_ansatz(case, spec), build_inputs(case, spec), focal_points(case)
         edges = resolution(case).rule
         check_balance(case, area_rule(case.surface.domain, focal, edges), edges, focal)
         scale = InputScale.from_inputs(inputs, placement)
-        factor = settings.modulus_factor or usual_modulus_factor(ansatz)
+        if settings.unit == "load" and settings.modulus_factor:
+            raise InputError('setting unit = "load" says the unit of the output, so modulus_factor must be left out')
+        usual = expected_displacement if settings.unit == "load" else usual_modulus_factor
+        factor = settings.modulus_factor or usual(ansatz)
+        every = settings.resample_every
         shape = (inputs.count, settings.layers, settings.width, settings.omega0)
         return cls(
             case,
@@ -204,9 +229,9 @@ class _Training:
             spec,
             ansatz,
             inputs,
-            initial_siren(*shape, settings.seed, placement),
+            initial_siren(*shape, settings.seed, placement, settings.activation),
             scale,
-            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement),
+            Sampler(ansatz, inputs, scale, settings.cells, settings.seed, factor, edges, placement, every),
         )
 
     def field(self, siren: Siren, dtype: torch.dtype) -> Field:
@@ -228,6 +253,24 @@ class _Training:
         solution = NdfSolution(self.case, PublishedSolver.name, self.spec, field, RIGID_RULE, 0.0, 0.0, 0)
         return {primary.name: measure(solution, primary)}
 
+    def certify(self, siren: Siren) -> dict[str, float]:
+        """Return energies on the rule for a solved field: finer than the samples, coarser than the last one."""
+        return self._energies(siren, self._around_pins(resolution(self.case).rule))[0]
+
+    def _around_pins(self, spec: RuleSpec) -> RuleSpec:
+        narrow = isinstance(self.ansatz.factors, PublishedFactors) and self.ansatz.factors.pins
+        return replace(spec, cuts=spec.cuts + PINNED_CUTS) if narrow else spec
+
+    def _energies(self, siren: Siren, spec: RuleSpec) -> tuple[dict[str, float], float, int]:
+        """Return the energies of a network on a rule, that of rest, all in J, and the number of points."""
+        exact, focal = self.field(siren, torch.float64), focal_points(self.case)
+        rule = area_rule(self.case.surface.domain, focal, spec)
+        forces = concentrated(self.ansatz, spec, focal, exact.features.placement)
+        found = certify(self.ansatz, exact.features, [exact.output], rule, forces)[0]
+        membrane, bending, work = found.parts()
+        energies = {CERTIFIED: membrane + bending - work, "membrane_energy": membrane, "bending_energy": bending}
+        return energies, found.potential(0.0), len(rule.points)
+
     def released(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no field of this recipe."""
         if not isinstance(solution, NdfSolution) or solution.solver != PublishedSolver.name:
@@ -240,39 +283,38 @@ class _Training:
     @torch.no_grad()
     def solution(self, now: Checkpoint, resumed: int) -> NdfSolution:
         """Return the trained field with its energy on the fine quadrature."""
-        siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.weights])
-        field, exact = self.field(siren, self.sampler.placement.dtype), self.field(siren, torch.float64)
-        focal, fine = focal_points(self.case), resolution(self.case).fine
-        if isinstance(self.ansatz.factors, PublishedFactors) and self.ansatz.factors.pins:
-            fine = replace(fine, cuts=fine.cuts + PINNED_CUTS)
-        rule = area_rule(self.case.surface.domain, focal, fine)
-        forces = concentrated(self.ansatz, fine, focal, exact.features.placement)
-        energies = certify(self.ansatz, exact.features, [exact.output], rule, forces)[0]
-        membrane, bending, work = energies.parts()
+        siren = self.siren.with_tensors([weight.to(self.siren.tensors[0]) for weight in now.best or now.answer])
+        field, fine = self.field(siren, self.sampler.placement.dtype), self._around_pins(resolution(self.case).fine)
+        energies, rest, points = self._energies(siren, fine)
         trained = self.sampler.modulus_factor * float(now.losses[-WINDOW:].mean())
-        certified = membrane + bending - work
+        certified = energies[CERTIFIED]
         gap = abs(trained / certified - 1) if certified else 0.0
         *earlier, last = now.history
+        if not now.best:
+            last = replace(last, gap=gap, quantities={**last.quantities, **energies})
         return NdfSolution(
             case=self.case,
             solver=PublishedSolver.name,
             spec=self.spec,
             field=field,
             rule=fine,
-            membrane=membrane,
-            bending=bending,
+            membrane=energies["membrane_energy"],
+            bending=energies["bending_energy"],
             parameters=siren.parameters,
-            history=(*earlier, replace(last, gap=gap)),
+            history=(
+                *earlier,
+                last if now.best else replace(last, gap=gap, quantities={**last.quantities, **energies}),
+            ),
             diagnostics={
                 "energy_gap": gap,
                 "training_energy": trained,
                 "certified_energy": certified,
-                "rest_energy": energies.potential(0.0),
+                "rest_energy": rest,
                 "iterations": now.iteration,
                 "resumed_at": resumed,
                 "seconds_per_iteration": now.seconds / now.iteration,
                 "modulus_factor": self.sampler.modulus_factor,
-                "fine_quadrature_points": len(rule.points),
+                "fine_quadrature_points": points,
             },
         )
 

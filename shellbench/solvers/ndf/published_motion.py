@@ -55,12 +55,14 @@ from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.published_motion_field import DT, Ansatz, MotionField, moving
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
+from shellbench.solvers.ndf.published_samples import stratified_samples
 from shellbench.solvers.ndf.published_solver import PublishedSettings, training_key
-from shellbench.solvers.ndf.published_training import stratified_samples, why_collapsed
+from shellbench.solvers.ndf.published_training import why_collapsed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 from shellbench.solvers.ndf.supports import force_density
 
+OF_STATICS = ("pins", "unit", "keep", "resample_every", "activation")  # departures that no motion is trained with
 OF_TIMES = 1 << 64  # apart from the counters of the points: no iteration reaches it
 
 
@@ -251,6 +253,9 @@ class MotionTraining:
     @classmethod
     def from_case(cls, case: Case, settings: PublishedSettings, solver: str) -> MotionTraining:
         """Begin a training; InputError if the settings do not fit a motion."""
+        usual = PublishedSettings()
+        if other := [name for name in OF_STATICS if getattr(settings, name) != getattr(usual, name)]:
+            raise InputError(f"setting {other[0]} belongs to cases at rest, and this one moves")
         if settings.modulus_factor is not None:
             raise InputError("setting modulus_factor belongs to the linear theory; in motion the modulus is the case's")
         placement = Placement.on(settings.device)._replace(dtype=getattr(torch, settings.dtype))
@@ -267,6 +272,10 @@ class MotionTraining:
         if not isinstance(primary, DisplacementQuantity | PositionQuantity | CentreOfMass):
             return {}
         return {primary.name: measure(self._solution(siren), primary)}
+
+    def certify(self, siren: Siren) -> dict[str, float]:
+        """See `shellbench.solvers.ndf.published.Training`; a functional in space and time is found at the end alone."""
+        return {}
 
     def released(self, solution: Solution) -> Siren | None:
         """Return the network of an earlier solution; None if it is no motion of this recipe."""

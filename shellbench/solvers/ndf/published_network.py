@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -48,6 +48,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import PointLoad
 from shellbench.problems.shell.places import Edge, Point
 from shellbench.solvers.ndf.build import FieldSpec
+from shellbench.solvers.ndf.choices import Pins
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift
 from shellbench.solvers.ndf.field import Ansatz, Network
 from shellbench.solvers.ndf.inputs import Inputs
@@ -64,6 +65,7 @@ from shellbench.solvers.ndf.jets import (
     constant,
     coordinates,
     matrix_product,
+    smooth_activation,
 )
 
 
@@ -162,7 +164,7 @@ class InputScale:
 
 @dataclass(frozen=True)
 class Siren:
-    """Trained tensors of a SIREN: F = W_out h + b_out, h <- sin(omega0 (W h + b)).
+    """Trained tensors of a SIREN: F = W_out h + b_out, h <- sin(omega0 (W h + b)); or of a network like it.
 
     Attributes
     ----------
@@ -170,11 +172,14 @@ class Siren:
         Of the hidden layers and, last, of the linear output layer: (out, in) and (out,).
     omega0
         Frequency of every sine.
+    activation
+        In place of the sine, by name; then omega0 is 1.
     """
 
     weights: tuple[Tensor, ...]
     biases: tuple[Tensor, ...]
     omega0: float
+    activation: str = "sine"
 
     @property
     def tensors(self) -> list[Tensor]:
@@ -191,13 +196,17 @@ class Siren:
         h = inputs
         *hidden, (weight, bias) = zip(self.weights, self.biases, strict=True)
         for w, b in hidden:
-            h = sine_layer(h, w, b, self.omega0)
+            h = sine_layer(h, w, b, self.omega0) if self.activation == "sine" else self._layer(h, w, b)
         return linear_layer(h, weight, bias)
+
+    def _layer(self, h: Tensor, weight: Tensor, bias: Tensor) -> Tensor:
+        z = linear_layer(h, weight, bias)
+        return compose(smooth_activation(self.activation)(z[VALUE], 2), z)
 
     def with_tensors(self, tensors: list[Tensor]) -> Siren:
         """Return the same network with other numbers."""
         layers = len(self.weights)
-        return Siren(tuple(tensors[:layers]), tuple(tensors[layers:]), self.omega0)
+        return replace(self, weights=tuple(tensors[:layers]), biases=tuple(tensors[layers:]))
 
     def absorbed(self, scale: InputScale, unit: float) -> tuple[Network, Tensor]:
         """Return the field unit * F on the package's inputs: hidden layers, and the output layer (3, M + 1).
@@ -209,7 +218,7 @@ class Siren:
         biases[0] = biases[0] + weights[0] @ scale.shift
         weights[0] = weights[0] * scale.factor
         output = unit * torch.cat([self.weights[-1], self.biases[-1][:, None]], dim=1)
-        return Network(tuple(weights), tuple(biases)), output
+        return Network(tuple(weights), tuple(biases), self.activation), output
 
     @classmethod
     def released(cls, network: Network, output: Tensor, omega0: float, scale: InputScale, unit: float) -> Siren:
@@ -218,23 +227,34 @@ class Siren:
         biases = [b / omega0 for b in network.biases]
         weights[0] = weights[0] / scale.factor
         biases[0] = biases[0] - weights[0] @ scale.shift
-        return cls((*weights, output[:, :-1] / unit), (*biases, output[:, -1] / unit), omega0)
+        return cls((*weights, output[:, :-1] / unit), (*biases, output[:, -1] / unit), omega0, network.activation)
 
 
-def initial_siren(inputs: int, layers: int, width: int, omega0: float, seed: int, placement: Placement) -> Siren:
+def initial_siren(
+    inputs: int,
+    layers: int,
+    width: int,
+    omega0: float,
+    seed: int,
+    placement: Placement,
+    activation: str = "sine",
+) -> Siren:
     """Return a SIREN as initialised by Sitzmann et al. (2020), section 3.2 and their code.
 
     Weights are U(-1/n, 1/n) in the first layer and U(-sqrt(6/n)/omega0, sqrt(6/n)/omega0) in all others, the output
-    layer included; biases are U(-1/sqrt(n), 1/sqrt(n)), the default of a linear layer.
+    layer included; biases are U(-1/sqrt(n), 1/sqrt(n)), the default of a linear layer. With another activation
+    than the sine, weights are drawn like biases, which is their default, and omega0 is 1.
     """
+    sines = activation == "sine"
     generator = torch.Generator().manual_seed(seed)
     sizes = [inputs, *[width] * layers, 3]
     weights, biases = [], []
     for layer, (fan_in, fan_out) in enumerate(pairwise(sizes)):
         bound = 1 / fan_in if layer == 0 else math.sqrt(6 / fan_in) / omega0
+        bound = bound if sines else 1 / math.sqrt(fan_in)
         weights.append(_uniform(generator, bound, (fan_out, fan_in), placement))
         biases.append(_uniform(generator, 1 / math.sqrt(fan_in), (fan_out,), placement))
-    return Siren(tuple(weights), tuple(biases), omega0)
+    return Siren(tuple(weights), tuple(biases), omega0 if sines else 1.0, activation)
 
 
 def check_like(siren: Siren, wanted: Siren) -> None:
@@ -258,6 +278,7 @@ def _uniform(generator: torch.Generator, bound: float, shape: tuple[int, ...], p
 
 
 SIGMA = 0.01  # Kairanda et al., section 5.2; in squared units of the case file's coordinates
+PINNED_CELLS = 20  # a side, of the published grid: how wide pins are that its samples see
 FAR = 700.0  # d^2 / sigma beyond this is taken as this: exp underflows to nothing
 
 
@@ -267,11 +288,12 @@ class PublishedFactors:
 
     case: Case
     t: float = 1.0
+    kind: Pins = "points"
 
     @cached_property
     def pins(self) -> tuple[tuple[Point, Array], ...]:
         """Points that are held beside their load, with the matrices (3, 3) of the directions held there."""
-        if self.case.supports or not self.case.remove_rigid_motions:
+        if self.case.supports or not self.case.remove_rigid_motions or self.kind == "none":
             return ()
         pins = []
         for load in (load for load in self.case.loads if isinstance(load, PointLoad)):
@@ -294,8 +316,12 @@ class PublishedFactors:
         return matrix
 
     def _bump(self, point: Point, points: Array, placement: Placement) -> Tensor:
-        """Return the jet (6, N) of exp(-d^2 / sigma), d in the units of the case file."""
-        first, second = (180 / math.pi if angle else 1.0 for angle in self.case.surface.domain.angle)
+        """Return the jet (6, N) of exp(-d^2 / sigma), d in the units of the case file; or of exp(-d^2), d in cells."""
+        domain = self.case.surface.domain
+        if self.kind == "cells":
+            first, second = (math.sqrt(SIGMA) * PINNED_CELLS / size for size in domain.size)
+        else:
+            first, second = (180 / math.pi if angle else 1.0 for angle in domain.angle)
         return soft_bump(self.case, point, (first, second), points, placement)
 
 
@@ -330,4 +356,4 @@ def _square(z: Tensor) -> Tensor:
 
 def published_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the published way of building in the supports of a case."""
-    return Ansatz(case, PublishedFactors(case, spec.t), Lift(case, spec.t), spec.t)
+    return Ansatz(case, PublishedFactors(case, spec.t, spec.pins), Lift(case, spec.t), spec.t)

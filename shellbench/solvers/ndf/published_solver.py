@@ -13,18 +13,22 @@ from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolver
-from shellbench.solvers.ndf.choices import PeriodicInput, StrainName
+from shellbench.solvers.ndf.choices import PeriodicInput, Pins, StrainName
 
-NOT_OF_THE_TRAINING = {"device", "iterations", "checkpoint", "checkpoint_every"}
+NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
+OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
 
 
 class PublishedSettings(SeededSettings):
     """Settings of `ndf-published`; the defaults are the paper's.
 
+    Departures from the paper are settings of their own: `pins`, `unit`, `schedule`, `averaging`, `keep`,
+    `resample_every`, `activation` and `dtype`.
+
     Attributes
     ----------
     learning_rate
-        Of Adam.
+        Of Adam, at its start.
     """
 
     iterations: int = PydanticField(2000, ge=1, description="of Adam; the paper has 2500 for the plate")
@@ -38,6 +42,29 @@ class PublishedSettings(SeededSettings):
         None, description="of Young's modulus in training, linear theory; None follows from the case"
     )
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
+    pins: Pins = PydanticField(
+        "points",
+        description='of a shell that nothing holds: "points" as printed, "cells" wide enough for samples, "none"',
+    )
+    unit: Literal["modulus", "load"] = PydanticField(
+        "modulus", description='of the output: 1 m at the scaled modulus, or "load", the deflection of a like plate'
+    )
+    schedule: Literal["constant", "cosine"] = PydanticField(
+        "constant", description='of the learning rate: "cosine" falls to nothing at the last iteration'
+    )
+    averaging: float = PydanticField(
+        0.0, ge=0.0, lt=1.0, description="share of the running average of weights that an iteration keeps; 0 for none"
+    )
+    keep: Literal["last", "best"] = PydanticField(
+        "last", description='which weights are the answer: "best" are those of least certified energy'
+    )
+    resample_every: int = PydanticField(1, ge=1, description="iterations on the same samples")
+    activation: Literal["sine", "tanh", "gelu"] = PydanticField(
+        "sine", description="of the hidden layers; omega0 belongs to the sine"
+    )
+    certify_every: int = PydanticField(
+        250, ge=0, description="iterations between two certified energies of the course; 0 for none"
+    )
     strain: StrainName | None = PydanticField(
         None, description="strains of the loss; None is linear where nothing moves, and eq. (30) in motion"
     )
@@ -50,7 +77,8 @@ class PublishedSettings(SeededSettings):
 
 def training_key(case: Case, settings: PublishedSettings) -> str:
     """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
-    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=NOT_OF_THE_TRAINING)}
+    free = NOT_OF_THE_TRAINING if settings.schedule == OF_FIXED_LENGTH else {*NOT_OF_THE_TRAINING, "iterations"}
+    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude=free)}
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 

@@ -9,15 +9,9 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.published_network import InputScale, initial_siren
+from shellbench.solvers.ndf.published_samples import Sample, stratified_samples, usual_modulus_factor
 from shellbench.solvers.ndf.published_solver import PublishedSettings, PublishedSolver
-from shellbench.solvers.ndf.published_training import (
-    RECORD,
-    STRETCH,
-    Sample,
-    stratified_samples,
-    usual_modulus_factor,
-    why_collapsed,
-)
+from shellbench.solvers.ndf.published_training import RECORD, STRETCH, why_collapsed
 from tests.alike import SINGLE, alike, same_tensors
 from tests.solvers.ndf.nested import diaphragm_factor, nested_loss, plate_factor
 from tests.solvers.ndf.shells import inner_points, shell, support

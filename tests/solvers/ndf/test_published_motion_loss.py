@@ -12,7 +12,7 @@ from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.published_motion import MotionSampler, SpaceTime, stratified_times
 from shellbench.solvers.ndf.published_motion_field import Ansatz, MotionField
 from shellbench.solvers.ndf.published_network import initial_siren
-from shellbench.solvers.ndf.published_training import stratified_samples
+from shellbench.solvers.ndf.published_samples import stratified_samples
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from tests.alike import alike
 from tests.solvers.ndf.motions import NAPKIN, G, gravity, moving
