@@ -9,8 +9,9 @@ and scale of the starting features are chosen by the check points' energy, so no
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from torch import Tensor
@@ -102,13 +103,14 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What training asks of a case."""
+    """What training asks of a case; `tally` counts what it costs on any machine: "output layers" solved for."""
 
     ansatz: Ansatz
     features: Features
     spec: FieldSpec
     focal: Array
     constraints: Callable[[Features], tuple[Tensor, Tensor]]
+    tally: Counter[str] = field(default_factory=Counter)
 
     @classmethod
     def from_case(
@@ -173,6 +175,7 @@ class Quadratures:
 
     def evaluate(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points and measure both energies."""
+        problem.tally["output layers"] += 1
         equations = normal_equations_on(self.train, self.tips, network)
         rows, targets = problem.constraints(problem.with_network(network))
         stiffness = problem.ansatz.case.material.membrane_stiffness
