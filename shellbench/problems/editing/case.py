@@ -37,7 +37,7 @@ class Edit(Model):
     """What a user changes: a force, the pose of a support, or the thickness."""
 
     what: What = Field(description="force: of loads; pose: motion of supports; thickness: of the material")
-    changes: Annotated[tuple[Change, ...], Field(min_length=1)]
+    changes: Annotated[tuple[Change, ...], Field(min_length=1)] = Field(description="fields, and what they become")
 
     @model_validator(mode="after")
     def _is_what_it_says(self) -> Self:
@@ -118,7 +118,9 @@ def _at(place: Any, step: str | int, field: str) -> Any:
     if isinstance(place, list) and isinstance(step, int) and step < len(place):
         there = place[step]
     if there is None:
-        raise ValueError(f"field 'edit.changes': '{field}' is no field of the table 'shell', which has no '{step}' there")
+        raise ValueError(
+            f"field 'edit.changes': '{field}' is no field of the table 'shell', which has no '{step}' there"
+        )
     return there
 
 

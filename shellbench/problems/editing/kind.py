@@ -24,7 +24,7 @@ class EditingPortrait(Portrait):
     problem: Any
 
     @property
-    def edit(self) -> str:
+    def edit(self) -> str | None:
         """What is edited."""
         return str(self.problem.edit.what)
 

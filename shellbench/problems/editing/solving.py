@@ -157,7 +157,9 @@ class EditingSolver(FreshSolver):
 
 def _answer(case: EditingCase, start: Timed, scratch: Timed) -> EditedAnswer:
     names = [q.name for q in case.quantities]
-    both = [[timed.solution.case.quantity(name).measure(timed.solution) for name in names] for timed in (start, scratch)]
+    both = [
+        [timed.solution.case.quantity(name).measure(timed.solution) for name in names] for timed in (start, scratch)
+    ]
     lowest = min(start.energy, scratch.energy)
     level = lowest + case.accuracy * abs(lowest)
     told: dict[str, Any] = {}

@@ -59,7 +59,9 @@ def between(original: Case, edited: Case, share: float) -> Case:
     try:
         return Case.model_validate({**new, "material": material, "supports": supports, "loads": loads})
     except ValidationError as error:
-        raise InputError(f"no shell between '{original.name}' and '{edited.name}': {error.errors()[0]['msg']}") from None
+        raise InputError(
+            f"no shell between '{original.name}' and '{edited.name}': {error.errors()[0]['msg']}"
+        ) from None
 
 
 def _held(case: Case) -> list[dict[str, Any]]:

@@ -19,5 +19,5 @@ class FemEditSolver(EditingSolver):
     shells: ClassVar[type[CheckedSolver]] = FemSolver
 
     def energy(self, solution: Solution) -> float:
-        """Return the potential energy on the last mesh: fields are conforming, so that it is no less than the exact one."""
+        """Return the potential energy on the last mesh, no less than the exact one: the elements are conforming."""
         return [step.energy for step in solution.history if step.phase == "solve"][-1]

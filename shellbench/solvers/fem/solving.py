@@ -115,9 +115,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
             newton = sum(step.iterations or 0 for step in found.solution.history) or 1
             potential, at = found.potential_energy, case.states[-1]
-            steps.append(
-                Step(len(steps), seconds, potential, unknowns, at, None, level.quantities, iterations=newton)
-            )
+            steps.append(Step(len(steps), seconds, potential, unknowns, at, None, level.quantities, iterations=newton))
             if level.difference is not None:
                 differences.append({"cells": cells, "largest_difference": level.difference})
             # The number of cells along a coordinate is rounded: a mesh that refines the other alone says nothing of it.

@@ -48,7 +48,9 @@ def start_of_path(start: Solution, case: Case, solver: str, widths: Sequence[int
     found = checked_start(start, case, solver)
     whole = not case.linear and case.path.control == "load" and case.path.after_buckling == "stop"
     if not isinstance(found, PathSolution) or not whole:
-        raise InputError(f"{solver} can't go on from an earlier solution in {case.name}: it does on paths under load only")
+        raise InputError(
+            f"{solver} can't go on from an earlier solution in {case.name}: it does on paths under load only"
+        )
     width = found.states[-1].field.features.network.width
     if width not in widths:
         raise InputError(f"the start has {width} features, but here there are {' or '.join(map(str, widths))}")
