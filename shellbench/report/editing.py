@@ -6,7 +6,7 @@ certified energies were equally low.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
@@ -46,7 +46,7 @@ def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
             yield line(rows, case, name, portrait.edit, told)
 
 
-def line(rows: list[Row], case: str, name: str, edit: str, told: list[Mapping[str, Any]]) -> dict[str, Any]:
+def line(rows: list[Row], case: str, name: str, edit: str, told: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return one line of the table: means over seeds, and ratios of means."""
     mean = {f"{key}_{way}": _mean(told, f"{key}_{way}") for key in FIGURES for way in WAYS}
     energies = [mean["energy_scratch"], mean["energy_start"]]
@@ -74,7 +74,7 @@ def ratio(scratch: float | None, start: float | None) -> float | None:
     return scratch / start if scratch is not None and start else None
 
 
-def _mean(told: list[Mapping[str, Any]], key: str) -> float | None:
+def _mean(told: Sequence[Mapping[str, Any]], key: str) -> float | None:
     values = [one.get(key) for one in told]
     return None if None in values or not values else fmean(float(value) for value in values if value is not None)
 
@@ -99,12 +99,12 @@ def table(lines: list[dict[str, Any]]) -> Table:
     return Table(
         name="editing",
         title="Edits, from the earlier solution and from scratch",
-        caption="Processor seconds of one thread, both ways in one process; ratios of them are how many times faster the"
-        " earlier solution makes the edit. First of the whole solve, with what it states of its error. Then until the"
-        " certified potential energy was as low as that of both answers, but for the share that the case allows:"
-        " without what comes after, and without refining beyond it. Systems: linear systems solved for the answer, Newton steps"
-        " among them; those of trials that share out cells are left out. Energy above scratch: of the answer from the"
-        " start, relative; negative where it is lower. Error: of the answer from the start, against the known value.",
+        caption="Processor seconds of one thread, both ways in one process. A ratio says how many times faster the"
+        " earlier solution makes the edit. First come whole solves, with what they state of their errors. Then come the"
+        " times until the certified potential energy was as low as that of both answers, but for the share"
+        " that the case allows. Systems: linear systems solved for the answer, Newton steps among them, without those of trials that"
+        " share out cells. Energy above scratch: of the answer from the start, relative. Error: of the answer from the"
+        " start, against the known value.",
         data=frame(lines, [*names, *(f"{key}_{way}" for key in FIGURES for way in WAYS)]),
         columns=columns,
     )

@@ -1,4 +1,4 @@
-"""Solving an edited shell from the earlier solution and from scratch, in one process, and what each costs. No mechanics.
+"""An edited shell from the earlier solution and from scratch, in one process, and what each costs. No mechanics.
 
 The earlier solution goes through a file, as `run --start` takes it. Times are processor seconds of the solves, so that
 other programs on the machine count little. Two of each are told: of the whole solve, with all that it states of its
@@ -171,7 +171,7 @@ def _answer(case: EditingCase, start: Timed, scratch: Timed) -> EditedAnswer:
             f"{UNKNOWNS}_{way}": max((step.unknowns for step in timed.solves), default=0),
             f"{ENERGY}_{way}": timed.energy,
         }
-    apart = float(np.max(np.abs(np.subtract(*both)) / np.maximum(np.abs(both[1]), np.finfo(float).tiny)))
+    apart = float(np.max(np.abs(np.subtract(both[0], both[1])) / np.maximum(np.abs(both[1]), np.finfo(float).tiny)))
     return EditedAnswer(
         case=case,
         values=np.array(both),

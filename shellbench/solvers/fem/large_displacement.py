@@ -250,7 +250,8 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
                 continue
             q, share, step = found.q, target, 2 * step
         if share < 1.0:
-            yield from load_steps(problem, case.states, *(part * case.path.until for part in steps))
+            first, shortest = (length * case.path.until for length in steps)
+            yield from load_steps(problem, case.states, first, shortest)
             return
         states.append(replace(found, iterations=iterations))
     yield from states
