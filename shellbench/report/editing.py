@@ -102,7 +102,8 @@ def table(lines: list[dict[str, Any]]) -> Table:
         caption="Processor seconds of one thread, both ways in one process. A ratio says how many times faster the"
         " earlier solution makes the edit. First come whole solves, with what they state of their errors. Then come the"
         " times until the certified potential energy was as low as that of both answers, but for the share"
-        " that the case allows. Systems: linear systems solved for the answer, Newton steps among them, without those of trials that"
+        " that the case allows. Systems: linear systems solved for the answer, Newton steps among them,"
+        " without those of trials that"
         " share out cells. Energy above scratch: of the answer from the start, relative. Error: of the answer from the"
         " start, against the known value.",
         data=frame(lines, [*names, *(f"{key}_{way}" for key in FIGURES for way in WAYS)]),
