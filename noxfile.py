@@ -139,6 +139,12 @@ def rope(session: nox.Session) -> None:
 
 
 @nox.session
+def editing(session: nox.Session) -> None:
+    """Edit shells (force, pose, thickness), from the earlier solution and from scratch, and judge the answers."""
+    run_and_judge(session, "editing", quick=("--solver", "fem-edit"))
+
+
+@nox.session
 def skinning(session: nox.Session) -> None:
     """Skin a simulated cape from bones by lines and by networks; nothing is judged. `-- --solver NAME` asks fewer.
 

@@ -77,8 +77,8 @@ def stretch(strip: Cantilever, moment: float, pull: float) -> float:
     return value
 
 
-def extensible(strip: Cantilever, force: float, tolerance: float = FINE) -> Bent:
-    """Equilibrium of the plane problem under a dead end force (N)."""
+def extensible(strip: Cantilever, force: float, tolerance: float = FINE, wall: float = 0.0) -> Bent:
+    """Equilibrium of the plane problem under a dead end force (N); the wall is turned toward it by an angle (rad)."""
     load = force / strip.width
     b = strip.bending_stiffness
 
@@ -96,7 +96,7 @@ def extensible(strip: Cantilever, force: float, tolerance: float = FINE) -> Bent
         solution = solve_ivp(along, (0.0, strip.length), start, method="DOP853", rtol=tolerance, atol=tolerance)
         return np.asarray(solution.y[:, -1])
 
-    tip = brentq(lambda angle: to_the_wall(angle)[0], 0.0, STEEPEST, xtol=tolerance, rtol=1e-14)
+    tip = brentq(lambda angle: to_the_wall(angle)[0] - wall, wall, STEEPEST, xtol=tolerance, rtol=1e-14)
     _, _, x, z, membrane, bending = to_the_wall(tip)
     return Bent(strip.length + x, -z, membrane * strip.width, bending * strip.width)
 

@@ -120,7 +120,7 @@ class PlaneStrip:
         stiffness = shapes.reshape(-1, 2 * self.count).T @ rows
         return float(energies[0]), float(energies[1]), force, stiffness
 
-    def _work(self, coefficients: Array, force: float, moment: float) -> tuple[Array, Array]:
+    def _work(self, coefficients: Array, force: float, moment: float, pull: float) -> tuple[Array, Array]:
         """Gradient and Hessian of the load's work per width; the angle of p is atan2(p2, p1)."""
         end = np.array([self.length])
         lift, slope = self.derivative(end, 0)[:, 0], self.derivative(end, 1)[:, 0]
@@ -130,6 +130,7 @@ class PlaneStrip:
         square = p1**2 + p2**2
         gradient = moment * np.array([-p2, p1]) / square @ shapes
         gradient[self.count :] += force * lift[1]
+        gradient[: self.count] += pull * lift[0]
         second = np.array([[2 * p1 * p2, p2**2 - p1**2], [p2**2 - p1**2, -2 * p1 * p2]]) / square**2
         return gradient, moment * shapes.T @ second @ shapes
 
@@ -144,8 +145,10 @@ class PlaneStrip:
         zero = np.zeros_like(across)
         return force, np.block([[zero, -across], [along, zero]])
 
-    def path(self, factors: Array, force: float = 0.0, moment: float = 0.0, pressure: float = 0.0) -> Iterator[Bent]:
-        """Yield the equilibria under rising fractions of a load per width.
+    def path(
+        self, factors: Array, force: float = 0.0, moment: float = 0.0, pressure: float = 0.0, pull: float = 0.0
+    ) -> Iterator[Bent]:
+        """Yield the equilibria under rising fractions of a load per width; a force pulls along the strip as it was.
 
         Raises
         ------
@@ -156,7 +159,7 @@ class PlaneStrip:
         for factor in factors:
             for _ in range(ITERATIONS):
                 inner, stiffness = self._energy(coefficients)[2:]
-                outer, of_load = self._work(coefficients, factor * force, factor * moment)
+                outer, of_load = self._work(coefficients, factor * force, factor * moment, factor * pull)
                 push, of_push = self._push(coefficients, factor * pressure)
                 step = np.linalg.solve(stiffness - of_load - of_push, outer + push - inner)
                 coefficients = coefficients + step.reshape(2, -1)

@@ -21,6 +21,8 @@ from shellbench.model import Model
 from shellbench.problem import Problem
 from shellbench.problems.conditioned import case as conditioned
 from shellbench.problems.conditioned import quantities as of_materials
+from shellbench.problems.editing import case as editing
+from shellbench.problems.editing.quantities import EditedDisplacement
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
 from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
@@ -207,7 +209,7 @@ class UndescribedError(Exception):
 
 def _is_shown(cls: type[Model]) -> bool:
     # Quantities of many materials have names of their own kind's.
-    return cls.__module__.startswith(SHOWN) and "conditioned" not in cls.__module__
+    return cls.__module__.startswith(SHOWN) and not any(kind in cls.__module__ for kind in ("conditioned", "editing"))
 
 
 def model_class(name: str) -> type[Model]:
@@ -347,6 +349,7 @@ def page() -> str:
                 chains(),
                 capes(),
                 materials(),
+                edits(),
                 fields(),
             ]
         )
@@ -444,6 +447,24 @@ def materials() -> str:
         f"Of `cases/conditioned_roof.toml`, with the first quantity of each kind:\n\n```toml\n{shown.strip()}\n```"
     )
     return "\n\n".join(parts)
+
+
+def edits() -> str:
+    """Return the reference of the kind of problem that asks for a shell and an edit of it."""
+    own = {"theory", "edit", "accuracy", "quantities"}
+    file = (Path(__file__).parents[1] / "cases/edit_cantilever_pose.toml").read_text(encoding="utf-8")
+    common = {"kind", *quantities.ShellQuantity.model_fields}
+    return "\n\n".join([
+        '## Edited shells\n\nA file with `kind = "editing"` has a shell in the table `[shell]`, without title, theory and'
+        " quantities, and what a user changes. It has the title, the description, the units and the suites of every case,"
+        " and:",
+        table(editing.EditingCase, [name for name in editing.EditingCase.model_fields if name in own]),
+        f"`[edit]`: {summary(editing.Edit)}", table(editing.Edit, list(editing.Edit.model_fields)),
+        f"`[[edit.changes]]`: {summary(editing.Change)}", table(editing.Change, list(editing.Change.model_fields)),
+        f"`[[quantities]]` have the fields that those of shells have in common. `edited_displacement`: {summary(EditedDisplacement)}",
+        table(EditedDisplacement, [name for name in EditedDisplacement.model_fields if name not in common]),
+        f"`cases/edit_cantilever_pose.toml`:\n\n```toml\n{file.strip()}\n```",
+    ])  # fmt: skip
 
 
 def fields() -> str:

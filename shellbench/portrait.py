@@ -317,6 +317,11 @@ class Portrait:
         return ()
 
     @property
+    def edit(self) -> str | None:
+        """What is edited, where a problem is answered from an earlier solution and from scratch; else None."""
+        return None
+
+    @property
     def learns(self) -> bool:
         """Whether answers are fields on the unit square, trained or solved for with a number of parameters."""
         return False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +13,13 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, Value
+from shellbench.problems.shell.edit import between
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
 from shellbench.solvers.fem.buckling import following_steps
 from shellbench.solvers.fem.continuation import (
+    EASY,
     PathEndsError,
     arc_length_steps,
     displacement_steps,
@@ -32,6 +35,7 @@ from shellbench.solvers.fem.solution import FemSolution
 
 Array = NDArray[np.float64]
 
+SHORTEST_EDIT = 1 / 32  # of the way of an edit: where a shorter step were needed, the path is followed from rest
 SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortest step in between
 RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
 
@@ -74,7 +78,8 @@ def solve(
     steps
         The load step to begin with, and the shortest one, as parts of the path.
     trail
-        All states of the path on another mesh: under load control they are corrected one by one.
+        All states of the path on another mesh: under load control they are corrected one by one. Or those of an earlier
+        shell, of which the case is an edit: then the states that are asked for are reached from its own.
     tell
         Called with the load factor of each new state.
 
@@ -185,6 +190,8 @@ def _path(
             elif trail is None:
                 first, shortest = (step * case.path.until for step in steps)
                 yield from load_steps(problem, case.states, first, shortest)
+            elif trail.case != case:
+                yield from _edited(problem, trail, steps)
             else:
                 yield from _corrected(problem, trail)
         case "displacement":
@@ -212,6 +219,42 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
                 pass
         before = state
         yield state
+
+
+def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, float]) -> Iterator[FiniteState]:
+    """Yield the states that are asked for, from those of an earlier shell, or from rest where that fails.
+
+    The edit comes in one step where Newton's method takes it easily, else in shorter ones. All states on the way are
+    stable, so that the branch is that of the earlier path, as far as continuation can tell.
+    """
+    case, mesh, rest = problem.case, problem.mesh, problem.rest()
+    states: list[FiniteState] = []
+    for t in case.states:
+        nearest = int(np.argmin(np.abs(np.asarray(earlier.states) - t)))
+        known = abs(earlier.states[nearest] - t) <= 1e-9 * abs(t)
+        q = _interpolated(mesh, earlier, earlier.states[nearest])
+        share, step, iterations = 0.0, 1.0, 0
+        while known and share < 1.0 and step >= SHORTEST_EDIT:
+            target = min(1.0, share + step)
+            part = problem
+            if target < 1.0:
+                part = FiniteProblem.on_mesh(between(earlier.case, case, target), mesh, problem.quadrature)
+            try:
+                found = part.equilibrium(part.state_at(t, q, rest), t)
+                iterations += found.iterations
+                easy = found.stable and (found.iterations <= EASY or step <= 2 * SHORTEST_EDIT)
+            except NotConvergedError:
+                easy = False
+            if not easy:
+                step /= 2
+                continue
+            q, share, step = found.q, target, 2 * step
+        if share < 1.0:
+            first, shortest = (length * case.path.until for length in steps)
+            yield from load_steps(problem, case.states, first, shortest)
+            return
+        states.append(replace(found, iterations=iterations))
+    yield from states
 
 
 def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:

@@ -72,6 +72,7 @@ class FemSolver(ShellSolver):
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"), label="C1 finite elements, exact geometry"
     )
     settings_type: ClassVar[type[Settings]] = FemSettings
+    uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(get_args(Beyond))  # all there is
 
     def declines(self, case: Case) -> str | None:
@@ -100,12 +101,16 @@ class FemSolver(ShellSolver):
     ) -> FemSolution | MotionSolution:
         """Solve a case on ever finer meshes until all its quantities are converged.
 
+        With `start`, an earlier solution of a shell of which the case is an edit (or its file), on meshes like its last
+        ones; a path goes on from its states.
+
         Raises
         ------
         SolveFailure
             If a linear solve fails or the loads are not in balance; the finest mesh's answer so far comes with it.
         InputError
-            If the surface has a kink, supports contradict each other, or a direct solver is not installed.
+            If the surface has a kink, supports contradict each other, a direct solver is not installed, or the start is
+            of another shell.
         """
         from shellbench.solvers.fem import solving
         from shellbench.solvers.fem.kinks import find_kink
@@ -117,7 +122,8 @@ class FemSolver(ShellSolver):
                 f" {kink.xi[1]:.6g}), where its tangent turns by {kink.degrees:.3g} degrees, and {self.name} needs a"
                 " surface without kinks"
             )
-        return solving.solve(case, settings, progress)
+        begin = self.load(start) if isinstance(start, Path) else start
+        return solving.solve(case, settings, begin, progress)
 
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""

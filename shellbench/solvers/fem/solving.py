@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from shellbench.errors import SolveFailure
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.errors import InputError, SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.edit import why_no_edit
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
@@ -56,6 +56,8 @@ FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method 
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
 FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
+MOST_AGAIN = 3  # meshes like the last ones of an earlier solution, with which an edit begins
+LEVEL, SHARE, MADE = "mesh_level", "mesh_share", "meshes"  # diagnostics: of the last mesh, and how many there were
 FORGIVEN = 1  # meshes at the start of a sequence that may be too coarse to follow a path to its end
 SHARE_OUT = EnergyQuantity(name="strain_energy", kind="strain_energy", primary=True)  # all that a trial is asked for
 
@@ -63,13 +65,26 @@ Gradings = tuple[Ends, tuple[Breaks, Breaks]]  # toward edges, and toward ends o
 OnMesh = Callable[[Cells], equilibrium.Equilibrium]
 
 
-def solve(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution | MotionSolution:
+def solve(
+    case: Case, chosen: FemSettings, start: Solution | None, progress: ProgressCallback
+) -> FemSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.fem.solver.FemSolver`."""
+    begin = None if start is None else _checked(start, case)
     # the matrices are small: more threads gain nothing, and on a machine in use they wait for each other
     with ThreadpoolController().select(internal_api="openblas").limit(limits=1):
         if case.dynamics is not None:
             return _moved(case, chosen, progress)
-        return _refined(case, chosen, progress)
+        return _refined(case, chosen, begin, progress)
+
+
+def _checked(start: Solution, case: Case) -> FemSolution:
+    if case.dynamics is not None:
+        raise InputError(f"fem can't go on from an earlier solution in {case.name}: a motion begins at rest")
+    if not isinstance(start, FemSolution):
+        raise InputError("the start is no solution of 'fem' at rest")
+    if reason := why_no_edit(start.case, case):
+        raise InputError(f"the start is '{start.case.name}', of which '{case.name}' is no edit: {reason}")
+    return start
 
 
 def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> MotionSolution:
@@ -78,13 +93,13 @@ def _moved(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Motio
     return motion.solve(case, *mesh, chosen.tolerance or MOTION_TOLERANCE, progress)
 
 
-def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> FemSolution:
+def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progress: ProgressCallback) -> FemSolution:
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
     toward = (edge_gradings(case), break_gradings(case)) if graded else (UNGRADED, UNBROKEN)
     slowest = slowest_rate(case) if graded else ASYMPTOTIC
-    on_mesh, trials = _solves(case, chosen, toward, progress)
+    on_mesh, trials = _solves(case, chosen, toward, start, progress)
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
     largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
@@ -92,15 +107,15 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
     coarsest: list[int] = []
     solution: FemSolution | None = None
     try:
-        meshes = _meshes(case, chosen, toward, trials)
+        meshes = _Meshes.of_case(case, chosen, toward, trials, start)
         forgiven = 0 if case.linear or chosen.cells else FORGIVEN
-        for level in levels(case, meshes, on_mesh, _measured, forgiven, slowest):
+        for level in levels(case, iter(meshes), on_mesh, _measured, forgiven, slowest):
             seconds = time.perf_counter() - began
             found = level.equilibrium
             unknowns, cells = found.solution.parameters, list(found.solution.mesh.cells)
-            steps.append(
-                Step(len(steps), seconds, found.potential_energy, unknowns, case.states[-1], None, level.quantities)
-            )
+            newton = sum(step.iterations or 0 for step in found.solution.history) or 1
+            potential, at = found.potential_energy, case.states[-1]
+            steps.append(Step(len(steps), seconds, potential, unknowns, at, None, level.quantities, iterations=newton))
             if level.difference is not None:
                 differences.append({"cells": cells, "largest_difference": level.difference})
             # The number of cells along a coordinate is rounded: a mesh that refines the other alone says nothing of it.
@@ -108,6 +123,7 @@ def _refined(case: Case, chosen: FemSettings, progress: ProgressCallback) -> Fem
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
             solution = _finished(level, tuple(steps), differences, tolerance, chosen)
+            solution = replace(solution, diagnostics={**solution.diagnostics, **meshes.told})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             if converged or 2 * unknowns > largest:
                 break
@@ -153,7 +169,7 @@ def _mesh(
 
 
 def _solves(
-    case: Case, settings: FemSettings, toward: Gradings, progress: ProgressCallback
+    case: Case, settings: FemSettings, toward: Gradings, start: FemSolution | None, progress: ProgressCallback
 ) -> tuple[OnMesh, tuple[OnMesh, ...]]:
     """Return how a case is solved on a mesh, and how trials are made that share out the cells.
 
@@ -184,7 +200,9 @@ def _solves(
     if case.linear:
         return linear(case), (linear(case),)
 
-    def nonlinear(of: Case, first_step: float, shortest_step: float = SHORTEST_STEP) -> OnMesh:
+    def nonlinear(
+        of: Case, first_step: float, shortest_step: float = SHORTEST_STEP, earlier: FemSolution | None = None
+    ) -> OnMesh:
         trail: FemSolution | None = None
 
         def follow(cells: Cells) -> equilibrium.Equilibrium:
@@ -195,7 +213,7 @@ def _solves(
                 progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
 
             steps = first_step, shortest_step
-            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, steps, trail, tell)
+            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, steps, trail or earlier, tell)
             return found
 
         return follow
@@ -206,7 +224,10 @@ def _solves(
     if case.path.control == "load":  # a trial needs the end of the path only
         last = last.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})
     unbent = linear(last.model_copy(update={"theory": "kirchhoff-love-linear"}))
-    return nonlinear(case, FIRST_STEP), (nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
+    if start is not None and case.path.quantity is not None:
+        what = "it does on paths under load only"
+        raise InputError(f"fem can't go on from an earlier solution in {case.name}: {what}")
+    return nonlinear(case, FIRST_STEP, earlier=start), (nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
 
 
 def _measured(solution: FemSolution) -> Mapping[str, float]:
@@ -216,20 +237,64 @@ def _measured(solution: FemSolution) -> Mapping[str, float]:
         raise SolveFailure(str(error), partial=solution) from None
 
 
-def _meshes(case: Case, settings: FemSettings, toward: Gradings, trials: tuple[OnMesh, ...]) -> Iterator[Cells]:
-    """Yield the cells of the meshes to solve on; the first one takes the trials that share them out."""
-    if settings.cells:
-        yield settings.cells
-        return
-    degree = case_degree(case, settings)
-    first = first_level(lambda cells: _mesh(case, cells, settings, degree, *toward).dof_count, degree)
-    share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
-    for trial in trials:
-        with contextlib.suppress(SolveFailure):
-            share = balanced_share(trial, first - 1, degree)
-            break
-    for level in itertools.count(first):
-        yield level_cells(level, share, degree)
+@dataclass
+class _Meshes:
+    """The cells of the meshes to solve on, one after the other.
+
+    Attributes
+    ----------
+    cells
+        The only ones, if there are any.
+    first, share, degree
+        See `shellbench.solvers.fem.refinement.level_cells`; levels begin at `first`.
+    made
+        How many there have been.
+    """
+
+    cells: Cells | None
+    first: int
+    share: int
+    degree: Degree
+    made: int = 0
+
+    @classmethod
+    def of_case(
+        cls,
+        case: Case,
+        settings: FemSettings,
+        toward: Gradings,
+        trials: tuple[OnMesh, ...],
+        start: FemSolution | None,
+    ) -> _Meshes:
+        """Let trials share out the cells, unless settings give them, or an earlier solution tells of trials."""
+        degree = case_degree(case, settings)
+        if settings.cells:
+            return cls(settings.cells, 0, 0, degree)
+        known = start.diagnostics if start is not None and start.mesh.degree == degree else {}
+        if SHARE in known:
+            # As many meshes as the start has taken, three at most: fewer tell less of the error, and more is done then.
+            return cls(None, known[LEVEL] - min(known[MADE], MOST_AGAIN) + 1, known[SHARE], degree)
+        first = first_level(lambda cells: _mesh(case, cells, settings, degree, *toward).dof_count, degree)
+        share = 0  # unless a trial on coarse meshes says otherwise; one that fails says nothing of finer ones
+        for trial in trials:
+            with contextlib.suppress(SolveFailure):
+                share = balanced_share(trial, first - 1, degree)
+                break
+        return cls(None, first, share, degree)
+
+    def __iter__(self) -> Iterator[Cells]:
+        """Yield cells, without end unless settings give them."""
+        if self.cells is not None:
+            yield self.cells
+            return
+        while True:
+            self.made += 1
+            yield level_cells(self.first + self.made - 1, self.share, self.degree)
+
+    @property
+    def told(self) -> dict[str, int]:
+        """What diagnostics say of them, for solutions that start from this one."""
+        return {} if self.cells else {LEVEL: self.first + self.made - 1, SHARE: self.share, MADE: self.made}
 
 
 def _finished(

@@ -122,11 +122,10 @@ class PathProblem:
 
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
-        matrix = self._stiffness
-        blocks = matrix.view(3, self.features.count, 3, self.features.count)
+        blocks = self._stiffness.view(3, self.features.count, 3, self.features.count)
         # The sum over components has all that any of them needs, and stays positive semidefinite.
         alike = blocks[0, :, 0] + blocks[1, :, 1] + blocks[2, :, 2]
-        return replace(self, features=Combined(self.features, independent(alike)))
+        return replace(self, features=Combined(self.features, independent(alike), alike))
 
     @cached_property
     def _stiffness(self) -> Tensor:

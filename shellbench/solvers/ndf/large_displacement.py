@@ -17,6 +17,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
+from shellbench.problems.shell.edit import between
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
@@ -29,6 +30,7 @@ from shellbench.solvers.ndf.continuation import (
     equilibrium,
     load_steps,
 )
+from shellbench.solvers.ndf.edited import states_of_edit
 from shellbench.solvers.ndf.energy import exploits, rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.factors import turns, why_not_turned
@@ -95,10 +97,12 @@ def solve(
     largest_gap: float,
     seed: int | None,
     progress: ProgressCallback,
+    start: PathSolution | None = None,
 ) -> PathSolution:
     """Follow the path of a case with ever finer features until its energy stands still, or there are no finer ones.
 
-    `seed` draws the challengers that tell how sure the path is; with None it states nothing.
+    `seed` draws the challengers that tell how sure the path is; with None it states nothing. With `start`, an earlier
+    path on the features of the first rung, states begin at its own, and its energy is taken to stand still if it did.
 
     Raises
     ------
@@ -112,8 +116,9 @@ def solve(
     before: float | None = None
     change: float | None = None
     solution: PathSolution | None = None
+    stood = start is not None and bool(start.diagnostics.get("settled"))
     for number, build in enumerate(rungs):
-        run = _Run(case, spec, solver, build(), began, largest_gap, progress)
+        run = _Run(case, spec, solver, build(), began, largest_gap, progress, None if number else start)
         try:
             solution = run.solve()
         except SolveFailure as failure:
@@ -127,6 +132,8 @@ def solve(
             change = abs(energy - before) / magnitude if magnitude else 0.0
         before = energy
         history.append(run.summary(len(history), solution))
+        if stood and start is not None:
+            change = start.diagnostics["energy_change"]
         if run.prescribed or (change is not None and change <= SETTLED):
             break
     assert solution is not None  # there is a rung, and the last one would have raised
@@ -152,7 +159,9 @@ class _Run:
         began: float,
         largest_gap: float,
         progress: ProgressCallback,
+        start: PathSolution | None = None,
     ) -> None:
+        self.start = start
         self.case, self.spec, self.solver, self.rung = case, spec, solver, rung
         self.began, self.largest_gap, self.progress = began, largest_gap, progress
         self.prescribed = case.prescribed
@@ -200,7 +209,7 @@ class _Run:
     def summary(self, iteration: int, solution: PathSolution) -> Step:
         """Return one step for the whole rung."""
         gap = solution.diagnostics["energy_gap"]
-        return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=None)
+        return replace(solution.history[-1], iteration=iteration, gap=gap, phase="solve", iterations=self.iterations)
 
     def _states(self) -> Iterator[PathState]:
         case, problem = self.case, self.problem
@@ -213,6 +222,9 @@ class _Run:
             for t in case.states:
                 yield equilibrium(problem, PathState.rest(problem), t)
             return
+        if self.start is not None:
+            yield from states_of_edit(problem, self._at_share, self.start, case.states)
+            return
         match case.path.control:
             case "load" if case.path.after_buckling == "follow":
                 yield from follow_steps(problem, case.states)
@@ -222,6 +234,12 @@ class _Run:
                 yield from displacement_steps(problem, self._row, case.states, case.path.until)
             case "arc_length":
                 yield from arc_length_steps(problem, self._row, case.states, case.path.until)
+
+    def _at_share(self, share: float) -> PathProblem:
+        """Return the problem at a share of the edit that leads from the start to the case."""
+        assert self.start is not None
+        ansatz = build_ansatz(between(self.start.case, self.case, share), self.spec)
+        return PathProblem(self.spec, ansatz, self.rung.features, self.rung.rule, self.rung.focal).independent()
 
     def _rows(self, t: float) -> dict[str, Tensor]:
         if t and not turns(self.case):
@@ -264,9 +282,14 @@ class _Run:
                 "neurons": self.rung.features.network.width,
                 "quadrature_points": len(self.problem.weights),
                 "fine_quadrature_points": len(fine.weights),
-                "newton_iterations": sum(state.iterations for state in states),
+                "newton_iterations": self.iterations,
             },
         )
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of all states."""
+        return sum(state.iterations for state in self.states)
 
     def _certified(self, fine: PathProblem, state: PathState) -> Deformed:
         """Return what a state does on the finer rule, its normals having turned as on the other one."""

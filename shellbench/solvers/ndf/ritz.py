@@ -9,15 +9,17 @@ refined as `refinement` says; paths and motions begin here.
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import torch
 
 from shellbench.errors import InputError
-from shellbench.problem import ProgressCallback
+from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf import large_displacement, motion, static
 from shellbench.solvers.ndf.build import (
     FieldSpec,
+    Resolution,
     build_features,
     build_inputs,
     graded_points,
@@ -25,10 +27,11 @@ from shellbench.solvers.ndf.build import (
     rung_count,
 )
 from shellbench.solvers.ndf.choices import StrainName
-from shellbench.solvers.ndf.field import random_features
+from shellbench.solvers.ndf.edited import checked_start, start_of_path
+from shellbench.solvers.ndf.field import Network, random_features
 from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
-from shellbench.solvers.ndf.motion_solution import MotionSolution
+from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -36,15 +39,21 @@ from shellbench.solvers.ndf.static import with_settings
 
 
 def solve(
-    case: Case, settings: RitzSettings, progress: ProgressCallback
+    case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
     spec = field_spec(case, settings)
+    if start is not None and case.dynamics is None and not large_displacement.is_path(case):
+        what = "it trains nothing, and solves linear shells anew"
+        raise InputError(f"{RitzSolver.name} can't go on from an earlier solution in {case.name}: {what}")
+    begin = load_solution(start, RitzSolver.name) if isinstance(start, Path) else start
+    if begin is not None:
+        checked_start(begin, case, RitzSolver.name)
     with torch.no_grad():
         if case.dynamics is not None:
             return _move(case, spec, settings, progress)
         if large_displacement.is_path(case):
-            return _follow(case, spec, settings, progress)
+            return _follow(case, spec, settings, begin, progress)
         return static.solve(case, spec, settings, progress)
 
 
@@ -82,21 +91,30 @@ def strain_of(case: Case, strain: StrainName | None) -> StrainName:
     return strain or ("linear" if case.linear else "exact")
 
 
-def _follow(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> PathSolution:
-    """Follow the path of a case with one rung, if a setting fixes its width, or several."""
+def _follow(
+    case: Case, spec: FieldSpec, settings: RitzSettings, begin: Solution | None, progress: ProgressCallback
+) -> PathSolution:
+    """Follow the path of a case with one rung, if a setting fixes its width, or several; from the rung of `begin`."""
     placement, focal, inputs = Placement.on(settings.device), graded_points(case, spec), build_inputs(case, spec)
 
-    def build(number: int) -> Rung:
-        chosen = with_settings(rung(case, number), settings)
-        scales = placement.tensor(chosen.scales(inputs))
-        network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
+    def build(chosen: Resolution, network: Network | None = None) -> Rung:
+        if network is None:
+            scales = placement.tensor(chosen.scales(inputs))
+            network = random_features(scales, chosen.neurons, settings.seed, settings.activation)
         features = build_features(case, spec, network, placement, inputs)
         return Rung(features, chosen.rule, chosen.fine, focal, chosen)
 
     last = rung_count(case) - 1
     numbers = range(last + 1) if settings.neurons is None else [last]
-    builds = [partial(build, number) for number in numbers]
-    return large_displacement.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, settings.seed, progress)
+    tried = [with_settings(rung(case, number), settings) for number in numbers]
+    builds = [partial(build, chosen) for chosen in tried]
+    path = None
+    if begin is not None:
+        path, first = start_of_path(begin, case, RitzSolver.name, [chosen.neurons for chosen in tried])
+        kept = path.states[-1].field.features.network
+        builds = [partial(build, tried[first], kept), *builds[first + 1 :]]
+    told = (settings.largest_gap, settings.seed, progress, path)
+    return large_displacement.solve(case, spec, RitzSolver.name, builds, *told)
 
 
 def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> MotionSolution:

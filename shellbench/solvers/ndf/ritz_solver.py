@@ -65,6 +65,7 @@ class RitzSolver(ShellSolver):
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
+    uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
         {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks"}
     )
@@ -89,7 +90,7 @@ class RitzSolver(ShellSolver):
     def answer(
         self, case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NdfSolution | PathSolution | MotionSolution:
-        """Solve a case.
+        """Solve a case; with `start`, an earlier path of this recipe (or its file), go on from its states.
 
         Raises
         ------
@@ -101,4 +102,4 @@ class RitzSolver(ShellSolver):
         """
         from shellbench.solvers.ndf import ritz
 
-        return ritz.solve(case, settings, progress)
+        return ritz.solve(case, settings, start, progress)

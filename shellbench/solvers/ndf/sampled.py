@@ -60,10 +60,11 @@ class FeatureSet(Protocol):
 
 @dataclass(frozen=True)
 class Combined:
-    """Combinations (M, r) of other features."""
+    """Combinations (M, r) of other features, independent in a stiffness (M, M) if it is given."""
 
     features: FeatureSet
     combine: Tensor
+    stiffness: Tensor | None = None
 
     def __post_init__(self) -> None:
         # as in `shellbench.solvers.ndf.field.Network`; eigenvectors come column by column

@@ -30,6 +30,7 @@ from shellbench.solvers.ndf import large_displacement, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
 from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
+from shellbench.solvers.ndf.edited import checked_start, start_of_path
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, exploits, rigid_part
 from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network, deep_random_features
 from shellbench.solvers.ndf.first_order import train_by_adam
@@ -57,6 +58,7 @@ from shellbench.solvers.ndf.training import (
     trusted,
 )
 
+SERVES = 10.0  # certified gain by challengers, in units of the tolerance of training, up to which a start's layers do
 WIDEST_TRAINED = 300  # a Gauss-Newton step costs the third power of the width
 
 Constraints = Callable[[Ansatz, Features], tuple[Tensor, Tensor]]
@@ -71,8 +73,11 @@ def follow(
     largest_gap: float,
     solver: str,
     progress: ProgressCallback,
+    begin: Solution | None = None,
 ) -> PathSolution:
     """Follow the path of a case with deep networks of ever larger width, `plan.widths` if there are any.
+
+    With `begin`, an earlier path, from its states, on its hidden layers.
 
     Raises
     ------
@@ -85,8 +90,12 @@ def follow(
         linear, spec.model_copy(update={"strain": "linear", "t": full}), placement, constraints
     )
 
-    def build(number: int, width: int) -> Rung:
+    def build(number: int, width: int, kept: Network | None = None) -> Rung:
         chosen = rung(case, number)
+        if kept is not None:
+            trained = kept.parameters if may_be_trained(case, width) else 0
+            features = problem.with_network(kept)
+            return Rung(features, chosen.rule, chosen.fine, graded_points(case, spec), chosen, trained)
         points = Quadratures.for_width(problem, width)
         scales = placement.tensor(chosen.scales(problem.features.inputs))
         values = points.train.inputs[VALUE]
@@ -99,8 +108,13 @@ def follow(
     widths = plan.widths or tuple(rung(case, number).neurons for number in range(count))
     numbers = [max(0, count - len(widths) + k) for k in range(len(widths))]
     builds = [partial(build, number, width) for number, width in zip(numbers, widths, strict=True)]
+    path = None
+    if begin is not None:
+        path, first = start_of_path(begin, case, solver, widths)
+        kept = path.states[-1].field.features.network
+        builds = [partial(build, numbers[first], widths[first], kept), *builds[first + 1 :]]
     # Along paths challengers of trained layers would state as much as some tolerances, and would decide by a hair.
-    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, None, progress)
+    solution = large_displacement.solve(case, spec, solver, builds, largest_gap, None, progress, path)
     trained = solution.parameters > solution.states[-1].field.output.numel()
     hidden = "trained in linear theory" if trained else "as drawn"
     return replace(solution, diagnostics={**solution.diagnostics, "hidden_layers": hidden})
@@ -135,14 +149,14 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Train a field; see `shellbench.solvers.ndf.trainer_solver.NdfSolver`."""
     strain = strain_of(case, settings.strain)
-    if start is not None and (case.dynamics is not None or large_displacement.is_path(case)):
-        raise InputError(f"{NdfSolver.name} can't go on from an earlier solution in {case.name}: a path begins at rest")
+    begin = load_solution(start, NdfSolver.name) if isinstance(start, Path) else start
+    if begin is not None:
+        checked_start(begin, case, NdfSolver.name)
     with torch.no_grad():
         if case.dynamics is not None:
             smooth_activation(settings.activation)
             return _move(case, settings, strain, tell)
         if not large_displacement.is_path(case):
-            begin = load_solution(start, NdfSolver.name) if isinstance(start, Path) else start
             return _Run(case, settings, tell).solve(begin)
         smooth_activation(settings.activation)
         return follow(
@@ -154,6 +168,7 @@ def solve(
             settings.largest_gap,
             NdfSolver.name,
             tell,
+            begin,
         )
 
 
@@ -228,6 +243,12 @@ class _Run:
             check_balance(self.case, area_rule(domain, self.problem.focal, spec), spec, self.problem.focal)
             state, points = trusted(self.problem, self.plan, state, points)
             self._report(0, state)
+            if start is not None:
+                # One linear solve on hidden layers that are there. Challengers tell whether they serve the edit.
+                found = self._certified(state, points, "the hidden layers of the start serve here, too")
+                served = found.diagnostics["challenge_gain"] <= SERVES * self.settings.tolerance
+                if served and found.unsettled is None:
+                    return found
             optimise = train_by_adam if self.settings.optimiser == "adam" else train
             state, ending = optimise(self.problem, self.plan, state, points, self._report)
             self._tell(self.plan.iterations, "certifying the energy on the finest quadrature")
@@ -250,6 +271,7 @@ class _Run:
 
     def _report(self, iteration: int, state: Trained) -> None:
         solution = self._solution(state, 1.0)
+        solved = self.problem.tally["output layers"]
         step = Step(
             iteration=iteration,
             seconds=time.perf_counter() - self.begin,
@@ -258,6 +280,7 @@ class _Run:
             at=self.spec.t,
             gap=state.gap,
             quantities=displacement_values(solution),
+            iterations=solved - sum(step.iterations or 0 for step in self.history),
         )
         self.history.append(step)
         self.last = replace(solution, history=tuple(self.history))

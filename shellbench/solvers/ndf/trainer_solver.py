@@ -95,8 +95,8 @@ class NdfSolver(ShellSolver):
             If training breaks down, or the energy on the finest quadrature disagrees by more than the largest
             admissible gap; the last certified state comes with it.
         InputError
-            If the settings or the start can't be used: a path or a motion begins at rest, where the hidden layers
-            stay as drawn.
+            If the settings or the start can't be used: it must be of a shell of which the case is an edit, and a motion
+            begins at rest.
         """
         from shellbench.solvers.ndf import trainer
 

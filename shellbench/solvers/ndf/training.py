@@ -9,8 +9,9 @@ and scale of the starting features are chosen by the check points' energy, so no
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -115,13 +116,14 @@ class Trained:
 
 @dataclass(frozen=True)
 class TrainingProblem:
-    """What training asks of a case."""
+    """What training asks of a case; `tally` counts what it costs on any machine: "output layers" solved for."""
 
     ansatz: Ansatz
     features: Features
     spec: FieldSpec
     focal: Array
     constraints: Callable[[Features], tuple[Tensor, Tensor]]
+    tally: Counter[str] = field(default_factory=Counter)
 
     @classmethod
     def from_case(
@@ -190,6 +192,7 @@ class Quadratures:
 
     def solved(self, problem: TrainingProblem, network: Network) -> Trained:
         """Solve for the output layer on the training points; their energy also stands for that of the check points."""
+        problem.tally["output layers"] += 1
         kept: list[Tensor] = []
         equations = normal_equations_on(self.train, self.tips, network, kept)
         rows, targets = problem.constraints(problem.with_network(network))

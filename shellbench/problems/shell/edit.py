@@ -1,0 +1,95 @@
+"""Edited shells: whether one is an edit of another, and the shells on the way between them.
+
+An edit changes the material, the loads, and how supports move. The surface, what is held where, and the theory stay.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+
+MEASURES = ("vector", "value", "force", "acceleration")  # fields of loads that give their strength
+AMOUNTS = ("x", "y", "z", "vector", "angle")  # fields of motions that say how far
+SHARED = ("theory", "surface", "remove_rigid_motions", "springs", "path", "dynamics")
+
+
+def why_no_edit(original: Case, edited: Case) -> str | None:
+    """Return in what two shells differ that no edit changes, as one clause, or None if one is an edit of the other."""
+    for name in SHARED:
+        if getattr(original, name) != getattr(edited, name):
+            return f"it has another '{name}' than '{edited.name}'"
+    if _held(original) != _held(edited):
+        return f"its supports hold something else than those of '{edited.name}'"
+    return None
+
+
+def between(original: Case, edited: Case, share: float) -> Case:
+    """Return the shell at a share from 0 to 1 of the way from one shell to its edit; it is asked what the edit is.
+
+    Thickness and modulus go by their logarithm, Poisson's ratios and motions evenly. The loads of the one fade out
+    while those of the other fade in.
+
+    Raises
+    ------
+    InputError
+        If there is no such shell: what moves supports is of another kind, or a formula grows too long.
+    """
+    if share == 1.0:
+        return edited
+    old, new = (case.model_dump(mode="json", exclude_unset=True) for case in (original, edited))
+    material = dict(new["material"])
+    for name, value in material.items():
+        before = getattr(original.material, name)
+        if isinstance(value, float | int) and isinstance(before, float | int) and before != value:
+            by_logarithm = name in ("thickness", "youngs_modulus")
+            mean = before ** (1 - share) * value**share if by_logarithm else (1 - share) * before + share * value
+            material[name] = mean
+    supports = []
+    for support, before, moved in zip(new.get("supports", []), original.supports, edited.supports, strict=True):
+        # A support that does not move is one that moves by nothing: the motion of the other tells how.
+        ways = [(before.motion, 1 - share), (moved.motion, share)]
+        known = [(motion.model_dump(mode="json"), part) for motion, part in ways if motion is not None]
+        supports.append({**support, **({"motion": _motion(known)} if known else {})})
+    loads = [_scaled(load, 1 - share, MEASURES) for load in old.get("loads", [])]
+    loads += [_scaled(load, share, MEASURES) for load in new.get("loads", [])]
+    try:
+        return Case.model_validate({**new, "material": material, "supports": supports, "loads": loads})
+    except ValidationError as error:
+        raise InputError(
+            f"no shell between '{original.name}' and '{edited.name}': {error.errors()[0]['msg']}"
+        ) from None
+
+
+def _held(case: Case) -> list[dict[str, Any]]:
+    return [support.model_dump(exclude={"motion"}) for support in case.supports]
+
+
+def _scaled(data: dict[str, Any], share: float, names: tuple[str, ...]) -> dict[str, Any]:
+    return {key: _times(value, share) if key in names else value for key, value in data.items()}
+
+
+def _times(value: Any, share: float) -> Any:
+    if isinstance(value, list):
+        return [_times(one, share) for one in value]
+    return f"{share!r}*({value})" if isinstance(value, str) else share * value
+
+
+def _motion(parts: list[tuple[dict[str, Any], float]]) -> dict[str, Any]:
+    (first, share), *rest = parts
+    total = _scaled(first, share, AMOUNTS)
+    for other, part in rest:
+        if {k: v for k, v in other.items() if k not in AMOUNTS} != {k: v for k, v in first.items() if k not in AMOUNTS}:
+            raise InputError("a support moves in another way: a path from the one to the other is not known")
+        added = _scaled(other, part, AMOUNTS)
+        total = {key: _sum(value, added[key]) if key in AMOUNTS else value for key, value in total.items()}
+    return total
+
+
+def _sum(one: Any, other: Any) -> Any:
+    if isinstance(one, list):
+        return [_sum(a, b) for a, b in zip(one, other, strict=True)]
+    return f"({one})+({other})" if isinstance(one, str) or isinstance(other, str) else one + other

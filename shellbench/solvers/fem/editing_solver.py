@@ -1,0 +1,23 @@
+"""The solver `fem-edit`: `fem`, asked for a shell and then for an edit of it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from shellbench.problem import Capabilities, Settings, Solution
+from shellbench.problems.editing.solving import THEORIES, EditingSolver
+from shellbench.problems.solving import CheckedSolver
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
+
+
+class FemEditSolver(EditingSolver):
+    """Finite elements that go on from an earlier solution, beside themselves from scratch."""
+
+    name: ClassVar[str] = "fem-edit"
+    capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "fem, from the solution before an edit")
+    settings_type: ClassVar[type[Settings]] = FemSettings
+    shells: ClassVar[type[CheckedSolver]] = FemSolver
+
+    def energy(self, solution: Solution) -> float:
+        """Return the potential energy on the last mesh, no less than the exact one: the elements are conforming."""
+        return [step.energy for step in solution.history if step.phase == "solve"][-1]

@@ -1,0 +1,38 @@
+"""The solvers `ndf-edit` and `ndf-ritz-edit`: fields that are asked for a shell and then for an edit of it."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from shellbench.problem import Capabilities, Settings, Solution
+from shellbench.problems.editing.case import EditingCase
+from shellbench.problems.editing.solving import THEORIES, EditingSolver
+from shellbench.problems.solving import CheckedSolver
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
+
+
+class NdfEditSolver(EditingSolver):
+    """A trained field that keeps its hidden layers over an edit, beside itself from scratch."""
+
+    name: ClassVar[str] = "ndf-edit"
+    capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "ndf, its hidden layers kept over an edit")
+    settings_type: ClassVar[type[Settings]] = TrainerSettings
+    shells: ClassVar[type[CheckedSolver]] = NdfSolver
+
+    def energy(self, solution: Solution) -> float:
+        """Return the energy on the finest quadrature."""
+        return float(solution.diagnostics["certified_energy"])
+
+
+class NdfRitzEditSolver(NdfEditSolver):
+    """A field of random features that goes on from the states of an earlier path, beside itself from scratch."""
+
+    name: ClassVar[str] = "ndf-ritz-edit"
+    capabilities: ClassVar[Capabilities] = Capabilities(THEORIES, "ndf-ritz, from the path before an edit")
+    settings_type: ClassVar[type[Settings]] = RitzSettings
+    shells: ClassVar[type[CheckedSolver]] = RitzSolver
+
+    def goes_on(self, case: EditingCase) -> str | None:
+        """Return why it has no use for an earlier solution: in the linear theory nothing is trained."""
+        return "it trains nothing that a linear shell's edit could keep" if case.edited.linear else None
