@@ -19,6 +19,7 @@ from typing import Any
 from shellbench.bench.listing import attributes
 from shellbench.model import Model
 from shellbench.problem import Problem
+from shellbench.problems import obstacle
 from shellbench.problems.conditioned import case as conditioned
 from shellbench.problems.conditioned import quantities as of_materials
 from shellbench.problems.expression import CONSTANTS, FUNCTIONS, MAX_LENGTH
@@ -26,7 +27,6 @@ from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
 from shellbench.problems.field import quantities as of_fields
 from shellbench.problems.rope import case as rope
-from shellbench.problems.rope import obstacle
 from shellbench.problems.rope import quantities as asked
 from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case

@@ -16,7 +16,7 @@ from pydantic import Field, field_validator
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Positive, Vector
 from shellbench.problems.expression import Expression
-from shellbench.problems.rope.motion import Path, moved
+from shellbench.problems.moving import Path, moved
 from shellbench.problems.taylor import Taylor
 
 Array = NDArray[np.float64]
