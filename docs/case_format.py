@@ -365,8 +365,15 @@ def chains() -> str:
     ]
     for name, cls in (("chain", rope.Chain), ("rope", rope.Rope), ("particles", rope.Particles), ("wind", rope.Wind)):
         parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
-    parts.append("`[[obstacles]]`: any number, each of one of five kinds. They can move, and do not turn.")
-    for cls in (obstacle.Sphere, obstacle.HalfSpace, obstacle.Plate, obstacle.Capsule, obstacle.FormulaBody):
+    parts.append("`[[obstacles]]`: any number, each of one of six kinds. They can move, and do not turn.")
+    for cls in (
+        obstacle.Sphere,
+        obstacle.HalfSpace,
+        obstacle.Plate,
+        obstacle.Capsule,
+        obstacle.Box,
+        obstacle.FormulaBody,
+    ):
         kind = cls.model_json_schema()["properties"]["kind"]["const"]
         parts += [f"`{kind}`: {summary(cls)}", table(cls, [name for name in cls.model_fields if name != "kind"])]
     parts.append(

@@ -33,6 +33,7 @@ from shellbench.problems.shell.quantities import (
     LargestDisplacement,
     LimitPoint,
     LoadQuantity,
+    Penetration,
     PotentialEnergy,
     QuantityModel,
 )
@@ -296,6 +297,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return 1.0  # it is relative already, and goes to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return max(value, tiny)
+        case Penetration():
+            return max(_largest_displacement(solution, quantity.at), tiny)
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
@@ -328,7 +331,7 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
         case FieldError():
             return ROUNDING * max(change, EPSILON)
-        case LargestDisplacement() | DisplacementQuantity():
+        case LargestDisplacement() | DisplacementQuantity() | Penetration():
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
