@@ -41,16 +41,16 @@ class Touch:
         (n, 2) in rows along both coordinates.
     forces
         (n, 3) on the shell, N.
-    areas
-        (n,) of the shell at rest that the points stand for, m^2.
+    lengths
+        (n, 2) of the shell at rest that a point stands for in its row along either coordinate, m.
     reach
-        Length, m, over which forces make a pressure: less is the solver's own noise.
+        (2,) length along either coordinate, m, over which forces make a pressure: less is the solver's own noise.
     """
 
     points: Array
     forces: Array
-    areas: Array
-    reach: float
+    lengths: Array
+    reach: Array
 
 
 def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
@@ -61,18 +61,18 @@ def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
     forces = np.stack([touch.forces for touch in touching])
     return {
         "touch_points": first.points,
-        "touch_areas": first.areas,
+        "touch_lengths": first.lengths,
         "touch_forces": forces,
-        "touch_reach": np.array(first.reach),
+        "touch_reach": first.reach,
     }
 
 
 def restored_touch(arrays: Mapping[str, NDArray[Any]]) -> tuple[Touch, ...]:
     """Return what `kept_touch` kept."""
-    points, areas, reach = (arrays.get(f"touch_{name}") for name in ("points", "areas", "reach"))
-    if points is None or areas is None or reach is None:
+    if "touch_points" not in arrays:
         return ()
-    return tuple(Touch(points, forces, areas, float(reach)) for forces in arrays["touch_forces"])
+    points, lengths, reach = (arrays[f"touch_{name}"] for name in ("points", "lengths", "reach"))
+    return tuple(Touch(points, forces, lengths, reach) for forces in arrays["touch_forces"])
 
 
 def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple[Array, Array]:
@@ -172,24 +172,19 @@ def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: i
     chosen = np.flatnonzero(np.abs(rows - nearest) <= 1e-9 * domain.size[other])
     chosen = chosen[np.argsort(touch.points[chosen, axis])]
     distance = _distances(case, start, axis)
-    at, force, area = (
-        distance(touch.points[chosen, axis]),
-        np.linalg.norm(touch.forces[chosen], axis=-1),
-        touch.areas[chosen],
-    )
-    first, last = distance(np.array([domain.lower[axis], domain.upper[axis]]))
-    ends = first + np.cumsum(area) / area.sum() * (last - first)
+    at, length = distance(touch.points[chosen, axis]), touch.lengths[chosen, axis]
+    force = np.linalg.norm(touch.forces[chosen], axis=-1) / touch.lengths[chosen, other]  # on a strip 1 m wide
+    ends = distance(np.array([domain.lower[axis]])) + np.cumsum(length)
     if not forward:
-        at, force = -at[::-1], force[::-1]
-        ends = -(ends - area / area.sum() * (last - first))[::-1]
+        at, force, ends = -at[::-1], force[::-1], -(ends - length)[::-1]
     kept = at >= 0
     at, force, ends = at[kept], force[kept], ends[kept]
     pressed = np.flatnonzero(force > 0)
     if not len(pressed):
         raise ValueError("nothing touches an obstacle along the line")
     begin = pressed[0]
-    stop = min(int(np.searchsorted(ends, at[begin] + touch.reach)), len(ends) - 1)
-    beyond = min(int(np.searchsorted(ends, ends[stop] + touch.reach)), len(ends) - 1)
+    stop = min(int(np.searchsorted(ends, at[begin] + touch.reach[axis])), len(ends) - 1)
+    beyond = min(int(np.searchsorted(ends, ends[stop] + touch.reach[axis])), len(ends) - 1)
     near = slice(begin, stop + 1)
     total, moment = float(force[near].sum()), float(force[near] @ (ends[stop] - at[near]))
     pressure = float(force[stop + 1 : beyond + 1].sum()) / (ends[beyond] - ends[stop]) if beyond > stop else 0.0

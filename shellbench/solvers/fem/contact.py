@@ -69,7 +69,7 @@ class ContactPoints:
         (c, m, 4, kinds) basis functions there, in the scaled degrees of freedom.
     stiffness
         (c, m) of the penalty, N/m^3.
-    reach
+    lengths, reach
         See `shellbench.problems.shell.contact.Touch`.
     """
 
@@ -79,7 +79,8 @@ class ContactPoints:
     areas: Array
     values: Array
     stiffness: Array
-    reach: float
+    lengths: Array
+    reach: Array
 
     @classmethod
     def on_mesh(cls, case: Case, mesh: TensorMesh) -> ContactPoints:
@@ -87,9 +88,10 @@ class ContactPoints:
         count = mesh.degree - 1
         x, w = np.polynomial.legendre.leggauss(count)
         unit = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        rule = Quadrature(unit, np.outer(w, w).ravel() / 4)
+        one, two = (part.ravel() / 2 for part in np.meshgrid(w, w, indexing="ij"))
+        rule = Quadrature(unit, one * two)
         table = tabulate(unit, (0, 0), mesh.degree)
-        points, areas, values, stiffness, lengths = [], [], [], [], []
+        points, areas, values, stiffness, lengths, longest = [], [], [], [], [], []
         for cells in chunks(mesh):
             at, weights = rule.on_cells(mesh, cells)
             flat = at.reshape(-1, 2)
@@ -101,9 +103,10 @@ class ContactPoints:
             areas.append(weights * area)
             values.append(table * basis_scales(mesh, cells)[:, None])
             stiffness.append(STIFFNESS * bending * np.sum((count / sides) ** 4, axis=-1))
-            lengths.append(sides.max())
-        whole = (np.concatenate(part) for part in (points, areas, values, stiffness))
-        return cls(case, mesh, *whole, REACH * max(lengths))
+            lengths.append((sides * np.stack([one, two], axis=-1)).reshape(-1, 2))
+            longest.append(sides.reshape(-1, 2).max(axis=0))
+        whole = (np.concatenate(part) for part in (points, areas, values, stiffness, lengths))
+        return cls(case, mesh, *whole, REACH * np.max(longest, axis=0))
 
     def displacement(self, q: Array) -> Array:
         """Return the displacement (c m, 3) at the points of q (nodes, 12, 1)."""
@@ -145,7 +148,7 @@ class ContactPoints:
     def softness(self) -> Array:
         """Return factors of the penalty, increasing to 1: the first has the length of the shell."""
         size = float(np.ptp(self.case.surface.position(self.points), axis=0).max())
-        coarse = size / (self.reach / REACH)
+        coarse = size / (self.reach.min() / REACH)
         return np.asarray([SOFTER**k for k in range(math.ceil(-math.log(coarse**4) / math.log(SOFTER)), 0, -1)])
 
     def pressed(self, touch: Touch) -> Flags:
@@ -155,7 +158,7 @@ class ContactPoints:
 
     def touch(self, forces: Array) -> Touch:
         """Return forces (c m, 3) with what they act on."""
-        return Touch(self.points, forces, self.areas.ravel(), self.reach)
+        return Touch(self.points, forces, self.lengths, self.reach)
 
 
 @dataclass(frozen=True)
