@@ -399,7 +399,7 @@ class ContactForce(ContactQuantity):
         return float(solution.touch(self.at).forces.sum(axis=0) @ unit(self.direction))
 
 
-class Penetration(ContactQuantity):
+class LargestPenetration(ContactQuantity):
     """How deep the shell is in an obstacle anywhere, 0 if it is in none."""
 
     is_an_error: ClassVar[bool] = True

@@ -32,9 +32,9 @@ from shellbench.problems.shell.quantities import (
     EnergyQuantity,
     FieldError,
     LargestDisplacement,
+    LargestPenetration,
     LimitPoint,
     LoadQuantity,
-    Penetration,
     PotentialEnergy,
     QuantityModel,
 )
@@ -307,7 +307,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return 1.0  # it is relative already, and goes to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return max(value, tiny)
-        case Penetration():
+        case LargestPenetration():
             return max(_largest_displacement(solution, quantity.at), tiny)
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
@@ -341,7 +341,7 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
         case FieldError():
             return ROUNDING * max(change, EPSILON)
-        case LargestDisplacement() | DisplacementQuantity() | Penetration():
+        case LargestDisplacement() | DisplacementQuantity() | LargestPenetration():
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
