@@ -92,6 +92,12 @@ def variants(session: nox.Session) -> None:
 
 
 @nox.session
+def contact(session: nox.Session) -> None:
+    """Press strips and a plate onto rigid obstacles, and judge."""
+    run_and_judge(session, "contact")
+
+
+@nox.session
 def shape_variants(session: nox.Session) -> None:
     """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
     run_and_judge(session, "shape_variants")

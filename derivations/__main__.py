@@ -39,6 +39,7 @@ from . import (
     square_plate,
     square_plate_nonlinear,
 )
+from .contact import JUDGES as CONTACT
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
 from .ropes import JUDGES as ROPES
@@ -85,6 +86,7 @@ CASES = {
     "hinged_roof_thick": hinged_roof_thick,
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
+    **CONTACT,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

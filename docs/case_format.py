@@ -19,6 +19,7 @@ from typing import Any
 from shellbench.bench.listing import attributes
 from shellbench.model import Model
 from shellbench.problem import Problem
+from shellbench.problems import obstacle
 from shellbench.problems.conditioned import case as conditioned
 from shellbench.problems.conditioned import quantities as of_materials
 from shellbench.problems.editing import case as editing
@@ -28,7 +29,6 @@ from shellbench.problems.field import body as ball
 from shellbench.problems.field import case as field
 from shellbench.problems.field import quantities as of_fields
 from shellbench.problems.rope import case as rope
-from shellbench.problems.rope import obstacle
 from shellbench.problems.rope import quantities as asked
 from shellbench.problems.shell import quantities, surface
 from shellbench.problems.shell.case import Case
@@ -118,6 +118,10 @@ EXAMPLES = {
     ),
     "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
     "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
+    "Contact": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[contact]\nthickness = true  # the lower face touches'),
+    "ContactForce": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[[quantities]]\nname = "floor_force"\nkind = "contact_force"\ndirection = [0, 0, 1]'),
+    "LargestPenetration": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[[quantities]]\nname = "depth"\nkind = "penetration"\nabsolute = true'),
+    "ContactPoint": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[[quantities]]\nname = "touches_at"\nkind = "contact_point"\npoint = "xi1_min,xi2_min"\nalong = "xi1"'),
     "Path": Example(
         '[[quantities]]\nname = "tip_lift"\nkind = "displacement"\npoints = ["tip"]\ndirection = [0, 0, 1]\nat = 0.4  # m of this quantity\n\n'
         '[path]\ncontrol = "displacement"\nquantity = "tip_lift"\nuntil = 1.0  # m\nstates = [0.1, 0.2]',
@@ -162,11 +166,13 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
     ("Loads", "Load", "`[[loads]]`: any number, each of one of six kinds. All are dead, they keep their direction, but a pressure that follows.", None,
      ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
+    ("Contact", "", "`[[obstacles]]`: any number, each of a kind that [ropes](#ropes) have, with its fields; in the linear theory, at rest, and without friction."
+     " The shell keeps out of them; in which points it touches is found. `[contact]` says how.", None, ("Contact",)),
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),
     ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
-      "ReactionQuantity", "TorqueQuantity", "LoadQuantity", "LimitPoint", "CriticalPoint")),
+      "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint")),
     ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip
@@ -368,8 +374,15 @@ def chains() -> str:
     ]
     for name, cls in (("chain", rope.Chain), ("rope", rope.Rope), ("particles", rope.Particles), ("wind", rope.Wind)):
         parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
-    parts.append("`[[obstacles]]`: any number, each of one of five kinds. They can move, and do not turn.")
-    for cls in (obstacle.Sphere, obstacle.HalfSpace, obstacle.Plate, obstacle.Capsule, obstacle.FormulaBody):
+    parts.append("`[[obstacles]]`: any number, each of one of six kinds. They can move, and do not turn.")
+    for cls in (
+        obstacle.Sphere,
+        obstacle.HalfSpace,
+        obstacle.Plate,
+        obstacle.Capsule,
+        obstacle.Box,
+        obstacle.FormulaBody,
+    ):
         kind = cls.model_json_schema()["properties"]["kind"]["const"]
         parts += [f"`{kind}`: {summary(cls)}", table(cls, [name for name in cls.model_fields if name != "kind"])]
     parts.append(

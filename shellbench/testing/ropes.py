@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from shellbench.bench.catalog import named_case
 from shellbench.problem import Problem
+from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solving import start_of
 from shellbench.testing.examination import Examination, Findings, Verdict, admissible, apart, not_applicable

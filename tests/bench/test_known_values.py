@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import derivations as origins
-from derivations import elastica, fields, plane_strip, roll_up, ropes, shapes_by_series, spiral
+from derivations import contact, elastica, fields, plane_strip, roll_up, ropes, shapes_by_series, spiral
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
 from derivations.exponential_shells import free_cylinder_by_exponentials, roof_by_exponentials
@@ -65,6 +65,7 @@ ORIGINS = {
     **shapes_by_series.JUDGES,
     **ropes.JUDGES,
     **fields.JUDGES,
+    **contact.JUDGES,
 }
 LONG = {
     "pendulum_strip",
@@ -167,6 +168,8 @@ def test_a_tolerance_is_absolute_where_the_error_is(name):
 
 @cache
 def second_form(name, origin):
+    if name in contact.SECOND_FORMS:
+        return contact.SECOND_FORMS[name]()
     if name in shapes_by_series.SECOND_FORMS:
         return shapes_by_series.SECOND_FORMS[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
@@ -192,6 +195,7 @@ def of_quantity(values, quantity):
             for name in shapes_by_series.JUDGES
         ),
         "cantilever_pressure",
+        *contact.JUDGES,
     ],
 )
 def test_second_forms_are_what_they_compute(name):

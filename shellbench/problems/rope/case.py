@@ -19,8 +19,8 @@ from pydantic import Field, model_validator
 
 from shellbench.model import Finite, Model, Positive, Vector
 from shellbench.problem import Problem
-from shellbench.problems.rope.motion import Path, moved
-from shellbench.problems.rope.obstacle import Obstacle, deepest
+from shellbench.problems.moving import Path, moved
+from shellbench.problems.obstacle import Obstacle, deepest
 from shellbench.problems.rope.quantities import STILL, RopeQuantity
 
 Array = NDArray[np.float64]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
+from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.quantities import energies
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 from shellbench.problems.solving import FreshSolver

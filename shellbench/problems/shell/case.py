@@ -17,6 +17,7 @@ from pydantic import model_validator
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad, Support
+from shellbench.problems.shell.contact import check_contact
 from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import check_held
@@ -202,6 +203,11 @@ class Case(Shell):
                 f"field 'material.areal_density': found {density:g}, but it must be given and positive where a load of"
                 " kind 'gravity' acts"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _starts_outside_obstacles(self) -> Self:
+        check_contact(self)
         return self
 
     @model_validator(mode="after")

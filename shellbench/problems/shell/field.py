@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problem import NumberFormat, Solution
+from shellbench.problems.shell.contact import Touch
 
 Array = NDArray[np.float64]
 
@@ -43,6 +44,10 @@ class DisplacementField(Solution, Protocol):
         self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
     ) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
+        ...
+
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the shell; only asked where there are any."""
         ...
 
     def rounded(self, format: NumberFormat) -> tuple[DisplacementField, int]:

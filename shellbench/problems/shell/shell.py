@@ -16,6 +16,7 @@ from shellbench.model import Finite, Model, Name
 from shellbench.problem import Problem, Quantity
 from shellbench.problems.expression import Expression
 from shellbench.problems.kinks import kink_lines
+from shellbench.problems.obstacle import Obstacle
 from shellbench.problems.shell.conditions import (
     Formula,
     Load,
@@ -29,6 +30,7 @@ from shellbench.problems.shell.conditions import (
     Value,
     VectorFormula,
 )
+from shellbench.problems.shell.contact import Contact
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
@@ -78,6 +80,8 @@ class Shell(Problem):
         What holds the shell.
     springs
         Elastic supports and foundations; in linear theory and in motion.
+    obstacles, contact
+        What the shell can't enter, and how it touches that; in linear theory. Contact is without friction.
     focus
         Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
         may be graded toward them.
@@ -107,6 +111,8 @@ class Shell(Problem):
     springs: tuple[Spring, ...] = ()
     remove_rigid_motions: tuple[RigidMotion, ...] = ()
     loads: tuple[Load, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    contact: Contact = Field(default_factory=lambda: Contact())
     focus: tuple[Name, ...] = ()
     path: LoadPath = Field(default_factory=lambda: LoadPath())
     dynamics: Dynamics | None = None
@@ -147,6 +153,8 @@ class Shell(Problem):
                 del load["frame"]
         if not data["edge_parts"]:  # as before there were any
             del data["edge_parts"]
+        if not data["obstacles"]:
+            del data["obstacles"], data["contact"]
         for name in ("modulus_factor", "thickness_factor"):
             if data["material"][name] == 1.0:
                 del data["material"][name]

@@ -31,6 +31,7 @@ from shellbench.errors import InputError
 from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
+from shellbench.problems.shell.contact import Touch
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
 from shellbench.problems.solving import CheckedSolver
@@ -199,6 +200,10 @@ class ShellSolution:
         """Return force and moment about `centre` (3,) of the case's support of this number."""
         raise NotImplementedError
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the shell; InputError where the solver knows none."""
+        raise InputError(f"{self.case.name}: this solution knows no obstacles")
+
     def rounded(self, format: NumberFormat) -> tuple[Self, int]:
         """Return the solution with the arrays of `numbers` rounded to a format, and the bytes it takes.
 
@@ -330,6 +335,7 @@ Beyond = Literal[
     "local supports",
     "local loads",
     "kinks",
+    "contact",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -396,6 +402,8 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "local loads", "a load is local to the shell, and this solver takes loads along x, y and z only"
     if any(case.kinks):
         yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
+    if case.obstacles:
+        yield "contact", "it touches obstacles, which this solver does not take"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,6 +33,7 @@ from shellbench.solvers.fem.cell_dissection import dissect_cells, factorise_cell
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.clamping import clamped_edges
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.contact import ContactPoints, settle
 from shellbench.solvers.fem.dissection import Dissection, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import TensorMesh
@@ -265,8 +267,15 @@ class Equilibrium:
     noise: float = 0.0
 
 
-def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_order: int, method: Method) -> Equilibrium:
-    """Solve a linear case on a mesh at the times or load factors `states`.
+def solve(
+    case: Case,
+    mesh: TensorMesh,
+    states: Sequence[float],
+    quadrature_order: int,
+    method: Method,
+    near: FemSolution | None = None,
+) -> Equilibrium:
+    """Solve a linear case on a mesh at the times or load factors `states`; contact may start from another mesh.
 
     Raises
     ------
@@ -301,21 +310,38 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
             return matrix @ nodal
         return careful[0](nodal) + (springs @ nodal if springs else 0.0)
 
-    def residual(unknowns: Array) -> Array:
-        if not careful:
-            careful.append(InternalForces(mesh, case.surface, case.material, quadrature))
-        nodal = ties.to_nodal(unknowns) + ties.particular
-        held = system @ nodal - matrix @ nodal if clamps else 0.0
-        return ties.to_free(forces - internal_forces(nodal) - held)
+    def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Answer]:
+        particular = ties.particular[..., state]
 
-    right = ties.to_free(forces - system @ ties.particular)
-    reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
-    answer = solve_reduced(reduced, right, mesh, method, residual)
-    q = ties.to_nodal(answer.unknowns) + ties.particular
+        def residual(unknowns: Array) -> Array:
+            if not careful:
+                careful.append(InternalForces(mesh, case.surface, case.material, quadrature))
+            nodal = ties.to_nodal(unknowns) + particular
+            held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
+            return ties.to_free(forces - internal_forces(nodal) - held)
+
+        right = ties.to_free(forces - system @ particular)
+        reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
+        answer = solve_reduced(reduced, right, mesh, method, residual)
+        return ties.to_nodal(answer.unknowns) + particular, answer
+
+    pushed: Array | float = 0.0
+    touching = None
+    if case.obstacles:
+        points = ContactPoints.on_mesh(case, mesh)
+        found = [
+            settle(points, system, forces[..., k : k + 1], t, partial(solved, state=slice(k, k + 1)), near)
+            for k, t in enumerate(states)
+        ]
+        q, answer = np.concatenate([f.q for f in found], axis=-1), found[-1].answer
+        pushed = np.concatenate([points.nodal(f.forces) for f in found], axis=-1)
+        touching = tuple(points.touch(f.forces) for f in found)
+    else:
+        q, answer = solved(system, forces)
 
     internal = internal_forces(q)
     energy = np.sum(q[..., -1] * (internal / 2 - loading.nodal)[..., -1])
-    unbalanced = internal - loading.nodal + sum(clamp.gap_forces(q) for clamp in clamps)
+    unbalanced = internal - loading.nodal - pushed + sum(clamp.gap_forces(q) for clamp in clamps)
     reactions = unbalanced[ties.nodes]
     scales = mesh.node_scales[:, None, :, None]
     shape = (COMPONENTS, len(mesh.kinds), len(states))
@@ -331,6 +357,7 @@ def solve(case: Case, mesh: TensorMesh, states: Sequence[float], quadrature_orde
         support_forces=shares.reshape(*shares.shape[:2], *shape) * scales[ties.nodes],
         quadrature_order=quadrature_order,
         parameters=int(np.count_nonzero(ties.free)),
+        touching=touching or (),
     )
     return Equilibrium(solution, float(energy), answer.residual, answer.correction, answer.noise)
 

@@ -26,16 +26,19 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import (
+    ContactPoint,
     CriticalPoint,
     DisplacementQuantity,
     EnergyQuantity,
     FieldError,
     LargestDisplacement,
+    LargestPenetration,
     LimitPoint,
     LoadQuantity,
     PotentialEnergy,
     QuantityModel,
 )
+from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution
@@ -152,6 +155,7 @@ IDLE_STRAIN = 1e-14  # strain, relative to the displacements, that rounding make
 ROUNDING = 4.0  # of the change by the last refinement, as the error that rounding leaves
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
+WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
@@ -273,11 +277,18 @@ def levels(
         for q in case.quantities:
             found = estimate(values[q.name], resolutions, fastest)
             sure = max(found.uncertainty, least if isinstance(q, LargestDisplacement | DisplacementQuantity) else 0.0)
+            if isinstance(q, ContactPoint):
+                sure = max(sure, WITHIN_CELL * cell_along(solution, q))
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
         # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
         error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
         yield Level(equilibrium, quantities, estimates, error, difference)
         before = solution
+
+
+def cell_along(solution: FemSolution, quantity: ContactPoint) -> float:
+    """Return the length of the longest cell along the line of an edge of contact, m."""
+    return float(solution.touch(quantity.at).reach[int(quantity.along == "xi2")]) / REACH
 
 
 def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
@@ -296,6 +307,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return 1.0  # it is relative already, and goes to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return max(value, tiny)
+        case LargestPenetration():
+            return max(_largest_displacement(solution, quantity.at), tiny)
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
@@ -328,7 +341,7 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * (2 * math.sqrt(value * noise) + noise) + EPSILON * value
         case FieldError():
             return ROUNDING * max(change, EPSILON)
-        case LargestDisplacement() | DisplacementQuantity():
+        case LargestDisplacement() | DisplacementQuantity() | LargestPenetration():
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import (
     Arrays,
     ShellSolution,
@@ -67,6 +68,8 @@ class FemSolution(ShellSolution):
     images
         Along each coordinate, of how many mirror images of its first cells the field consists (see `symmetry`); 1 where
         the part that was solved does not begin at the first mesh line.
+    touching
+        What obstacles exert, by state; empty where there are none.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = FORMATS
@@ -81,6 +84,7 @@ class FemSolution(ShellSolution):
     quadrature_order: int
     parameters: int
     images: tuple[int, int] = (1, 1)
+    touching: tuple[Touch, ...] = ()
 
     @property
     def storage_bytes(self) -> int:
@@ -193,10 +197,15 @@ class FemSolution(ShellSolution):
         moment = np.cross(arms, np.swapaxes(forces, 1, 2)).sum(axis=(0, 1))
         return forces[:, :, 0].sum(axis=0), moment
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the shell at a state."""
+        return self.touching[self.state(at)] if self.touching else super().touch(at)
+
     def kept(self) -> tuple[Words, Arrays]:
         """Return what a file holds beside the case and the history."""
         words = {"quadrature_order": self.quadrature_order, "images": self.images, "degree": self.mesh.degree}
         return words, {
+            **kept_touch(self.touching),
             "lines1": self.mesh.lines[0],
             "lines2": self.mesh.lines[1],
             "coefficients": self.coefficients,
@@ -219,7 +228,8 @@ class FemSolution(ShellSolution):
         if forces.shape != (len(case.supports), len(nodes), 3, carried, len(states)):
             raise ValueError("forces do not fit the supports")
         order, unknowns = int(words["quadrature_order"]), int(words["parameters"])
-        return cls(case, mesh, coefficients, states, nodes, forces, order, unknowns, (int(first), int(second)))
+        images = (int(first), int(second))
+        return cls(case, mesh, coefficients, states, nodes, forces, order, unknowns, images, restored_touch(arrays))
 
 
 STENCIL = 4  # reactions that are interpolated through, at times between those of the displacements

@@ -48,6 +48,7 @@ SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: th
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
+CONTACT_TOLERANCE = 5e-4  # of what touches obstacles: the edge of contact lies anywhere in a cell, and errors jump
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
 MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in the linear and the non-linear theory
 USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
@@ -146,6 +147,8 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
 
 def usual_tolerance(case: Case, degree: Degree) -> float:
     """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
+    if case.obstacles:
+        return CONTACT_TOLERANCE
     if case.linear:
         singular = SINGULAR_TOLERANCE if degree == CUBIC else HIGHER_SINGULAR_TOLERANCE
         return singular if singular_points(case) else SMOOTH_TOLERANCE
@@ -178,11 +181,18 @@ def _solves(
     degree = case_degree(case, settings)
 
     def linear(of: Case) -> OnMesh:
+        touched: FemSolution | None = None
+
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(of, cells, settings, degree, *toward)
             order = max(settings.quadrature_order, 2 * mesh.degree + 1)
             folded = FoldedMesh.from_case(of, mesh, order) if settings.symmetry else None
             how = of.states, order, settings.direct_solver
+            if of.obstacles:  # where they touch is sought from where they did on the mesh before
+                nonlocal touched
+                found = equilibrium.solve(of, mesh, *how, touched)
+                touched = found.solution
+                return found
             if folded is None:
                 return equilibrium.solve(of, mesh, *how)
             return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))

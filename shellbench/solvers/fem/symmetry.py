@@ -131,7 +131,12 @@ class FoldedMesh:
     @classmethod
     def from_case(cls, case: Case, mesh: TensorMesh, quadrature_order: int) -> FoldedMesh | None:
         """Find the symmetries of a case on a mesh; None if there is none, or what loads it is not looked at."""
-        if not case.linear or case.springs or any(isinstance(load, MomentLoad) for load in case.loads):
+        if (
+            not case.linear
+            or case.springs
+            or case.obstacles
+            or any(isinstance(load, MomentLoad) for load in case.loads)
+        ):
             return None
         observed = _Observed(case, mesh, quadrature_order)
         folds = observed.fold(0), observed.fold(1)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings
+from shellbench.problems.moving import moved
 from shellbench.problems.rope.case import Rope, RopeCase
-from shellbench.problems.rope.motion import moved
 from shellbench.problems.rope.planar import pulling, start_angles, why_not_planar
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 from shellbench.problems.rope.solving import RopeSolver, Watch, refined

@@ -20,8 +20,8 @@ from shellbench.engine import need
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings
+from shellbench.problems.obstacle import deepest
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.obstacle import deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 from shellbench.problems.rope.solving import RopeSolver, Watch, halved, refined, roots_of, spans, start_of
 from shellbench.solvers.rope.contact import Normal, Push

@@ -5,9 +5,9 @@ import pytest
 
 from shellbench.bench import catalog, registry
 from shellbench.errors import InputError
+from shellbench.problems.moving import moved
+from shellbench.problems.obstacle import Capsule, FormulaBody, HalfSpace, Plate, Sphere, deepest
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.motion import moved
-from shellbench.problems.rope.obstacle import Capsule, FormulaBody, HalfSpace, Plate, Sphere, deepest
 from shellbench.problems.rope.solution import RopeMotion, RopeState
 
 DROP = {key: value for key, value in catalog.named_case("rope_drop").data().items() if key != "name"}

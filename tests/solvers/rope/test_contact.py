@@ -5,8 +5,8 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
+from shellbench.problems.obstacle import FormulaBody, HalfSpace, Plate, Sphere
 from shellbench.problems.rope.case import RopeCase
-from shellbench.problems.rope.obstacle import FormulaBody, HalfSpace, Plate, Sphere
 from shellbench.solvers.rope.contact import collided, entered, pushed, rebound
 from shellbench.solvers.rope.solver import ExactSolver
 from tests.solvers.rope.making import followed_last, last

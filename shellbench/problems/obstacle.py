@@ -1,4 +1,4 @@
-"""Obstacles: bodies that masses can't enter, given by their signed distance phi.
+"""Obstacles: bodies that masses and shells can't enter, given by their signed distance phi.
 
 phi is negative inside. Its gradient has length one and points outward. All bodies can move without turning. Of a
 formula that is no distance, phi over the length of its gradient is one to first order: exact at the surface.
@@ -16,7 +16,7 @@ from pydantic import Field, field_validator
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Positive, Vector
 from shellbench.problems.expression import Expression
-from shellbench.problems.rope.motion import Path, moved
+from shellbench.problems.moving import Path, moved
 from shellbench.problems.taylor import Taylor
 
 Array = NDArray[np.float64]
@@ -129,6 +129,26 @@ class Capsule(Body):
         return np.asarray(apart / np.maximum(np.linalg.norm(apart, axis=-1, keepdims=True), TINY))
 
 
+class Box(Body):
+    """A box with faces across x, y and z."""
+
+    kind: Literal["box"]
+    half_sides: tuple[Positive, Positive, Positive] = Field(description="from the centre to a face, by axis, m")
+
+    def distance(self, offsets: Array) -> Array:
+        """Return the distance from the nearest face, edge or corner."""
+        beyond = np.abs(offsets) - np.array(self.half_sides)
+        return np.asarray(np.linalg.norm(np.maximum(beyond, 0), axis=-1) + np.minimum(beyond.max(axis=-1), 0))
+
+    def gradient(self, offsets: Array) -> Array:
+        """Return the direction from the nearest place of the surface, or toward it from inside."""
+        beyond = np.abs(offsets) - np.array(self.half_sides)
+        nearest = beyond == beyond.max(axis=-1, keepdims=True)
+        apart = np.where(np.any(beyond > 0, axis=-1, keepdims=True), np.maximum(beyond, 0), nearest)
+        apart = apart * np.where(offsets >= 0, 1.0, -1.0)
+        return np.asarray(apart / np.linalg.norm(apart, axis=-1, keepdims=True))
+
+
 @cache
 def _parsed(formula: str) -> Expression:
     return Expression(formula, variables=("x", "y", "z"), piecewise=True)
@@ -174,7 +194,7 @@ class FormulaBody(Body):
         return self._to_first_order(offsets)[1]
 
 
-Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule | FormulaBody, Field(discriminator="kind")]
+Obstacle = Annotated[Sphere | HalfSpace | Plate | Capsule | Box | FormulaBody, Field(discriminator="kind")]
 
 
 def deepest(obstacles: tuple[Any, ...], places: Array, time: float) -> float:
