@@ -33,6 +33,7 @@ from shellbench.problems.shell.quantities import (
     LargestDisplacement,
     LimitPoint,
     LoadQuantity,
+    ModeQuantity,
     PotentialEnergy,
     QuantityModel,
 )
@@ -294,7 +295,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
-        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
+        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
             return max(value, tiny)
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
@@ -332,6 +333,8 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
+        case ModeQuantity():
+            return (ROUNDING * change**2 + EPSILON) * value
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0

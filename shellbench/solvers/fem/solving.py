@@ -39,6 +39,7 @@ from shellbench.solvers.fem.refinement import (
     level_cells,
     levels,
 )
+from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
 from shellbench.solvers.fem.symmetry import FoldedMesh
@@ -180,6 +181,14 @@ def _solves(
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
         return interpolate, (interpolate,)
+
+    if case.modal:
+
+        def vibrate(cells: Cells) -> equilibrium.Equilibrium:
+            mesh = _mesh(case, cells, settings, degree, *toward)
+            return solve_modes(case, mesh, max(settings.quadrature_order, 2 * degree + 1), settings.direct_solver)
+
+        return vibrate, (vibrate,)
 
     if case.linear:
         return linear(case), (linear(case),)
