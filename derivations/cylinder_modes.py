@@ -31,8 +31,8 @@ from .spline_shell import Splines
 
 VIBRATING = Cylinder(1.0, 2.0, 0.01, 2e11, 0.3)
 DENSITY = 80.0  # kg a square metre
-PRESSED = Cylinder(1.0, 1.0, 0.01, 2e11, 0.0)
-PRESSURE = 1e7  # N a metre of the rim, at load factor 1
+PRESSED = Cylinder(1.0, 1.0, 0.03, 2e11, 0.0)
+PRESSURE = 1e8  # N a metre of the rim, at load factor 1
 WAVES = 40
 DEGREE, SPANS = 8, (8, 12)
 ROUNDING, ROUNDING_OF_SPLINES = 1e-12, 1e-8

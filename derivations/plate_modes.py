@@ -163,7 +163,7 @@ def ritz(plate: Plate, count: int, name: str, unit: str, degrees: tuple[int, int
 JUDGES: dict[str, Callable[[], Values]] = {
     "plate_modes": partial(closed, SIMPLE, 10, "frequency", "Hz"),
     "free_plate_modes": partial(ritz, FREE, 8, "frequency", "Hz"),
-    "rhombic_plate_modes": partial(ritz, RHOMBUS, 6, "frequency", "Hz", (22, 30)),
+    "rhombic_plate_modes": partial(ritz, RHOMBUS, 6, "frequency", "Hz", (24, 32)),
     "plate_compression": partial(closed, PRESSED, 4, "load_factor", ""),
     "plate_shear": partial(ritz, SHEARED, 3, "load_factor", ""),
 }

@@ -17,7 +17,8 @@ Apply = Callable[[Array], Array]
 
 BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
 MOST_STEPS = 60
-CLOSE = 1e-9  # residual of a pair relative to mu: the error of mu itself is of second order in it
+CLOSE = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
+LOOKED = 2  # steps from one look at the residuals to the next
 LOST = 1e-12  # length of what orthogonalisation leaves, relative, that is rounding
 
 
@@ -46,34 +47,35 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
     # The textbook's Lanczos method goes vector by vector and sees one copy of a multiple eigenvalue at first, the other
     # copies by rounding only. A block sees them all, and many right-hand sides cost a factorisation hardly more than
     # one. B itself is never applied: B W = A Q is known, and linear combinations keep it.
-    image = apply(solve(start))
-    basis, images, rest = solve(image), image, image  # one step from the start: smooth already
-    columns, dual = _orthonormal(basis, images)
-    blocks, duals, applied = [columns], [dual], list[Array]()
-    for _ in range(MOST_STEPS):
-        forward = apply(blocks[-1])
-        applied.append(forward)
-        basis, known = np.concatenate(blocks, axis=1), np.concatenate(duals, axis=1)
+    image = apply(solve(start))  # two steps from the start: smooth already
+    columns, dual = _orthonormal(solve(image), image)
+    size, most = len(start), MOST_STEPS * BLOCK
+    basis, known = (np.empty((size, most), order="F") for _ in range(2))
+    projected = np.zeros((most, most))
+    used = 0
+    for step in range(MOST_STEPS):
+        before, used = used, used + columns.shape[1]
+        basis[:, before:used], known[:, before:used] = columns, dual
+        forward = apply(columns)
+        projected[:used, before:used] = basis[:, :used].T @ forward
+        projected[before:used, :used] = projected[:used, before:used].T
         vectors, rest = solve(forward), forward
         for _ in range(2):
-            along = known.T @ vectors
-            vectors, rest = vectors - basis @ along, rest - known @ along
-        projected = basis.T @ np.concatenate(applied, axis=1)
-        values, shares = eigh((projected + projected.T) / 2)
-        order = np.argsort(values)[::-1][:count]
-        values, shares = values[order], shares[:, order]
-        gram = vectors.T @ rest
-        last = shares[-blocks[-1].shape[1] :]
-        residuals = np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", last, gram, last), 0.0))
-        if len(values) == count and np.all(residuals <= CLOSE * np.abs(values)):
-            if not values[-1] > CLOSE * values[0]:
-                break
-            return values, basis @ shares
+            along = known[:, :used].T @ vectors
+            vectors, rest = vectors - basis[:, :used] @ along, rest - known[:, :used] @ along
+        exhausted = step == MOST_STEPS - 1 or used + BLOCK > size
+        if used >= count and (step % LOOKED == 0 or exhausted):
+            values, shares = eigh(projected[:used, :used], subset_by_index=(used - count, used - 1))
+            gram = vectors.T @ rest
+            last = shares[before:]
+            residuals = np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", last, gram, last), 0.0))
+            if np.all(residuals <= CLOSE * np.abs(values)):
+                if not values[0] > CLOSE * values[-1]:
+                    break
+                return values[::-1], basis[:, :used] @ shares[:, ::-1]
         columns, dual = _orthonormal(vectors, rest)
         if not columns.shape[1]:
             break
-        blocks.append(columns)
-        duals.append(dual)
     raise NotFoundError
 
 

@@ -63,7 +63,6 @@ Matrix = BlockMatrix | CellMatrices
 FULL_LOAD = 1.0
 SHIFT = 1.0  # of the unit B / (rho L^4) of a plate's squared frequencies, by which a shell that may move is held
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
-SPARE = 2  # pairs beyond the last one asked for
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ class _Modes:
     @cached_property
     def shift(self) -> float:
         """What is added to squared angular frequencies of a shell that may move freely, 1/s^2."""
-        if not self.loose.size:
+        if not self.vibrates or not self.loose.size:
             return 0.0
         position = self.case.surface.position(self.mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES))
         size = float(np.ptp(position, axis=(0, 1)).max())
@@ -146,7 +145,7 @@ class _Modes:
     def pairs(self, count: int) -> tuple[Array, Array, Array]:
         """Return the values (count,) increasing, the same as rounded in K, and nodal modes (nodes, dofs, count)."""
         # 1. B is K, with stresses and a shift where there are any; A is M or -G. Factorise B on what supports leave.
-        # 2. The largest mu of A u = mu B u, of as many modes as are asked for, of rigid motions and some more.
+        # 2. The largest mu of A u = mu B u, of as many modes as are asked for, and of rigid motions.
         # 3. Rayleigh-Ritz with these modes: their energy by way of strains, which K as a matrix has more rounded.
         # 4. Strike out the rigid motions: in vibration they are the first ones, at zero.
         first = len(self.loose.T) if self.vibrates else 0
@@ -170,7 +169,7 @@ class _Modes:
                 lambda x: (on_free @ x.reshape(shape)).reshape(x.shape),
                 lambda x: backward(x.reshape(shape)).reshape(x.shape),
                 start,
-                wanted + SPARE,
+                wanted,
             )
         except NotFoundError:
             raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
@@ -180,9 +179,8 @@ class _Modes:
             if matrix is not None:
                 energy += _between(modes, matrix @ modes)
         # By mu again, which is finite whatever rigid motions have for an energy.
-        mass = _between(modes, ahead @ modes)
-        shifted = energy + self.shift * mass if self.vibrates else energy
-        found, shares = eigh(mass, shifted)
+        product = _between(modes, ahead @ modes)
+        found, shares = eigh(product, energy + self.shift * product)
         values = 1 / found[::-1][first:wanted] - self.shift
         return values, 1 / inverse[first:wanted] - self.shift, modes @ shares[:, ::-1][:, first:wanted]
 
