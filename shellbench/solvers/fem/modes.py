@@ -174,7 +174,9 @@ class _Modes:
         except NotFoundError:
             raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
         modes = self.ties.to_nodal(vectors.reshape(shape))
-        energy = _between(modes, InternalForces(self.mesh, self.case.surface, self.case.material, self.quadrature)(modes))
+        energy = _between(
+            modes, InternalForces(self.mesh, self.case.surface, self.case.material, self.quadrature)(modes)
+        )
         for matrix in (self.held, geometric if self.vibrates else None):
             if matrix is not None:
                 energy += _between(modes, matrix @ modes)
@@ -212,9 +214,7 @@ def solve_modes(case: Case, mesh: TensorMesh, quadrature_order: int, method: Met
         coefficients=_unit_shapes(coefficients),
         states=marks,
         support_nodes=modes.ties.nodes,
-        support_forces=np.zeros(
-            (len(case.supports), len(modes.ties.nodes), COMPONENTS, len(mesh.kinds), len(marks))
-        ),
+        support_forces=np.zeros((len(case.supports), len(modes.ties.nodes), COMPONENTS, len(mesh.kinds), len(marks))),
         quadrature_order=quadrature_order,
         parameters=int(np.count_nonzero(modes.ties.free)),
         mode_values=dict(zip(asked, _shown(values[kept], modes.vibrates), strict=True)),

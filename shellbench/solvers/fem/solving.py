@@ -30,6 +30,7 @@ from shellbench.solvers.fem.mesh import (
     graded_mesh,
     singular_points,
 )
+from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -39,7 +40,6 @@ from shellbench.solvers.fem.refinement import (
     level_cells,
     levels,
 )
-from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.solution import FemSolution, MotionSolution
 from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
 from shellbench.solvers.fem.symmetry import FoldedMesh

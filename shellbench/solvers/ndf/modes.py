@@ -1,12 +1,12 @@
 """Modes by `ndf-ritz`: small vibrations and buckling of a field whose output layer is solved for.
 
-With w the output weights, the second variation of the potential energy at rest is K + G(s), s the stresses of the linear
-answer to the case's loads. Of stationary values of Rayleigh's quotients,
+With w the output weights, the second variation of the potential energy at rest is K + G(s), s the stresses of the
+linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
 
     vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
 
-a field's frequencies can only be too high. The unknowns are independent combinations of features whose stiffness at rest
-is the identity; rigid motions that nothing holds are constrained away, in the mean over the area.
+a field's frequencies can only be too high. The unknowns are independent combinations of features whose stiffness at
+rest is the identity; rigid motions that nothing holds are constrained away, in the mean over the area.
 """
 
 from __future__ import annotations
@@ -25,7 +25,14 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs, graded_points, resolution
+from shellbench.solvers.ndf.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
 from shellbench.solvers.ndf.equilibrium import Basis, PathProblem
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Array, Placement
@@ -51,7 +58,7 @@ def why_no_modes(case: Case, spec: FieldSpec) -> str | None:
     if any(support.motion is not None for support in case.supports):
         return "it finds modes under loads, not under supports that move"
     if spec.supports == "soft":
-        return "it finds modes with supports = \"hard\" only"
+        return 'it finds modes with supports = "hard" only'
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it finds no modes under moments on edges"
     return None
@@ -183,7 +190,9 @@ class _OneLevel:
         if size < number:
             raise SolveFailure(f"the field has {size} independent combinations, too few for mode {number}")
         try:
-            inverse, shares = eigh(*(_symmetric(m) for m in (ahead, elastic)), subset_by_index=(size - number, size - 1))
+            inverse, shares = eigh(
+                *(_symmetric(m) for m in (ahead, elastic)), subset_by_index=(size - number, size - 1)
+            )
         except LinAlgError:
             raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
         if not inverse[0] > 0:
