@@ -86,6 +86,18 @@ def shapes(session: nox.Session) -> None:
 
 
 @nox.session
+def modes(session: nox.Session) -> None:
+    """Ask shells for frequencies of small vibrations, and judge. `-- --quick` for one seed of `ndf-ritz`."""
+    run_and_judge(session, "modes")
+
+
+@nox.session
+def buckling(session: nox.Session) -> None:
+    """Ask shells for the loads at which they buckle, and judge. `-- --quick` for one seed of `ndf-ritz`."""
+    run_and_judge(session, "buckling")
+
+
+@nox.session
 def variants(session: nox.Session) -> None:
     """Ask the shells of other suites otherwise (axes, frame, units, coordinates), and judge. `-- --quick`."""
     run_and_judge(session, "variants")

@@ -40,8 +40,10 @@ from . import (
     square_plate_nonlinear,
 )
 from .contact import JUDGES as CONTACT
+from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
+from .plate_modes import JUDGES as PLATES
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 
@@ -87,6 +89,8 @@ CASES = {
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
     **CONTACT,
+    **PLATES,
+    **CYLINDERS,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

@@ -62,6 +62,12 @@ WHOLE["arc length"] = (
     .replace("loads =", 'path = { control = "arc_length", quantity = "headline", until = 0.5 }\nloads =')
 )
 WHOLE["motion"] = WHOLE["linear"].replace("love-linear", "love-nonlinear") + "dynamics = { until = 1.0 }\n"
+WHOLE["modes"] = WHOLE["linear"].replace("largest_displacement", "frequency")
+WHOLE["buckling"] = (
+    WHOLE["linear"]
+    .replace("largest_displacement", "buckling_load")
+    .replace("loads = []", 'loads = [{ kind = "edge", on = ["xi1_max"], vector = [-1, 0, 0] }]')
+)
 
 
 @dataclass(frozen=True)
@@ -150,6 +156,8 @@ EXAMPLES = {
     "LoadQuantity": Example('[[quantities]]\nname = "load_300mm"\nkind = "load"\nat = 0.3     # m of the path\'s displacement\nscale = 4.0', "arc length"),
     "LimitPoint": Example('[[quantities]]\nname = "limit_load"\nkind = "limit_point"\nturning = "load"\nnumber = 1\nscale = 4.0', "arc length"),
     "CriticalPoint": Example('[[quantities]]\nname = "critical_load"\nkind = "critical_point"\nscale = 4.0', "path"),
+    "Frequency": Example('[[quantities]]\nname = "third_frequency"\nkind = "frequency"\nnumber = 3', "modes"),
+    "BucklingLoad": Example('[[quantities]]\nname = "second_load"\nkind = "buckling_load"\nnumber = 2', "buckling"),
     "Known": Example(
         '[[known]]\nquantity = "headline"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
         "tolerance = 0.01  # 1 %"
@@ -172,7 +180,8 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
-      "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint")),
+       "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
+       "Frequency", "BucklingLoad")),
     ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip

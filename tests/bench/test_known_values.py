@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 import derivations as origins
-from derivations import contact, elastica, fields, plane_strip, roll_up, ropes, shapes_by_series, spiral
+from derivations import (
+    contact,
+    cylinder_modes,
+    elastica,
+    fields,
+    plane_strip,
+    plate_modes,
+    plate_modes_by_splines,
+    roll_up,
+    ropes,
+    shapes_by_series,
+    spiral,
+)
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
 from derivations.exponential_shells import free_cylinder_by_exponentials, roof_by_exponentials
@@ -66,8 +78,12 @@ ORIGINS = {
     **ropes.JUDGES,
     **fields.JUDGES,
     **contact.JUDGES,
+    **plate_modes.JUDGES,
+    **cylinder_modes.JUDGES,
 }
+MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS}
 LONG = {
+    "rhombic_plate_modes",
     "pendulum_strip",
     "napkin_plane",
     "napkin_soft_pin",
@@ -170,6 +186,8 @@ def test_a_tolerance_is_absolute_where_the_error_is(name):
 def second_form(name, origin):
     if name in contact.SECOND_FORMS:
         return contact.SECOND_FORMS[name]()
+    if name in MODES:
+        return MODES[name]()
     if name in shapes_by_series.SECOND_FORMS:
         return shapes_by_series.SECOND_FORMS[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
@@ -196,6 +214,7 @@ def of_quantity(values, quantity):
         ),
         "cantilever_pressure",
         *contact.JUDGES,
+        *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
     ],
 )
 def test_second_forms_are_what_they_compute(name):

@@ -1,6 +1,6 @@
 """Quantities of interest of shells: what a case asks of every solution, what each needs, and how it is measured.
 
-A new quantity is one class here: its `kind` is what case files call it.
+A new quantity is one class, here or imported here: its `kind` is what case files call it.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from pydantic import AfterValidator, Field, model_validator
 from shellbench.errors import InputError
 from shellbench.load_curve import Curve
 from shellbench.model import Finite, Name, Vector
-from shellbench.problem import Quantity
 from shellbench.problems.shell.conditions import Places, VectorFormula
 from shellbench.problems.shell.contact import deepest, edge_of_contact
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import area_rule, kinetic_energy, total_energy, unit
+from shellbench.problems.shell.modes import ModeQuantity as ModeQuantity
 from shellbench.problems.shell.places import Point
+from shellbench.problems.shell.quantity import ShellQuantity
 
 Array = NDArray[np.float64]
 
@@ -36,46 +37,6 @@ def _not_zero(direction: Vector) -> Vector:
 
 
 Direction = Annotated[Vector, AfterValidator(_not_zero)]
-
-
-class ShellQuantity(Quantity):
-    """What all quantities of shells have in common.
-
-    Attributes
-    ----------
-    at
-        Time, s, or load factor; on a path that no load factor marks, the value of the path's displacement, m
-        (see `shellbench.problems.shell.path.Path`).
-    series
-        Where it is followed all along the way: "motion", "path" (both), or nowhere.
-    of_field
-        Whether the displacement field at its state defines it.
-    powers
-        Of length and of force in its unit, where these are the same in every case.
-    """
-
-    series: ClassVar[Literal["motion", "path", ""]] = "motion"
-    of_field: ClassVar[bool] = False
-
-    powers: ClassVar[tuple[int, int]] = (1, 0)
-
-    @property
-    def places(self) -> tuple[str, ...]:
-        """Names of the places that it is measured at."""
-        return ()
-
-    def dimension(self, shell: Any) -> tuple[int, int]:
-        """Return the powers of length and of force in its unit."""
-        return self.powers
-
-    def check(self, shell: Any) -> None:
-        """Raise ValueError if it does not fit the shell that it is asked of."""
-
-    def check_path(self, shell: Any) -> None:
-        """Raise ValueError if a static case can't be asked for it."""
-
-    def check_motion(self, shell: Any, constant: bool) -> None:
-        """Raise ValueError if a motion can't be asked for it; `constant`: supports and loads do not depend on time."""
 
 
 class PointQuantity(ShellQuantity):

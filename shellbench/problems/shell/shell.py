@@ -34,9 +34,7 @@ from shellbench.problems.shell.contact import Contact
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
-from shellbench.problems.shell.quantities import (
-    QuantityModel,
-)
+from shellbench.problems.shell.quantities import ModeQuantity, QuantityModel
 from shellbench.problems.shell.surface import SurfaceModel
 
 Array = NDArray[np.float64]
@@ -125,6 +123,11 @@ class Shell(Problem):
         return self.theory == "kirchhoff-love-linear"
 
     @property
+    def modal(self) -> bool:
+        """Whether modes are asked for: frequencies or buckling loads (see `shellbench.problems.shell.modes`)."""
+        return isinstance(self.quantities[0], ModeQuantity)
+
+    @property
     def following(self) -> tuple[PressureLoad, ...]:
         """Pressures that follow the deformed shell: none in linear theory, where they are dead loads."""
         if self.linear:
@@ -200,14 +203,16 @@ class Shell(Problem):
 
         In the non-linear theory the last one is the end of the path, or of the motion.
         """
-        asked = {q.at for q in self.quantities if q.mark is not None}
+        asked = {q.mark for q in self.quantities if q.mark is not None}
         if self.dynamics is not None:
             return tuple(sorted(asked | {*self.dynamics.states, self.dynamics.until}))
         end = set() if self.linear else {self.path.until}
         return tuple(sorted(asked | set(self.path.states) | end))
 
     def mark_words(self, mark: float) -> str:
-        """Return what a mark means, such as "t = 0.25 s" or "deflection = 12 mm"."""
+        """Return what a mark means, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
+        if self.modal:
+            return f"mode {mark:g}"
         if self.dynamics is not None:
             return f"t = {mark:.4g} s"
         if self.path.quantity is None:
@@ -217,6 +222,8 @@ class Shell(Problem):
 
     def telling_mark(self, quantity: Quantity) -> str:
         """Return the words for a quantity's mark; empty where all figures belong to the full load."""
+        if self.modal:
+            return ""  # the quantity's own name tells
         if quantity.mark is None or (self.path.quantity is None and self.dynamics is None):
             return super().telling_mark(quantity)
         return self.mark_words(quantity.mark)
@@ -225,7 +232,9 @@ class Shell(Problem):
         """Raise InputError if a solution can't be asked at a mark."""
         if self.dynamics is not None and not 0 <= at <= self.dynamics.until:
             raise InputError(f"--at: found {at:g}, but {self.name} moves from 0 to {self.dynamics.until:g} s")
-        if self.linear:
+        if self.modal and at not in self.states:
+            raise InputError(f"--at: found {at:g}, but {self.name} asks for the modes {self.states}")
+        if self.linear and not self.modal:
             raise InputError(f"--at: {self.name} is linear and has one state only")
 
     def supported_places(self) -> Iterator[tuple[Support, Place]]:

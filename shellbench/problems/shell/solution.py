@@ -111,6 +111,8 @@ class ShellSolution:
         Names of the arrays that the displacement is made of: they are counted, and rounded.
     history, diagnostics, uncertainty, extrapolated, unsettled
         See `shellbench.problem.Solution`.
+    mode_values
+        Of a case that asks for modes: their values by number (see `shellbench.problems.shell.modes`).
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ()
@@ -121,6 +123,7 @@ class ShellSolution:
     uncertainty: Mapping[str, float] = field(default_factory=dict)
     extrapolated: Mapping[str, float] = field(default_factory=dict)
     unsettled: str | None = None
+    mode_values: Mapping[int, float] = field(default_factory=dict)
 
     if TYPE_CHECKING:  # no attributes of the base, which would pass for the fields' default values
 
@@ -230,7 +233,9 @@ class ShellSolution:
 
     def facts(self) -> dict[str, Any]:
         """Return what every file says: the case, the history and what came of it."""
+        modes = {"mode_values": {str(number): value for number, value in self.mode_values.items()}}
         return {
+            **(modes if self.mode_values else {}),
             "case_name": self.case.name,
             "case": self.case.model_dump(mode="json", exclude_unset=True, exclude={"name"}),
             "history": self.history,
@@ -280,6 +285,7 @@ def read_solution(path: Path, formats: Sequence[str | int], kind: Callable[[Case
             uncertainty=words.get("uncertainty", {}),
             extrapolated=words.get("extrapolated", {}),
             unsettled=words.get("unsettled"),
+            mode_values={int(number): value for number, value in words.get("mode_values", {}).items()},
         )
     except OSError as error:
         raise InputError(f"{path}: can't be read as a solution of {solver} ({error.strerror or 'damaged'})") from None
@@ -336,6 +342,7 @@ Beyond = Literal[
     "local loads",
     "kinks",
     "contact",
+    "modes",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -404,6 +411,8 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "kinks", "a formula of it has kinks or jumps, and this solver takes smooth ones only"
     if case.obstacles:
         yield "contact", "it touches obstacles, which this solver does not take"
+    if case.modal:
+        yield "modes", "it asks for modes, and this solver finds none"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

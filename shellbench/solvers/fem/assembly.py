@@ -305,6 +305,17 @@ Density = Callable[[Array], Array]
 SPRING_ORDER = 19  # degree to which springs are integrated: an elastic pin may be narrower than a cell
 
 
+def product_matrix(
+    mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density
+) -> BlockMatrix | CellMatrices:
+    """Return `weighted_products` of a mesh of any degree; by cells where it is more than 3."""
+    if mesh.degree == CUBIC:
+        return weighted_products(mesh, surface, quadrature, density)
+    blocks = np.concatenate([matrices for _, matrices in _cell_products(mesh, surface, quadrature, density)])
+    count = mesh.node_count * COMPONENTS * len(mesh.kinds)
+    return CellMatrices(blocks, cell_dofs(mesh), present_functions(mesh.degree), count)
+
+
 def weighted_products(mesh: TensorMesh, surface: Surface, quadrature: Quadrature, density: Density) -> BlockMatrix:
     """Return the matrix of the integrals over the area of w_c u_c v_c, summed over components, of a cubic mesh.
 

@@ -329,6 +329,8 @@ def excited(case: Case) -> tuple[bool, bool]:
     normals = Midsurface.at(case.surface.derivatives(domain.grid(5, 5).reshape(-1, 2), order=2)).normal
     if np.ptp(normals, axis=0).max() > FLAT or any(s.motion is not None for s in case.supports):
         return True, True
+    if case.modal:
+        return True, False  # the first modes of a plate bend it
     normal = normals[0]
     across = within = False
     for load in case.loads:

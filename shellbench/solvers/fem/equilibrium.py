@@ -241,6 +241,11 @@ _FACTORISATIONS: dict[Method, Callable[[BlockMatrix | CellMatrices, TensorMesh],
 }
 
 
+def factorised(matrix: BlockMatrix | CellMatrices, mesh: TensorMesh, method: Method) -> Solve:
+    """Return the inverse of a positive definite matrix as a function; NotPositiveDefiniteError if it is none."""
+    return _FACTORISATIONS[method](matrix, mesh)
+
+
 Integers = NDArray[np.int64]
 
 BALANCE = 1e-6  # work of the loads on a removed rigid motion that still counts as rounding, relative to all loads

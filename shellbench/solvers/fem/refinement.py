@@ -35,6 +35,7 @@ from shellbench.problems.shell.quantities import (
     LargestPenetration,
     LimitPoint,
     LoadQuantity,
+    ModeQuantity,
     PotentialEnergy,
     QuantityModel,
 )
@@ -305,7 +306,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
-        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
+        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
             return max(value, tiny)
         case LargestPenetration():
             return max(_largest_displacement(solution, quantity.at), tiny)
@@ -345,6 +346,8 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
+        case ModeQuantity():
+            return (ROUNDING * change**2 + EPSILON) * value
         case _:
             energy = sum(solution.energies(quantity.at))
             share = math.sqrt(noise / energy) if energy > 0 else 0.0

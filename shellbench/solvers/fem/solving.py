@@ -30,6 +30,7 @@ from shellbench.solvers.fem.mesh import (
     graded_mesh,
     singular_points,
 )
+from shellbench.solvers.fem.modes import solve_modes
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -206,6 +207,14 @@ def _solves(
             return large_displacement.prescribed(case, mesh, settings.quadrature_order)
 
         return interpolate, (interpolate,)
+
+    if case.modal:
+
+        def vibrate(cells: Cells) -> equilibrium.Equilibrium:
+            mesh = _mesh(case, cells, settings, degree, *toward)
+            return solve_modes(case, mesh, max(settings.quadrature_order, 2 * degree + 1), settings.direct_solver)
+
+        return vibrate, (vibrate,)
 
     if case.linear:
         return linear(case), (linear(case),)

@@ -161,17 +161,17 @@ class PathProblem:
     @cached_property
     def elasticity(self) -> Tensor:
         """(N, 2, 3, 3) of each point's share of the area."""
-        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self._share[:, None, None, None]
+        return self.sampled.undeformed.elasticity(self.ansatz.case.material) * self.share[:, None, None, None]
 
     @cached_property
-    def _share(self) -> Tensor:
+    def share(self) -> Tensor:
         """(N,): area of each point, m^2."""
         return self.weights * self.sampled.undeformed.geometry.jacobian
 
     @property
     def area(self) -> float:
         """Area of the midsurface, m^2."""
-        return float(self._share.sum())
+        return float(self.share.sum())
 
     @property
     def unstrained(self) -> float:
@@ -199,7 +199,7 @@ class PathProblem:
         ansatz = self.ansatz_at(t)
         # Forces act on u = lift + M F: through M^T on the output weights, and by their work on the lift.
         force = placement.tensor(force_density(case, sampled.points, t))
-        force = force * self._share[:, None]
+        force = force * self.share[:, None]
         total = sampled.forces(force)
         points, concentrated = concentrated_forces(case, self.rule_spec, self.focal, t)
         extra = placement.tensor(concentrated)
@@ -222,7 +222,7 @@ class PathProblem:
         modes = rigid_modes(case.surface, self.sampled.points)[0, 0] @ free
         # The mean of u . mode over the area, squared. The rows are scaled to be as stiff as the membrane. Loads in
         # balance do no work on the modes, so that at the answer these squares vanish.
-        share = self._share / self._share.sum() * case.material.membrane_stiffness**0.5
+        share = self.share / self.share.sum() * case.material.membrane_stiffness**0.5
         placed = self.features.placement.tensor(modes) * share[:, None, None]
         rows = [self.sampled.forces(placed[..., k]) for k in range(free.shape[1])]
         return torch.stack(rows) if rows else share.new_zeros((0, 3 * self.features.count))

@@ -140,16 +140,14 @@ class Motion:
     @cached_property
     def mass(self) -> Tensor:
         """(3 M, 3 M) on the output weights, kg; nothing of components that are held on the whole surface."""
-        matrix, values = self.sampled.matrix, self.sampled.jets[:, VALUE]
-        metric = (matrix.mT @ matrix) * (self.case.material.areal_density * self.share)[:, None, None]
-        # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
-        blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
+        total = self.sampled.products(self.case.material.areal_density * self.share)
+        blocks = total.view(COMPONENTS, self.features.count, COMPONENTS, self.features.count)
         # A component held on the whole surface moves as prescribed. Its features get no inertia, and so no place in the
         # basis.
         for c in self.case.held_everywhere:
             for d in range(COMPONENTS):
-                blocks[c][d] = blocks[d][c] = torch.zeros_like(blocks[c][d])
-        return torch.cat([torch.cat(row, dim=1) for row in blocks])
+                blocks[c, :, d] = blocks[d, :, c] = 0.0
+        return total
 
     @cached_property
     def _rows(self) -> Tensor:

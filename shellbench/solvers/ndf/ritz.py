@@ -16,7 +16,7 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import large_displacement, motion, static
+from shellbench.solvers.ndf import large_displacement, modes, motion, static
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     Resolution,
@@ -52,6 +52,8 @@ def solve(
     with torch.no_grad():
         if case.dynamics is not None:
             return _move(case, spec, settings, progress)
+        if case.modal:
+            return modes.solve(case, spec, settings, progress)
         if large_displacement.is_path(case):
             return _follow(case, spec, settings, begin, progress)
         return static.solve(case, spec, settings, progress)

@@ -67,7 +67,7 @@ class RitzSolver(ShellSolver):
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks"}
+        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks", "modes"}
     )
 
     def declines(self, case: Case) -> str | None:
@@ -83,9 +83,13 @@ class RitzSolver(ShellSolver):
     def declines_with(self, case: Case, settings: RitzSettings) -> str | None:
         """Return why the field that settings ask for can't hold this case, as one clause, or None if it can."""
         from shellbench.solvers.ndf.declines import why_declined
+        from shellbench.solvers.ndf.modes import why_no_modes
         from shellbench.solvers.ndf.ritz import field_spec
 
-        return why_not_plain(case, self.takes) or why_declined(case, field_spec(case, settings))
+        spec = field_spec(case, settings)
+        if case.modal and (reason := why_no_modes(case, spec)):
+            return reason
+        return why_not_plain(case, self.takes) or why_declined(case, spec)
 
     def answer(
         self, case: Case, settings: RitzSettings, start: Solution | Path | None, progress: ProgressCallback

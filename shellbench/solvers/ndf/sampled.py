@@ -175,6 +175,18 @@ class Sampled:
         on_free = (self.matrix.mT @ force[..., None])[..., 0]
         return (on_free.T @ self.jets[:, VALUE]).reshape(-1)
 
+    def displacements(self, output: Tensor) -> Tensor:
+        """Return M F (N, 3), the displacement less the lift, for output weights (3, M)."""
+        free = self.jets[:, VALUE] @ output.mT
+        return (self.matrix @ free[..., None])[..., 0]
+
+    def products(self, share: Tensor) -> Tensor:
+        """Return the matrix (3 M, 3 M) of sums over points of products of displacements, weighted by `share` (N,)."""
+        # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
+        values, metric = self.jets[:, VALUE], (self.matrix.mT @ self.matrix) * share[:, None, None]
+        blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
+        return torch.cat([torch.cat(row, dim=1) for row in blocks])
+
     def values_by_slopes(self, form: Tensor) -> Tensor:
         """Return the matrix (3 M, 3 M) of a form (N, 3, 6) that pairs values of u with its slopes u,1 and u,2."""
         width, count = self.jets.shape[-1], COMPONENTS * self.jets.shape[-1]

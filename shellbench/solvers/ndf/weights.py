@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
@@ -137,6 +137,7 @@ class CaseHeader(Model):
     uncertainty: dict[str, float]
     extrapolated: dict[str, float]
     unsettled: str | None = None
+    mode_values: dict[int, float] = Field(default_factory=dict)
 
     def read_case(self) -> Case:
         """Return the case; ValidationError if it is not one."""
@@ -144,7 +145,7 @@ class CaseHeader(Model):
 
     def course(self) -> dict[str, Any]:
         """Return the fields of a solution that say how it came about."""
-        names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled")
+        names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled", "mode_values")
         return {name: getattr(self, name) for name in names}
 
 

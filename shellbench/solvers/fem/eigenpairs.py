@@ -1,0 +1,89 @@
+"""The largest eigenvalues of A u = mu B u, A symmetric, B positive definite and factorised: a block Lanczos method.
+
+Vibration and buckling both have this form with mu the reciprocal of what is asked for, so that what is asked for first
+is found first (the transformation of Ericsson & Ruhe 1980, at the shift zero or below).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+Array = NDArray[np.float64]
+Apply = Callable[[Array], Array]
+
+BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
+MOST_STEPS = 60
+CLOSE = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
+LOOKED = 2  # steps from one look at the residuals to the next
+LOST = 1e-12  # length of what orthogonalisation leaves, relative, that is rounding
+
+
+class NotFoundError(ArithmeticError):
+    """There are not so many eigenvalues above zero, or they did not converge."""
+
+
+def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array, Array]:
+    """Return the largest eigenvalues (count,), decreasing, and their vectors (n, count) of length one in B.
+
+    Parameters
+    ----------
+    apply, solve
+        A and B^-1 times vectors (n, m).
+    start
+        (n, BLOCK) independent vectors.
+
+    Raises
+    ------
+    NotFoundError
+        If there are not so many above zero, or they did not converge.
+    """
+    # 1. W = B^-1 A Q of the last block Q. Its components along all blocks so far are Q^T A Q, the projected A.
+    # 2. Take them away, twice, and make the rest orthonormal in B: the next block.
+    # 3. Eigenvalues of the projected A; the part of their vectors in the last block tells the residuals.
+    # The textbook's Lanczos method goes vector by vector and sees one copy of a multiple eigenvalue at first, the other
+    # copies by rounding only. A block sees them all, and many right-hand sides cost a factorisation hardly more than
+    # one. B itself is never applied: B W = A Q is known, and linear combinations keep it.
+    image = apply(solve(start))  # two steps from the start: smooth already
+    columns, dual = _orthonormal(solve(image), image)
+    size, most = len(start), MOST_STEPS * BLOCK
+    basis, known = (np.empty((size, most), order="F") for _ in range(2))
+    projected = np.zeros((most, most))
+    used = 0
+    for step in range(MOST_STEPS):
+        before, used = used, used + columns.shape[1]
+        basis[:, before:used], known[:, before:used] = columns, dual
+        forward = apply(columns)
+        projected[:used, before:used] = basis[:, :used].T @ forward
+        projected[before:used, :used] = projected[:used, before:used].T
+        vectors, rest = solve(forward), forward
+        for _ in range(2):
+            along = known[:, :used].T @ vectors
+            vectors, rest = vectors - basis[:, :used] @ along, rest - known[:, :used] @ along
+        exhausted = step == MOST_STEPS - 1 or used + BLOCK > size
+        if used >= count and (step % LOOKED == 0 or exhausted):
+            values, shares = eigh(projected[:used, :used], subset_by_index=(used - count, used - 1))
+            gram = vectors.T @ rest
+            last = shares[before:]
+            residuals = np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", last, gram, last), 0.0))
+            if np.all(residuals <= CLOSE * np.abs(values)):
+                if not values[0] > CLOSE * values[-1]:
+                    break
+                return values[::-1], basis[:, :used] @ shares[:, ::-1]
+        columns, dual = _orthonormal(vectors, rest)
+        if not columns.shape[1]:
+            break
+    raise NotFoundError
+
+
+def _orthonormal(vectors: Array, images: Array) -> tuple[Array, Array]:
+    """Return vectors (n, m) made orthonormal in B, without what depends on others, and B times them."""
+    for _ in range(2):
+        lengths, turn = eigh(vectors.T @ images)
+        kept = lengths > LOST * max(float(lengths.max()), np.finfo(float).tiny)
+        scaled = turn[:, kept] / np.sqrt(lengths[kept])
+        vectors, images = vectors @ scaled, images @ scaled
+    return vectors, images

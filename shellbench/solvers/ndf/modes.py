@@ -1,0 +1,275 @@
+"""Modes by `ndf-ritz`: small vibrations and buckling of a field whose output layer is solved for.
+
+With w the output weights, the second variation of the potential energy at rest is K + G(s), s the stresses of the
+linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
+
+    vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
+
+a field's frequencies can only be too high. The unknowns are independent combinations of features whose stiffness at
+rest is the identity; rigid motions that nothing holds are constrained away, in the mean over the area.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.linalg import LinAlgError, eigh
+from torch import Tensor
+
+from shellbench.errors import SolveFailure
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.solvers.ndf.build import (
+    FieldSpec,
+    build_ansatz,
+    build_features,
+    build_inputs,
+    graded_points,
+    resolution,
+)
+from shellbench.solvers.ndf.equilibrium import Basis, PathProblem
+from shellbench.solvers.ndf.field import Field
+from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.refinement import LEAST_TAIL, SAFETY, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from shellbench.solvers.ndf.sampled import elastic_form
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
+from shellbench.solvers.ndf.solve import SAME_ROW
+from shellbench.solvers.ndf.static import with_settings
+from shellbench.solvers.ndf.supports import check_balance
+
+SETTLED = 1e-4  # relative uncertainty of a mode's value that is none of an answer that has settled
+WANTED = 1e-5  # the same at which no wider field is asked: corners may give more than their challengers show
+SHAPES = 25  # points a side at which a shape's largest displacement is looked for
+FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
+
+
+def why_no_modes(case: Case, spec: FieldSpec) -> str | None:
+    """Return why a field can't tell the modes that a case asks for, as one clause, or None if it can."""
+    if case.springs:
+        return "it finds modes of shells without springs only"
+    if any(support.motion is not None for support in case.supports):
+        return "it finds modes under loads, not under supports that move"
+    if spec.supports == "soft":
+        return 'it finds modes with supports = "hard" only'
+    if any(isinstance(load, MomentLoad) for load in case.loads):
+        return "it finds no modes under moments on edges"
+    return None
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The modes of one field: their values and output weights (3 M, m), and how two rules differ on them."""
+
+    values: Array
+    weights: Tensor
+    gap: float
+
+
+def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> PathSolution:
+    """Find the modes by ever wider fields, until features of other kinds hardly change their values.
+
+    Raises
+    ------
+    SolveFailure
+        If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
+    """
+    # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
+    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed.
+    # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
+    began, usual = time.perf_counter(), with_settings(resolution(case), settings)
+    fixed = settings.neurons is not None or settings.panels is not None
+    first = first_level(case, usual, settings.neurons is not None, settings.panels is not None)
+    level: Level | None = first
+    before: Array | None = None
+    steps: list[Step] = []
+    answer: PathSolution | None = None
+    while level is not None:
+        progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
+        one = _OneLevel(case, spec, settings, level)
+        plain, whole = one.find(challenged=False), one.find(challenged=True)
+        missed = np.abs(plain.values - whole.values)
+        if before is not None:
+            missed = np.maximum(missed, LEAST_TAIL * np.abs(before - whole.values))
+        sure = SAFETY * (missed + (plain.gap + whole.gap) * np.abs(whole.values))
+        for found in (plain, whole):
+            seconds = time.perf_counter() - began
+            values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+            steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
+        answer, before = one.solution(whole, sure, steps), whole.values
+        if fixed or np.all(sure <= WANTED * np.abs(whole.values)):
+            break
+        level = next_level(first, level, FINER, settings.most_neurons)
+    assert answer is not None  # there is a first level
+    return answer
+
+
+def _asked(case: Case, values: Array) -> list[float]:
+    """Return the values of the case's quantities from those of modes 1, 2, ..."""
+    return [float(values[int(q.mark or 1) - 1]) for q in case.quantities]
+
+
+class _OneLevel:
+    """The features of one level, their matrices, and what they find."""
+
+    def __init__(self, case: Case, spec: FieldSpec, settings: RitzSettings, level: Level) -> None:
+        self.case, self.level = case, level
+        self.spec = spec.model_copy(update={"detail": level.detail})
+        self.vibrates = case.quantities[0].kind == "frequency"
+        placement, chosen = Placement.on(settings.device), level.resolution
+        self.focal, inputs = graded_points(case, self.spec), build_inputs(case, self.spec)
+        network = level.network(inputs, settings.seed, settings.activation, placement)
+        self.features = build_features(case, self.spec, network, placement, inputs)
+        # A linear measure has no second variation: the exact one, which agrees with it at rest, gives K and G.
+        exact = self.spec.model_copy(update={"strain": "exact"})
+        self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal)
+        rule = area_rule(case.surface.domain, self.focal, chosen.rule)
+        check_balance(case, rule, chosen.rule, self.focal)
+        weights = self.problem.weights.new_zeros(3 * self.features.count)
+        self.rest = self.problem.deform(weights, 0.0)
+        self.stiffness = self.problem.tangent(self.rest, 0.0)
+        self.mass = self.problem.sampled.products(case.material.areal_density * self.problem.share)
+
+    @property
+    def unknowns(self) -> int:
+        """Output weights that are solved for."""
+        return 3 * self.features.count
+
+    def _basis(self, kept: Tensor) -> Basis:
+        k, rows = self.case.material.membrane_stiffness, self.problem.constraints
+        # The rows of `anchor` are mean displacements along rigid motions that nothing holds.
+        rows = torch.cat([rows, self.problem.anchor / math.sqrt(k)])[:, kept]
+        stiffness = self.stiffness[kept][:, kept]
+        return Basis.from_stiffness(stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
+
+    def _combinations(self, part: Array) -> Tensor:
+        """Return independent combinations (3 M, r) of features, by their numbers, that the supports leave."""
+        kept = torch.as_tensor(self.features.pairs(part), device=self.stiffness.device)
+        basis = self._basis(kept).combine
+        combine = self.stiffness.new_zeros((self.unknowns, basis.shape[1]))
+        combine[kept] = basis
+        return combine
+
+    def _loaded(self, part: Array) -> Tensor | None:
+        """Return the output weights (3 M,) of the linear answer to the case's loads; None where there are none."""
+        if not self.case.loads:
+            return None
+        # Powers about corners have infinite stresses there. A tiny amount of them, which rounding or the rule leaves,
+        # costs a static answer next to nothing, but buckles the shell at a point. So the stresses go without them.
+        hidden, fixed = self.features.network.width, self.features.fixed
+        before = np.array(fixed.kept, dtype=int) <= fixed.multipliers * len(fixed.foci)
+        smooth = np.r_[part[part < hidden], hidden + np.nonzero(before)[0]]
+        combine = self._combinations(smooth)
+        stiffness = combine.T @ self.stiffness @ combine
+        return combine @ torch.linalg.solve(stiffness, combine.T @ self.problem.forces(1.0)[0])
+
+    def find(self, challenged: bool) -> _Found:
+        """Find the modes, with the usual features alone or with their challengers."""
+        # 1. Stresses of the linear answer to the loads, if there are any, and their matrix G.
+        # 2. Independent combinations of the features; A u = mu B u with mu the reciprocal of what is asked for.
+        # 3. The modes of largest mu, and their quotients on the finer rule.
+        number, width = max(int(q.mark or 1) for q in self.case.quantities), self.level.resolution.neurons
+        hidden, count = self.features.network.width, self.features.count
+        part = np.arange(count) if challenged else np.r_[:width, hidden:count]
+        loaded, combine = self._loaded(part), self._combinations(part)
+        elastic, mass = (combine.T @ matrix @ combine for matrix in (self.stiffness, self.mass))
+        geometric = None
+        if loaded is not None:
+            stresses = self.problem.predicted(self.rest, loaded)
+            whole = self.problem.tangent(self.rest, 0.0, geometric=stresses) - self.stiffness
+            geometric = combine.T @ whole @ combine
+        ahead, elastic = self._pair(elastic, mass, geometric)
+        size = len(ahead)
+        if size < number:
+            raise SolveFailure(f"the field has {size} independent combinations, too few for mode {number}")
+        try:
+            inverse, shares = eigh(
+                *(_symmetric(m) for m in (ahead, elastic)), subset_by_index=(size - number, size - 1)
+            )
+        except LinAlgError:
+            raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
+        if not inverse[0] > 0:
+            raise SolveFailure(f"the shell has no {number} modes: these loads buckle it in fewer ways")
+        weights = combine @ torch.as_tensor(shares[:, ::-1].copy(), dtype=combine.dtype, device=combine.device)
+        trained, values = 1 / inverse[::-1], self._certified(weights, loaded)
+        gap = float(np.abs(trained / values - 1).max())
+        if self.vibrates:
+            values, gap = np.sqrt(values) / (2 * math.pi), gap / 2
+        return _Found(values, weights, gap)
+
+    def _pair(self, elastic: Tensor, mass: Tensor, geometric: Tensor | None) -> tuple[Tensor, Tensor]:
+        """Return A and B whose largest eigenvalues are the reciprocals of what is asked for."""
+        if not self.vibrates:
+            assert geometric is not None  # a case that asks for buckling loads has loads
+            return -geometric, elastic
+        return mass, elastic if geometric is None else elastic + geometric
+
+    def _certified(self, weights: Tensor, loaded: Tensor | None) -> Array:
+        """Return the values of the modes (3 M, m) by Rayleigh and Ritz on the finer rule."""
+        fine = replace(self.problem, rule_spec=self.level.resolution.fine)
+        rest = fine.deform(torch.zeros_like(weights[:, 0]), 0.0)
+        shapes = [w.view(3, -1) for w in weights.T]
+        gradients = torch.stack([fine.sampled.gradients(shape).flatten(1) for shape in shapes], dim=-1)
+        elastic = _form(elastic_form(fine.elasticity, rest.strained.variation), gradients)
+        geometric = None
+        if loaded is not None:
+            geometric = _form(rest.strained.second_variation(fine.predicted(rest, loaded)), gradients)
+        moved = torch.stack([fine.sampled.displacements(shape) for shape in shapes], dim=-1)
+        share = self.case.material.areal_density * fine.share
+        mass = torch.einsum("nci,n,ncj->ij", moved, share, moved)
+        found = eigh(*(_symmetric(m) for m in self._pair(elastic, mass, geometric)), eigvals_only=True)
+        return np.asarray(1 / found[::-1])
+
+    def solution(self, found: _Found, sure: Array, steps: Sequence[Step]) -> PathSolution:
+        """Return the modes that the case asks for, as fields."""
+        case, marks = self.case, self.case.states
+        uncertainty = dict(zip([q.name for q in case.quantities], _asked(case, sure), strict=True))
+        values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
+        return PathSolution(
+            marks=marks,
+            states=tuple(self._shape(found.weights[:, int(mark) - 1]) for mark in marks),
+            history=tuple(steps),
+            uncertainty=uncertainty,
+            unsettled=unsettled(uncertainty, values, SETTLED),
+            mode_values={int(mark): float(found.values[int(mark) - 1]) for mark in marks},
+            diagnostics={
+                "energy_gap": found.gap,
+                "level": self.level.number,
+                "neurons": self.features.network.width,
+                "features": self.features.count,
+                "quadrature_points": len(self.problem.weights),
+            },
+        )
+
+    def _shape(self, weights: Tensor) -> NdfSolution:
+        """Return a mode as a field whose largest component is about 1 m."""
+        output = weights.view(3, -1)
+        field = Field(build_ansatz(self.case, self.spec), self.features, output, output.new_zeros(6))
+        moved = field.displacement(self.case.surface.domain.grid(SHAPES, SHAPES).reshape(-1, 2)).flatten()
+        scaled = Field(field.ansatz, self.features, output / moved[moved.abs().argmax()], field.rigid)
+        return NdfSolution(
+            case=self.case,
+            solver=RitzSolver.name,
+            spec=self.spec,
+            field=scaled,
+            rule=self.level.resolution.fine,
+            membrane=float("nan"),
+            bending=float("nan"),
+            parameters=self.unknowns,
+        )
+
+
+def _form(form: Tensor, gradients: Tensor) -> Tensor:
+    """Return the products (m, m) of gradients (N, 15, m) by a form (N, 15, 15)."""
+    return torch.einsum("nai,nab,nbj->ij", gradients, form, gradients)
+
+
+def _symmetric(matrix: Tensor) -> Array:
+    return np.asarray(((matrix + matrix.T) / 2).cpu().numpy())

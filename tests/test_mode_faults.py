@@ -1,0 +1,106 @@
+"""The gate of modes and buckling: mistakes of either mechanics must turn it red, and the same path without one is green."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from shellbench.bench.store import Store
+from shellbench.problems.shell.conditions import Material
+from shellbench.solvers.fem import modes as fem
+from shellbench.solvers.ndf import equilibrium, sampled
+from tests.test_faults import findings
+
+
+class Fault(NamedTuple):
+    """What is broken, on which side, and where it must show."""
+
+    name: str
+    solver: str
+    case: str
+    inject: Callable[[pytest.MonkeyPatch], None]
+
+
+def wrapped(where, name, change):
+    """Change what a function returns."""
+
+    def inject(patch):
+        original = getattr(where, name)
+        patch.setattr(where, name, lambda *given, **named: change(original(*given, **named), *given))
+
+    return inject
+
+
+def wrong_bending(patch):
+    patch.setattr(
+        Material,
+        "bending_stiffness",
+        property(lambda self: self.youngs_modulus * self.thickness**3 / 12),
+    )
+
+
+def counted_from_zero(patch):
+    original = fem._Modes.pairs
+
+    def shifted(self, count):
+        values, rounded, shapes = original(self, count + 1)
+        return values[1:], rounded[1:], shapes[..., 1:]
+
+    patch.setattr(fem._Modes, "pairs", shifted)
+
+
+def rigid_counted(patch):
+    patch.setattr(
+        fem, "free_motions", lambda case: np.zeros((6, 0)) if case.name == "plate_modes" else np.eye(6)[:, :5]
+    )
+
+
+def scaled(factor):
+    return lambda matrix, *_: replace(matrix, blocks=factor * matrix.blocks)
+
+
+def twice_the_load(patch):
+    original = fem.solve
+
+    def loaded(case, *given):
+        loads = tuple(load.model_copy(update={"vector": tuple(2 * v for v in load.vector)}) for load in case.loads)
+        return original(case.model_copy(update={"loads": loads}), *given)
+
+    patch.setattr(fem, "solve", loaded)
+
+
+def unloaded_shear(patch):
+    patch.setattr(
+        equilibrium,
+        "stresses",
+        lambda c, e: (c @ e.view(-1, 2, 3, 1)).reshape(-1, 6) * e.new_tensor([1, 1, 0.5, 1, 1, 1]),
+    )
+
+
+FAULTS = (
+    Fault("mass without thickness", "fem", "plate_modes", wrapped(fem, "product_matrix", scaled(100.0))),
+    Fault("half of the density", "fem", "plate_modes", wrapped(fem, "product_matrix", scaled(0.5))),
+    Fault("geometric stiffness of the wrong sign", "fem", "plate_compression", wrapped(fem, "geometric_stiffness", scaled(-1.0))),
+    Fault("numbers from zero", "fem", "plate_modes", counted_from_zero),
+    Fault("a rigid motion counted", "fem", "free_plate_modes", rigid_counted),
+    Fault("stresses of another load", "fem", "plate_compression", twice_the_load),
+    Fault("bending without 1 - nu^2", "fem", "plate_modes", wrong_bending),
+    Fault("mass without density", "ndf-ritz", "plate_modes", wrapped(sampled.Sampled, "products", lambda m, *_: 80.0 * m)),
+    Fault("shear stress by half", "ndf-ritz", "plate_shear", unloaded_shear),
+)  # fmt: skip
+CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.solver}: {fault.name}")
+def test_a_fault_is_red(fault, monkeypatch, tmp_path):
+    fault.inject(monkeypatch)
+    assert not all(found.passed for found in findings(Store(tmp_path), fault.solver, fault.case))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("solver", "case"), CLEAN)
+def test_the_same_path_without_a_fault_is_green(solver, case, tmp_path):
+    assert all(found.passed for found in findings(Store(tmp_path), solver, case))
