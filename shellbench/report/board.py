@@ -195,7 +195,7 @@ def _costs(title: str, name: str, rows: Sequence[Row], environments: Mapping[str
                 ways.append((fmean(row.seconds or 0.0 for row in runs), runs))
         least, runs = min(ways, key=lambda way: way[0], default=(None, []))
         line[f"to_{level:g}"] = least
-        used |= {environments[row.run_id] for row in runs if row.run_id in environments}
+        used |= {environments[name] for row in runs if (name := row.run_id or "") in environments}
     return line | {"environment": ", ".join(map(str, sorted(used)))}
 
 
