@@ -17,12 +17,13 @@ from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 STRIP, HILL = "contact_strip_hinged", "contact_hill"
-CELLS = (8, 1)  # of a strip: within the tolerances where nothing is broken
+CELLS = (20, 1)  # a part of a strip: fine enough where nothing is broken
 
 
 def errors(name):
     """Solve a strip on one coarse mesh, and return its errors in units of what is allowed, by quantity."""
-    values = measure_all(FemSolver().solve(catalog.named_case(name), FemSettings(cells=CELLS)))
+    with np.errstate(all="ignore"):  # what is broken may overflow
+        values = measure_all(FemSolver().solve(catalog.named_case(name), FemSettings(cells=CELLS)))
     found = {}
     for quantity, allowed in catalog.tolerances()["fem"][name].items():
         known = catalog.known_values(name).judge(quantity, "kirchhoff-love-linear").value
@@ -102,6 +103,7 @@ def test_one_coarse_mesh_is_green(name):
 )
 def test_a_fault_is_red(fault, name, monkeypatch):
     catalog.named_case(name)  # read before anything is broken
+    monkeypatch.setattr(contact, "MOST_STEPS", 6)  # what is right takes two
     fault(monkeypatch)
     try:
         found = errors(name)

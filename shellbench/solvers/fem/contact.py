@@ -105,13 +105,14 @@ class ContactPoints:
             stiffness.append(STIFFNESS * bending * np.sum((count / sides) ** 4, axis=-1))
             lengths.append((sides * np.stack([one, two], axis=-1)).reshape(-1, 2))
             longest.append(sides.reshape(-1, 2).max(axis=0))
-        whole = (np.concatenate(part) for part in (points, areas, values, stiffness, lengths))
-        return cls(case, mesh, *whole, REACH * np.max(longest, axis=0))
+        whole = [np.concatenate(part) for part in (points, areas, values, stiffness, lengths)]
+        return cls(case, mesh, whole[0], whole[1], whole[2], whole[3], whole[4], REACH * np.max(longest, axis=0))
 
     def displacement(self, q: Array) -> Array:
         """Return the displacement (c m, 3) at the points of q (nodes, 12, 1)."""
         nodal = q.reshape(-1, COMPONENTS, len(self.mesh.kinds))[self.mesh.nodes]
-        return np.einsum("cmak,caik->cmi", self.values, nodal, optimize=True).reshape(-1, COMPONENTS)
+        found = np.einsum("cmak,caik->cmi", self.values, nodal, optimize=True)
+        return np.asarray(found.reshape(-1, COMPONENTS))
 
     def nodal(self, forces: Array) -> Array:
         """Return the nodal forces (nodes, 12, 1) of forces (c m, 3), N, at the points."""
@@ -219,7 +220,7 @@ def settle(
         u, pressed = np.zeros((len(area), COMPONENTS)), None
         softness = points.softness()
     else:
-        q, u, pressed, softness = None, near.displacement(points.points), points.pressed(near.touch()), ()
+        q, u, pressed, softness = None, near.displacement(points.points), points.pressed(near.touch()), np.zeros(0)
     pressure = np.zeros(len(area))
     for step in range(MOST_STEPS):
         gap, normal = gaps(points.case, points.points, u, t)
@@ -268,6 +269,7 @@ class _Plane:
         seen: set[bytes] = set()
         for _ in range(most):
             if active is None:
+                assert q is not None  # one of both is given
                 active = pressure - stiff * self.gap(q) > 0
             pushed = ((pressure - stiff * self.offset) * area * active)[:, None] * self.normal
             stiffened = self.points.stiffened(self.matrix, self.normal, stiff * active)
@@ -283,6 +285,7 @@ class _Plane:
             seen.add(active.tobytes())
             q = found if q is None else q + share * (found - q)
             active = None
+        assert q is not None
         return q, answer, False
 
 
