@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, eigh
 from torch import Tensor
 
@@ -45,8 +46,10 @@ from shellbench.solvers.ndf.solve import SAME_ROW
 from shellbench.solvers.ndf.static import with_settings
 from shellbench.solvers.ndf.supports import check_balance
 
-SETTLED = 1e-4  # relative uncertainty of a mode's value that is none of an answer that has settled
-WANTED = 1e-5  # the same at which no wider field is asked: corners may give more than their challengers show
+Integers = NDArray[np.int64]
+
+SETTLED = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
+WANTED = 1e-5  # the same below which one level is enough: corners may give more than their challengers show
 SHAPES = 25  # points a side at which a shape's largest displacement is looked for
 FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
 
@@ -82,7 +85,8 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
     """
     # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
-    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed.
+    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed. A first
+    #    level is enough only where challengers change next to nothing.
     # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
     began, usual = time.perf_counter(), with_settings(resolution(case), settings)
     fixed = settings.neurons is not None or settings.panels is not None
@@ -98,14 +102,20 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         missed = np.abs(plain.values - whole.values)
         if before is not None:
             missed = np.maximum(missed, LEAST_TAIL * np.abs(before - whole.values))
-        sure = SAFETY * (missed + (plain.gap + whole.gap) * np.abs(whole.values))
+        sure = SAFETY * (missed + whole.gap * np.abs(whole.values))
         for found in (plain, whole):
             seconds = time.perf_counter() - began
             values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
             steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
-        answer, before = one.solution(whole, sure, steps), whole.values
-        if fixed or np.all(sure <= WANTED * np.abs(whole.values)):
+        share = float((sure / np.abs(whole.values)).max())
+        # Of two fields the one of lower quotients is nearer. A wider one is worse conditioned, and may be the other.
+        if answer is not None and before is not None and whole.values.mean() > before.mean():
+            answer = replace(answer, history=tuple(steps))
             break
+        answer = one.solution(whole, sure, steps)
+        if fixed or share <= (WANTED if before is None else SETTLED):
+            break
+        before = whole.values
         level = next_level(first, level, FINER, settings.most_neurons)
     assert answer is not None  # there is a first level
     return answer
@@ -149,7 +159,7 @@ class _OneLevel:
         stiffness = self.stiffness[kept][:, kept]
         return Basis.from_stiffness(stiffness + k * rows.T @ rows, rows, (SAME_ROW / k) ** 0.5)
 
-    def _combinations(self, part: Array) -> Tensor:
+    def _combinations(self, part: Integers) -> Tensor:
         """Return independent combinations (3 M, r) of features, by their numbers, that the supports leave."""
         kept = torch.as_tensor(self.features.pairs(part), device=self.stiffness.device)
         basis = self._basis(kept).combine
@@ -157,7 +167,7 @@ class _OneLevel:
         combine[kept] = basis
         return combine
 
-    def _loaded(self, part: Array) -> Tensor | None:
+    def _loaded(self, part: Integers) -> Tensor | None:
         """Return the output weights (3 M,) of the linear answer to the case's loads; None where there are none."""
         if not self.case.loads:
             return None
@@ -168,7 +178,8 @@ class _OneLevel:
         smooth = np.r_[part[part < hidden], hidden + np.nonzero(before)[0]]
         combine = self._combinations(smooth)
         stiffness = combine.T @ self.stiffness @ combine
-        return combine @ torch.linalg.solve(stiffness, combine.T @ self.problem.forces(1.0)[0])
+        found: Tensor = combine @ torch.linalg.solve(stiffness, combine.T @ self.problem.forces(1.0)[0])
+        return found
 
     def find(self, challenged: bool) -> _Found:
         """Find the modes, with the usual features alone or with their challengers."""
@@ -177,7 +188,7 @@ class _OneLevel:
         # 3. The modes of largest mu, and their quotients on the finer rule.
         number, width = max(int(q.mark or 1) for q in self.case.quantities), self.level.resolution.neurons
         hidden, count = self.features.network.width, self.features.count
-        part = np.arange(count) if challenged else np.r_[:width, hidden:count]
+        part: Integers = np.arange(count) if challenged else np.r_[:width, hidden:count]
         loaded, combine = self._loaded(part), self._combinations(part)
         elastic, mass = (combine.T @ matrix @ combine for matrix in (self.stiffness, self.mass))
         geometric = None
@@ -254,7 +265,7 @@ class _OneLevel:
         field = Field(build_ansatz(self.case, self.spec), self.features, output, output.new_zeros(6))
         moved = field.displacement(self.case.surface.domain.grid(SHAPES, SHAPES).reshape(-1, 2)).flatten()
         scaled = Field(field.ansatz, self.features, output / moved[moved.abs().argmax()], field.rigid)
-        return NdfSolution(
+        shape = NdfSolution(
             case=self.case,
             solver=RitzSolver.name,
             spec=self.spec,
@@ -264,6 +275,8 @@ class _OneLevel:
             bending=float("nan"),
             parameters=self.unknowns,
         )
+        membrane, bending = shape.energies()
+        return replace(shape, membrane=membrane, bending=bending)
 
 
 def _form(form: Tensor, gradients: Tensor) -> Tensor:

@@ -137,7 +137,7 @@ class CaseHeader(Model):
     uncertainty: dict[str, float]
     extrapolated: dict[str, float]
     unsettled: str | None = None
-    mode_values: dict[int, float] = Field(default_factory=dict)
+    mode_values: dict[str, float] = Field(default_factory=dict)
 
     def read_case(self) -> Case:
         """Return the case; ValidationError if it is not one."""
@@ -145,8 +145,9 @@ class CaseHeader(Model):
 
     def course(self) -> dict[str, Any]:
         """Return the fields of a solution that say how it came about."""
-        names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled", "mode_values")
-        return {name: getattr(self, name) for name in names}
+        names = ("history", "diagnostics", "uncertainty", "extrapolated", "unsettled")
+        modes = {int(number): value for number, value in self.mode_values.items()}
+        return {"mode_values": modes, **{name: getattr(self, name) for name in names}}
 
 
 class Header(CaseHeader):
