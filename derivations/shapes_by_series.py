@@ -15,6 +15,8 @@ from .estimate import Estimate
 from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .guided_plate import guided_plate, guided_plate_by_ritz
+from .guided_ring import guided_ring, guided_ring_by_ritz
+from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
@@ -29,6 +31,7 @@ from .rigid_turn import (
     small_turn_by_generator,
 )
 from .ring_twist import ring_twist, ring_twist_by_ritz
+from .sprung_motion import sprung_motion, sprung_motion_by_splines
 from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
 
 Values = Callable[[], dict[str, Estimate]]
@@ -53,6 +56,9 @@ JUDGES: dict[str, Values] = {
     "turned_cantilever": turned_cantilever,
     "bedded_plate": bedded_plate,
     "guided_plate": guided_plate,
+    "guided_ring": guided_ring,
+    "hooked_cantilever": hooked_cantilever,
+    "sprung_motion": sprung_motion,
     "pushed_plate": pushed_plate,
     "raft": raft,
     "blown_tube": blown_tube,
@@ -78,6 +84,9 @@ SECOND_FORMS: dict[str, Values] = {
     "turned_cantilever": turned_cantilever_by_polynomials,
     "bedded_plate": bedded_plate_by_ritz,
     "guided_plate": guided_plate_by_ritz,
+    "guided_ring": guided_ring_by_ritz,
+    "hooked_cantilever": hooked_cantilever_by_polynomials,
+    "sprung_motion": sprung_motion_by_splines,
     "pushed_plate": pushed_plate_by_newton,
     "raft": raft_by_ritz,
     "blown_tube": blown_tube_by_samples,
