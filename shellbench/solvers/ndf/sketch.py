@@ -99,4 +99,5 @@ def _orthonormal(size: int, count: int, generator: torch.Generator) -> Tensor:
     if count == size:  # all of them: any basis will do
         return torch.eye(size, dtype=torch.float64)
     drawn = torch.randn((size, count), generator=generator, dtype=torch.float64)
-    return torch.linalg.qr(drawn)[0]
+    basis: Tensor = torch.linalg.qr(drawn)[0]
+    return basis
