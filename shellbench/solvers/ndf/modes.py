@@ -85,7 +85,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
     """
     # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
-    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed. A first
+    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed. One
     #    level is enough only where challengers change next to nothing.
     # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
     began, usual = time.perf_counter(), with_settings(resolution(case), settings)
