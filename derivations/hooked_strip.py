@@ -19,8 +19,8 @@ STRIP = Cantilever(length=4.0, width=0.8, thickness=0.1, young=1.2e6)
 LINE = 1.37  # m
 PRESSURE, MOMENT = 8.0, -12.0  # N/m^2, and N: positive toward +z
 LOADS = {0.5: "50", 1.0: "100"}
-COUNTS = 20, 26
-STEPS = 8
+COUNTS = 16, 20
+STEPS = 4
 
 Array = np.ndarray
 
