@@ -1,9 +1,9 @@
 """Random directions of a deep network's weights: Gauss-Newton where a matrix over all weights is out of reach.
 
-A step on P weights needs a matrix (P, P): 2 minutes on one core for three layers of 64, and 35 GB for five of 128. Here
-each layer moves by U C V^T with random orthonormal U and V, drawn anew for each step, and only C is solved for. The
-matrix is then as small as the number of directions, and exact in them: a random subspace method (Hanzely, Doikov,
-Richtarik & Nesterov, arXiv:2002.09526) with Kronecker-structured draws.
+A step on P weights needs a matrix (P, P): minutes for three layers of 64, and 35 GB for five of 128. Here each layer
+moves by U C V^T with random orthonormal U and V, drawn anew for each step, and only C is solved for. The matrix is then
+as small as the number of directions: a random subspace method (Hanzely, Doikov, Richtarik & Nesterov, arXiv:2002.09526)
+with Kronecker-structured draws.
 
 U and V act on the two ends of a layer's derivatives, before their product is formed. So no row of the Jacobian is ever
 as long as P, unlike with a dense random matrix. Biases are the last column of a layer's weights.
