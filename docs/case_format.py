@@ -124,6 +124,12 @@ EXAMPLES = {
     ),
     "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
     "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
+    "HalfSpace": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]'),
+    "Plate": Example('[[obstacles]]\nkind = "plate"\ncentre = [0, 0, -0.2]\nnormal = [0, 0, 1]\nhalf_thickness = 0.1'),
+    "Sphere": Example('[[obstacles]]\nkind = "sphere"\ncentre = [0.5, 0.5, -1.01]\nradius = 1.0'),
+    "Capsule": Example('[[obstacles]]\nkind = "capsule"  # a cylinder, where it is long\ncentre = [0.5, 0.5, -1.01]\nhalf_axis = [0, 10, 0]\nradius = 1.0'),
+    "Box": Example('[[obstacles]]\nkind = "box"\ncentre = [0.5, 0.5, -0.2]\nhalf_sides = [0.3, 1.0, 0.1]'),
+    "FormulaBody": Example('[[obstacles]]\nkind = "formula"\nphi = "z + 0.01 + 0.1*(x - 0.5)**2"'),
     "Contact": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[contact]\nthickness = true  # the lower face touches'),
     "ContactForce": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[[quantities]]\nname = "floor_force"\nkind = "contact_force"\ndirection = [0, 0, 1]'),
     "LargestPenetration": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]\n\n[[quantities]]\nname = "depth"\nkind = "penetration"\nabsolute = true'),
@@ -174,8 +180,9 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
     ("Loads", "Load", "`[[loads]]`: any number, each of one of six kinds. All are dead, they keep their direction, but a pressure that follows.", None,
      ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
-    ("Contact", "", "`[[obstacles]]`: any number, each of a kind that [ropes](#ropes) have, with its fields; in the linear theory, at rest, and without friction."
-     " The shell keeps out of them; in which points it touches is found. `[contact]` says how.", None, ("Contact",)),
+    ("Obstacles", "Obstacle", "`[[obstacles]]`: any number, in the linear theory and at rest, without friction. The shell keeps out of them; where it touches is found.", None,
+     ("HalfSpace", "Plate", "Sphere", "Capsule", "Box", "FormulaBody")),
+    ("Contact", "", "`[contact]`: how obstacles are touched.", None, ("Contact",)),
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),
     ("Dynamics", "", "`[dynamics]`: makes a case one of motion. It needs the non-linear theory and an areal density.", None, ("Dynamics",)),
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
@@ -223,8 +230,10 @@ class UndescribedError(Exception):
 
 
 def _is_shown(cls: type[Model]) -> bool:
-    # Quantities of many materials have names of their own kind's.
-    return cls.__module__.startswith(SHOWN) and not any(kind in cls.__module__ for kind in ("conditioned", "editing"))
+    # Quantities of many materials and edits have names of their own kind's, and bodies that wear capes those of obstacles.
+    return cls.__module__.startswith(SHOWN) and not any(
+        name in cls.__module__ for name in ("conditioned", "editing", "skinning")
+    )
 
 
 def model_class(name: str) -> type[Model]:

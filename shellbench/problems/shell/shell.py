@@ -125,7 +125,7 @@ class Shell(Problem):
     @property
     def modal(self) -> bool:
         """Whether modes are asked for: frequencies or buckling loads (see `shellbench.problems.shell.modes`)."""
-        return isinstance(self.quantities[0], ModeQuantity)
+        return bool(self.quantities) and isinstance(self.quantities[0], ModeQuantity)
 
     @property
     def following(self) -> tuple[PressureLoad, ...]:

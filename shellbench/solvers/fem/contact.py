@@ -45,11 +45,8 @@ SolveLinear = Callable[[Matrix, Array], tuple[Array, "Answer"]]
 """Solves K q = f with the supports: the matrix and forces (nodes, 12, 1) to q and how sure it is."""
 
 STIFFNESS = 100.0  # of a point in contact, in that of bending between such points: each step divides gaps by that
-MOST_STEPS, MOST_SETS, FEW_SETS = (
-    60,
-    60,
-    5,
-)  # of the multipliers; of points in contact between two; while obstacles are soft
+MOST_STEPS, MOST_SETS = 20, 60  # of the multipliers, and of points in contact between two of them
+FEW_SETS = 5  # while obstacles are soft
 SETTLED = 1e-8  # of the largest displacement: gaps that are closed
 SOFTER = 1 / 40  # of the penalty, while an edge of contact is far from its place; it moves 2.5 times as far
 REACH = 2.0  # cells over which forces make a pressure
