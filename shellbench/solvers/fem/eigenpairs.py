@@ -19,7 +19,7 @@ BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
 MOST_STEPS = 60
 CLOSE = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
 LOOKED = 2  # steps from one look at the residuals to the next
-LOST = 1e-12  # length of what orthogonalisation leaves, relative, that is rounding
+LOST = 1e-12  # squared length of what orthogonalisation leaves, relative, that is rounding
 
 
 class NotFoundError(ArithmeticError):
@@ -47,8 +47,7 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
     # The textbook's Lanczos method goes vector by vector and sees one copy of a multiple eigenvalue at first, the other
     # copies by rounding only. A block sees them all, and many right-hand sides cost a factorisation hardly more than
     # one. B itself is never applied: B W = A Q is known, and linear combinations keep it.
-    image = apply(solve(start))  # two steps from the start: smooth already
-    columns, dual = _orthonormal(solve(image), image)
+    columns, dual = _first_block(solve(start), start)
     size, most = len(start), MOST_STEPS * BLOCK
     basis, known = (np.empty((size, most), order="F") for _ in range(2))
     projected = np.zeros((most, most))
@@ -70,13 +69,31 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
             last = shares[before:]
             residuals = np.sqrt(np.maximum(np.einsum("ij,ik,kj->j", last, gram, last), 0.0))
             if np.all(residuals <= CLOSE * np.abs(values)):
-                if not values[0] > CLOSE * values[-1]:
+                if not values[0] > LOST * values[-1]:
                     break
                 return values[::-1], basis[:, :used] @ shares[:, ::-1]
         columns, dual = _orthonormal(vectors, rest)
         if not columns.shape[1]:
             break
     raise NotFoundError
+
+
+def _first_block(vectors: Array, images: Array) -> tuple[Array, Array]:
+    """Return vectors (n, m) made orthonormal in B, all of them, and B times them."""
+    # Where rigid motions are nearly free, they are nearly all that B^-1 makes of any vector, and what else there is
+    # would pass for rounding beside them. A block that has lost a vector does not see all copies of an eigenvalue. So
+    # what depends on others is made orthonormal again, without these.
+    columns, dual = _orthonormal(vectors, images)
+    while columns.shape[1] < vectors.shape[1]:
+        rest, image = vectors, images
+        for _ in range(2):
+            along = dual.T @ rest
+            rest, image = rest - columns @ along, image - dual @ along
+        more, more_dual = _orthonormal(rest, image)
+        missing = vectors.shape[1] - columns.shape[1]
+        columns = np.concatenate([columns, more[:, -missing:]], axis=1)
+        dual = np.concatenate([dual, more_dual[:, -missing:]], axis=1)
+    return columns, dual
 
 
 def _orthonormal(vectors: Array, images: Array) -> tuple[Array, Array]:

@@ -109,7 +109,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
         share = float((sure / np.abs(whole.values)).max())
         # Of two fields the one of lower quotients is nearer. A wider one is worse conditioned, and may be the other.
-        if answer is not None and before is not None and whole.values.mean() > before.mean():
+        if answer is not None and before is not None and whole.values.mean() > (1 + WANTED) * before.mean():
             answer = replace(answer, history=tuple(steps))
             break
         answer = one.solution(whole, sure, steps)
