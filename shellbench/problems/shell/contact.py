@@ -107,7 +107,7 @@ def check_contact(case: Any) -> None:
         In one clause that says what is wrong.
     """
     if not case.obstacles:
-        if "contact" in case.model_fields_set:
+        if case.contact != type(case.contact)():  # a record has the defaults, too
             raise ValueError("[contact] says how obstacles are touched, but there are no [[obstacles]]")
         return
     if case.remove_rigid_motions:

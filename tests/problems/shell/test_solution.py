@@ -203,7 +203,7 @@ def test_a_solver_asks_before_it_solves(tmp_path):
             solver.solve(CASE, start=start)
 
 
-@pytest.mark.parametrize("name", ["fem", "ndf-ritz", "cst-hinge", "kratos-iga", "kratos-thin", "mujoco-flex"])
+@pytest.mark.parametrize("name", ["ndf-ritz", "cst-hinge", "kratos-iga", "kratos-thin", "mujoco-flex"])
 def test_a_start_is_never_ignored(name):
     try:
         solver = load_solver(solver_entries()[name])
