@@ -8,11 +8,11 @@ from shellbench.bench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.solvers.ndf.jets import D1, D11, VALUE, Placement
 from shellbench.solvers.ndf.published_network import PublishedFactors, initial_siren
-from shellbench.solvers.ndf.published_samples import Sample, expected_displacement
+from shellbench.solvers.ndf.published_samples import expected_displacement
 from shellbench.solvers.ndf.published_solver import PublishedSolver, training_key
 from shellbench.solvers.ndf.published_training import CERTIFIED, RECORD, Plan
 from tests.solvers.ndf.shells import differences, inner_points
-from tests.solvers.ndf.test_published import Interrupted, interrupt_at, numbers, same
+from tests.solvers.ndf.test_published import Interrupted, interrupt_at, jolt_after, numbers, same
 from tests.solvers.ndf.trainings import sampler_of, small, trained
 
 PLATE, PINCHED = named_case("square_plate"), named_case("pinched_cylinder_free")
@@ -33,7 +33,7 @@ def test_pins_that_samples_see_hold_the_same_and_are_as_wide_as_a_cell():
     factors = seen.matrix(aside, Placement())[VALUE].numpy()
     np.testing.assert_allclose(factors, [np.diag([1 - np.exp(-0.25)] * 2 + [1.0])] * 2, atol=1e-12)
     printed = PublishedFactors(PINCHED).matrix(aside, Placement())[VALUE].numpy()
-    assert np.array_equal(printed, [np.eye(3)] * 2)
+    np.testing.assert_allclose(printed, [np.eye(3)] * 2, atol=1e-12)
 
 
 def test_without_pins_nothing_is_held():
@@ -73,17 +73,7 @@ def test_the_average_is_that_of_the_weights():
 
 
 def test_the_best_weights_are_kept_when_a_training_is_thrown_off(monkeypatch):
-    good = 2 * RECORD
-    whole, calls = Sample.loss, []
-
-    def jolted(self, siren):
-        calls.append(1)
-        if len(calls) == good + 1:
-            with torch.no_grad():
-                siren.weights[-1].mul_(-10.0)
-        return whole(self, siren)
-
-    monkeypatch.setattr(Sample, "loss", jolted)
+    calls = jolt_after(monkeypatch, 2 * RECORD)
     kept = PublishedSolver().solve(PLATE, small(iterations=3 * RECORD, keep="best", certify_every=RECORD))
     calls.clear()
     with pytest.raises(SolveFailure):

@@ -248,9 +248,8 @@ def test_a_diverging_training_keeps_its_last_finite_field():
     assert same(late.value.partial, good)
 
 
-def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypatch):
-    """What happened to the free cylinder: a jump of the weights, after which the energy stays above rest."""
-    every, good = 5, 150
+def jolt_after(monkeypatch, good):
+    """Let weights jump after so many losses have been seen; return the list that counts them."""
     whole, calls = Sample.loss, []
 
     def jolted(self, siren):
@@ -261,6 +260,13 @@ def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypat
         return whole(self, siren)
 
     monkeypatch.setattr(Sample, "loss", jolted)
+    return calls
+
+
+def test_a_training_that_is_thrown_off_has_failed_and_keeps_its_course(monkeypatch):
+    """What happened to the free cylinder: a jump of the weights, after which the energy stays above rest."""
+    every, good = 5, 150
+    jolt_after(monkeypatch, good)
     monkeypatch.setattr("shellbench.solvers.ndf.published_training.RECORD", every)
     with pytest.raises(
         SolveFailure, match=r"^the training collapsed: .* is not below rest, but was at least"
