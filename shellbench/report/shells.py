@@ -7,6 +7,7 @@ sorted by its depth, in one collection.
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -36,6 +37,7 @@ CELLS, FEW_CELLS = 64, 48  # facets a side, at least, for a smooth picture; of a
 STONE = (0.87, 0.88, 0.90)  # the reference surface
 PLAIN_ORDERS = (-2, 3)  # orders of magnitude between which a colour bar has no power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
+COLUMN = 28  # letters of a line of a title in a row
 MOST_IN_A_ROW = 5  # shells of a suite
 ARROW = 0.22  # length of a point load's arrow, in sizes of the shell
 WIDTH, WIDEST = 7.2, 2.4  # inches of a row of shapes, and of one shape
@@ -154,8 +156,9 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
         draw_reference(above, shell)
         draw_deformed(below, shell)
         colour_bar(figure, below, shell)
-        title = plain(shell.title).replace(", ", ",\n", 1)
-        above.set_title(f"({LETTERS[place % len(LETTERS)]}) {title}" + ("" if "\n" in title else "\n"), loc="left")
+        title = f"({LETTERS[place % len(LETTERS)]}) " + shell.title.replace(", ", ",\n", 1)
+        title = plain(title if "\n" in title else textwrap.fill(title, COLUMN))
+        above.set_title(title + ("" if "\n" in title else "\n"), loc="left")
         below.set_title(times(shell.scale), fontsize=7.5, pad=2)
     return figure
 
