@@ -26,6 +26,7 @@ T = TypeVar("T")
 
 THEORIES = {
     "kirchhoff-love-linear": "linear Kirchhoff–Love",
+    "naghdi-linear": "linear Naghdi",
     "kirchhoff-love-nonlinear": "non-linear Kirchhoff–Love",
     "reissner-mindlin": "Reissner–Mindlin",
     "inextensional": "inextensional",

@@ -13,6 +13,7 @@ from derivations import (
     cylinder_modes,
     elastica,
     fields,
+    naghdi,
     plane_strip,
     plate_modes,
     plate_modes_by_splines,
@@ -80,6 +81,7 @@ ORIGINS = {
     **contact.JUDGES,
     **plate_modes.JUDGES,
     **cylinder_modes.JUDGES,
+    **naghdi.JUDGES,
 }
 MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS}
 LONG = {
@@ -188,6 +190,8 @@ def second_form(name, origin):
         return contact.SECOND_FORMS[name]()
     if name in MODES:
         return MODES[name]()
+    if name in naghdi.SECOND_FORMS:
+        return naghdi.SECOND_FORMS[name]()
     if name in shapes_by_series.SECOND_FORMS:
         return shapes_by_series.SECOND_FORMS[name]()
     return (POLYNOMIALS[name] if origin.endswith("polynomials of the position") else SECOND_FORMS[origin])()
@@ -215,6 +219,8 @@ def of_quantity(values, quantity):
         "cantilever_pressure",
         *contact.JUDGES,
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
+        "thick_plate_naghdi",
+        pytest.param("scordelis_lo_naghdi", marks=pytest.mark.long),
     ],
 )
 def test_second_forms_are_what_they_compute(name):

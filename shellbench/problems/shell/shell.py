@@ -38,7 +38,7 @@ from shellbench.problems.shell.quantities import ModeQuantity, QuantityModel
 from shellbench.problems.shell.surface import SurfaceModel
 
 Array = NDArray[np.float64]
-Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear"]
+Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
 MOTION_VARIABLES = ("xi1", "xi2", "t")  # t is the time, or the load factor of a static case
 
 
@@ -120,7 +120,7 @@ class Shell(Problem):
     @property
     def linear(self) -> bool:
         """Whether strains are linearised."""
-        return self.theory == "kirchhoff-love-linear"
+        return self.theory != "kirchhoff-love-nonlinear"
 
     @property
     def modal(self) -> bool:

@@ -343,6 +343,7 @@ Beyond = Literal[
     "kinks",
     "contact",
     "modes",
+    "transverse shear",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -388,6 +389,8 @@ def why_not_plain(case: Case, takes: frozenset[Beyond] = frozenset()) -> str | N
 
 
 def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
+    if case.theory == "naghdi-linear":
+        yield "transverse shear", "its normals shear (naghdi-linear), and this solver's theory is Kirchhoff and Love's"
     if not case.material.uniform:
         yield "varying stiffness", "its modulus or thickness varies, and this solver takes the same everywhere"
     membrane, bending = case.material.poissons_ratios

@@ -107,7 +107,7 @@ def _overlapping(data):
         (lambda d: d["material"].pop("thickness"), ["material.thickness", "missing"]),
         (lambda d: d["material"].update(yield_stress=1), ["material.yield_stress", "not known"]),
         (lambda d: d.update(name="x"), ["'name'", "file"]),
-        (lambda d: d.update(theory="naghdi"), ["theory", "naghdi", "kirchhoff-love-linear"]),
+        (lambda d: d.update(theory="koiter"), ["theory", "koiter", "kirchhoff-love-linear"]),
         (lambda d: d["surface"].update(kind="sphere"), ["sphere", "plane", "cylinder", "expression"]),
         (lambda d: d["surface"].update(xi1=[5, 5]), ["xi1", "smaller"]),
         (lambda d: d["supports"][0].update(on=["north"]), ["rim", "north", "xi1_min"]),

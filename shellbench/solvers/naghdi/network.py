@@ -1,0 +1,195 @@
+"""The network of five fields, held at supports by factors that vanish there.
+
+A support of an edge holds components of the displacement. Where these hold the displacement along the normal, the edge
+is kept straight, and the normal can't turn about it sideways: its change along the edge is held too (a hard support,
+as that of a rigid diaphragm). A clamp, or a plane of symmetry, holds its change across the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import COMPONENTS
+from shellbench.problems.shell.places import Edge
+from shellbench.solvers.naghdi.strains import FIELDS, Frame, load_density
+
+Array = NDArray[np.float64]
+
+ALONG_EDGE = 33  # points of an edge at which its frame is looked at
+STRAIGHT = 1e-9  # by which a frame may miss what a support needs
+
+
+def held_fields(case: Case) -> list[set[Edge]]:
+    """Return, for each of the five fields, the edges on which it vanishes.
+
+    Raises
+    ------
+    InputError
+        If an edge that holds the normal's change is not at right angles to the other coordinate.
+    """
+    held: list[set[Edge]] = [set() for _ in range(FIELDS)]
+    for support, place in case.supported_places():
+        assert isinstance(place, Edge)
+        frame = Frame.at(case, place.samples(case.surface.domain, ALONG_EDGE))
+        components = [COMPONENTS.index(name) for name in COMPONENTS if name in support.held]
+        for component in components:
+            held[component].add(place)
+        free = np.delete(frame.normal, components, axis=1)
+        hard = bool(np.all(np.abs(free) < STRAIGHT))
+        # t_1 is along edges of xi2, and t_2 along those of xi1 if the coordinates are at right angles there.
+        along, across = (4, 3) if place.axis == 0 else (3, 4)
+        if (hard or support.holds_slope) and np.abs(_skew(frame)).max() > STRAIGHT:
+            raise InputError(f"{case.name}: support '{support.name}' is on an edge of skew coordinates")
+        if hard and support.symmetry is None:
+            held[along].add(place)
+        if support.holds_slope:
+            held[across].add(place)
+    return held
+
+
+def _skew(frame: Frame) -> Array:
+    """Return the cosines (N,) of the angle between the coordinates."""
+    second = frame.base[:, 1] / np.linalg.norm(frame.base[:, 1], axis=-1)[:, None]
+    return np.asarray(np.sum(second * frame.tangents[:, 0], axis=-1))
+
+
+def factors(case: Case, xi: Array) -> Array:
+    """Return the factors (N, 3, 5) of the fields and their slopes along xi1 and xi2 at points (N, 2)."""
+    domain = case.surface.domain
+    out = np.zeros((len(xi), 3, FIELDS))
+    out[:, 0] = 1.0
+    for number, edges in enumerate(held_fields(case)):
+        for edge in edges:
+            # The distance from the edge in units of the side.
+            sign = 1.0 if edge.side == "min" else -1.0
+            slope = sign / domain.size[edge.axis]
+            distance = slope * (xi[:, edge.axis] - edge.coordinate(domain))
+            out[:, 1:, number] *= distance[:, None]
+            out[:, 1 + edge.axis, number] += slope * out[:, 0, number]
+            out[:, 0, number] *= distance
+    return out
+
+
+def units(case: Case) -> Array:
+    """Return the sizes (5,) that fields may have, m and 1: between those of a shell that stretches and that bends."""
+    domain, material = case.surface.domain, case.material
+    xi = domain.grid(9, 9).reshape(-1, 2)
+    frame = Frame.at(case, xi)
+    load = float(np.linalg.norm(load_density(case, frame, xi), axis=-1).max())
+    length = math.sqrt(float(frame.area.mean()) * domain.size[0] * domain.size[1])
+    unit = load * length**3 / math.sqrt(material.membrane_stiffness * material.bending_stiffness) / 4
+    return np.array([unit] * 3 + [4 * unit / length] * 2) if unit else np.ones(FIELDS)
+
+
+Activation = Callable[[Tensor], tuple[Tensor, Tensor]]
+
+
+def _gelu(z: Tensor) -> tuple[Tensor, Tensor]:
+    share = 0.5 * (1 + torch.erf(z / math.sqrt(2)))
+    return z * share, share + z * torch.exp(-z * z / 2) / math.sqrt(2 * math.pi)
+
+
+def _tanh(z: Tensor) -> tuple[Tensor, Tensor]:
+    value = torch.tanh(z)
+    return value, 1 - value * value
+
+
+ACTIVATIONS: dict[str, Activation] = {
+    "gelu": _gelu,
+    "tanh": _tanh,
+    "sine": lambda z: (torch.sin(z), torch.cos(z)),
+}
+"""Value and slope (Bastek & Kochmann have GELU)."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What a network is, beside its weights."""
+
+    layers: int
+    width: int
+    activation: str
+
+    @property
+    def sizes(self) -> list[tuple[int, int]]:
+        """Inputs and outputs of each layer."""
+        widths = [2, *[self.width] * self.layers, FIELDS]
+        return list(pairwise(widths))
+
+    @property
+    def parameters(self) -> int:
+        """Number of weights."""
+        return sum((i + 1) * o for i, o in self.sizes)
+
+    def initial(self, seed: int) -> Tensor:
+        """Return weights (parameters,) by the rule of Glorot & Bengio (2010); biases are zero."""
+        generator = torch.Generator().manual_seed(seed)
+        parts = []
+        for i, o in self.sizes:
+            bound = math.sqrt(6 / (i + o))
+            parts += [(2 * torch.rand(i * o, generator=generator, dtype=torch.float64) - 1) * bound]
+            parts += [torch.zeros(o, dtype=torch.float64)]
+        return torch.cat(parts)
+
+    def outputs(self, weights: Tensor, inputs: Tensor, rates: tuple[float, float]) -> Tensor:
+        """Return (N, 3, 5): outputs and their slopes along xi1 and xi2 at inputs (N, 2) that grow at these rates."""
+        value, slopes = (
+            inputs,
+            torch.diag(torch.tensor(rates, dtype=torch.float64))[:, None].expand(-1, len(inputs), -1),
+        )
+        start = 0
+        for number, (i, o) in enumerate(self.sizes):
+            matrix = weights[start : start + i * o].reshape(i, o)
+            bias = weights[start + i * o : start + (i + 1) * o]
+            start += (i + 1) * o
+            value, slopes = value @ matrix + bias, slopes @ matrix
+            if number < self.layers:
+                value, slope = ACTIVATIONS[self.activation](value)
+                slopes = slope * slopes
+        return torch.cat([value[:, None], slopes.movedim(0, 1)], dim=1)
+
+
+@dataclass(frozen=True)
+class Fields:
+    """The five fields at points: network times factors times units.
+
+    Attributes
+    ----------
+    inputs
+        (N, 2) coordinates in [-1, 1].
+    rates
+        At which they grow with xi1 and xi2.
+    factors
+        (N, 3, 5), times units.
+    """
+
+    shape: Shape
+    inputs: Tensor
+    rates: tuple[float, float]
+    factors: Tensor
+
+    @classmethod
+    def at(cls, case: Case, shape: Shape, xi: Array) -> Fields:
+        """Return the fields at points (N, 2)."""
+        domain = case.surface.domain
+        rates = (2 / domain.size[0], 2 / domain.size[1])
+        inputs = (xi - np.asarray(domain.lower)) * np.asarray(rates) - 1
+        held = factors(case, xi) * units(case)
+        return cls(shape, torch.as_tensor(inputs), rates, torch.as_tensor(held))
+
+    def jets(self, weights: Tensor) -> Tensor:
+        """Return z (N, 15): the fields and their slopes along xi1 and xi2."""
+        out = self.shape.outputs(weights, self.inputs, self.rates)
+        values = self.factors[:, :1] * out
+        crossed = self.factors[:, 1:] * out[:, :1]
+        return torch.cat([values[:, :1], values[:, 1:] + crossed], dim=1).flatten(1)

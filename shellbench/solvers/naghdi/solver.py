@@ -1,0 +1,104 @@
+"""The solver `pinn-naghdi`: a network for the five fields of Naghdi's shell, trained by its energy."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Literal
+
+from pydantic import Field
+
+from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
+from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.quantities import SupportQuantity
+from shellbench.problems.shell.solution import Beyond, ShellSolver
+
+if TYPE_CHECKING:
+    from shellbench.solvers.naghdi.solution import NaghdiSolution
+
+LOADS = AreaLoad, GravityLoad, PressureLoad
+
+
+class NaghdiSettings(SeededSettings):
+    """Settings of `pinn-naghdi`; the defaults are the paper's, `sampling` and `points` apart.
+
+    The authors train on 65,536 points of a Sobol sequence; Gauss points integrate the energy of a smooth network as
+    well with fewer (see docs/naghdi.md).
+    """
+
+    device: Literal["cpu"] = Field("cpu", description="where to run")
+    iterations: int = Field(1000, ge=1, description="of L-BFGS")
+    adam_iterations: int = Field(0, ge=0, description="of Adam, before L-BFGS")
+    learning_rate: float = Field(1e-3, gt=0, description="of Adam")
+    layers: int = Field(3, ge=1, le=20, description="hidden layers")
+    width: int = Field(50, ge=1, le=1024, description="of each hidden layer")
+    activation: Literal["gelu", "tanh", "sine"] = Field("gelu", description="of the hidden layers")
+    sampling: Literal["gauss", "sobol"] = Field("gauss", description="points of the loss")
+    points: int = Field(1024, ge=16, le=2**18, description="of the loss: a square number of Gauss points")
+    certify_every: int = Field(100, ge=1, description="iterations between two certified energies, and checkpoints")
+    checkpoint: str | None = Field(
+        None, description="folder for checkpoints: an interrupted training goes on from its own; None for none"
+    )
+
+
+def training_key(case: Case, settings: NaghdiSettings) -> str:
+    """Return what a training is, as a digest: of the case and of all settings that its course depends on."""
+    facts = {"case": case.digest(), **settings.model_dump(mode="json", exclude={"checkpoint", "device", "iterations"})}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+class NaghdiSolver(ShellSolver):
+    """Bastek & Kochmann's recipe; see `shellbench.problem.Solver`."""
+
+    name: ClassVar[str] = "pinn-naghdi"
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        theories=("naghdi-linear",), label="network of five fields, Naghdi's energy, L-BFGS (Bastek & Kochmann)"
+    )
+    settings_type: ClassVar[type[NaghdiSettings]] = NaghdiSettings
+    takes: ClassVar[frozenset[Beyond]] = frozenset({"transverse shear"})
+
+    def declines(self, case: Case) -> str | None:
+        """Return why the solver can't take this case, as one clause, or None if it can."""
+        return super().declines(case) or _beyond(case)
+
+    def answer(
+        self, case: Case, settings: NaghdiSettings, start: Solution | Path | None, progress: ProgressCallback
+    ) -> NaghdiSolution:
+        """Train a field; one that was interrupted goes on from its own file in the folder `settings.checkpoint`.
+
+        Raises
+        ------
+        SolveFailure
+            If the training ends above rest, or its loss is not finite.
+        InputError
+            If a support can't be held by the network, or a checkpoint is damaged.
+        """
+        from shellbench.solvers.naghdi import training
+
+        return training.solve(case, settings, progress)
+
+    def load(self, path: Path) -> NaghdiSolution:
+        """Read a solution that `save` wrote; InputError in one sentence if it is none."""
+        from shellbench.solvers.naghdi.solution import NaghdiSolution
+
+        return NaghdiSolution.load(path)
+
+
+def _beyond(case: Case) -> str | None:
+    """Return what a case has beyond what the network can hold, as one clause; None if nothing."""
+    if any(case.surface.domain.periodic):
+        return "its surface closes on itself, and the network is not periodic"
+    if not all(isinstance(load, LOADS) for load in case.loads):
+        return "it has loads on edges or points, and this solver takes those spread over the area"
+    if any(not isinstance(place, Edge) for _, place in case.supported_places()):
+        return "it holds points or the whole surface, and this network holds edges"
+    if any(support.motion is not None for support in case.supports):
+        return "its supports move, and this network holds them at rest"
+    if any(name.startswith("rotation") for name in case.remove_rigid_motions):
+        return "it removes rotations, and this solver removes translations only"
+    if any(isinstance(quantity, SupportQuantity) for quantity in case.quantities):
+        return "it asks for reactions, which this solver does not compute"
+    return None
