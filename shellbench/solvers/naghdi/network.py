@@ -25,6 +25,7 @@ from shellbench.solvers.naghdi.strains import FIELDS, Frame, load_density
 
 Array = NDArray[np.float64]
 
+REACH = 4.0  # of inputs on either side of zero: by certified energy on the roof, against 1 and 2
 ALONG_EDGE = 33  # points of an edge at which its frame is looked at
 STRAIGHT = 1e-9  # by which a frame may miss what a support needs
 
@@ -166,7 +167,7 @@ class Fields:
     Attributes
     ----------
     inputs
-        (N, 2) coordinates in [-1, 1].
+        (N, 2) coordinates in [-REACH, REACH].
     rates
         At which they grow with xi1 and xi2.
     factors
@@ -182,8 +183,8 @@ class Fields:
     def at(cls, case: Case, shape: Shape, xi: Array) -> Fields:
         """Return the fields at points (N, 2)."""
         domain = case.surface.domain
-        rates = (2 / domain.size[0], 2 / domain.size[1])
-        inputs = (xi - np.asarray(domain.lower)) * np.asarray(rates) - 1
+        rates = (2 * REACH / domain.size[0], 2 * REACH / domain.size[1])
+        inputs = (xi - np.asarray(domain.lower)) * np.asarray(rates) - REACH
         held = factors(case, xi) * units(case)
         return cls(shape, torch.as_tensor(inputs), rates, torch.as_tensor(held))
 

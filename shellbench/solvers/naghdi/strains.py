@@ -8,7 +8,8 @@ t_1 along a_1 and t_2 = a3 x t_1. The strains
     gamma_a  = a3 . u,a + a_a . d                                             of transverse shear
 
 are the changes of a_a . a_b / 2, of a_a . a3,b and of a_a . a3. Where gamma = 0 they are those of Kirchhoff and Love.
-The energy per area is (D eps : H : eps + B chi : H : chi + k G h gamma . gamma) / 2 with k = 5/6 (Bastek & Kochmann 2023).
+The energy per area is (D eps : H : eps + B chi : H : chi + k G h gamma . gamma) / 2 with k = 5/6 (Bastek &
+Kochmann 2023).
 """
 
 from __future__ import annotations

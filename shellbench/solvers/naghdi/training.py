@@ -26,12 +26,10 @@ from shellbench.problems.shell.measure import measure
 from shellbench.problems.shell.solution import DAMAGE
 from shellbench.solvers.naghdi.network import Fields, Shape, units
 from shellbench.solvers.naghdi.solution import (
-    Energies,
+    Check,
     NaghdiSolution,
     Rule,
-    certify,
     gauss_points,
-    mean_translation,
     side_of,
     sobol_points,
 )
@@ -76,7 +74,7 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
         xi, at = gauss_points(case, side_of(settings.points))
     else:
         xi, at = sobol_points(case, settings.points, settings.seed)
-    fields, rule = Fields.at(case, shape, xi), Rule.at(case, xi, at)
+    fields, rule, check = Fields.at(case, shape, xi), Rule.at(case, xi, at), Check.of(case, shape)
     # In these units the loss is of order one: the work of the load on the units of the fields.
     size = float(rule.forces.abs().sum()) * float(units(case)[0]) or 1.0
     file = _file(case, settings)
@@ -87,7 +85,6 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
     def loss(weights: Tensor) -> Tensor:
         return rule.potential(fields.jets(weights)) / size
 
-    energies: Energies | None = None
     while now.iteration < end:
         by_adam = now.iteration < settings.adam_iterations
         stop = settings.adam_iterations if by_adam else end
@@ -96,11 +93,11 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
             _adam(loss, now, count, settings.learning_rate) if by_adam else _lbfgs(loss, now, count)
         )
         if not bool(torch.isfinite(weights).all()):
-            raise SolveFailure("the training diverged: its loss is not finite", _solution(case, shape, now, resumed))
-        energies = certify(case, shape, weights.numpy())
+            raise SolveFailure("the training diverged: its loss is not finite", _solution(check, now, resumed))
+        energies = check.energies(weights)
         moved = not torch.equal(weights, now.weights)
         better = energies.potential < now.best_energy
-        trial = _solution(case, shape, replace(now, best=weights), resumed)
+        trial = _solution(check, replace(now, best=weights), resumed)
         primary = case.primary
         trained = float(loss(weights)) * size
         step = Step(
@@ -130,7 +127,7 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
         progress(Progress(now.iteration, end, f"energy {energies.potential:.8g} J"))
         if not moved:  # L-BFGS found no step at all: further rounds would not either
             break
-    solution = _solution(case, shape, now, resumed)
+    solution = _solution(check, now, resumed)
     if file:
         file.unlink(missing_ok=True)
     if case.loads and now.best_energy >= 0:
@@ -143,13 +140,12 @@ def _beginning(shape: Shape, seed: int) -> State:
     return State(weights, weights, float("inf"))
 
 
-def _solution(case: Case, shape: Shape, now: State, resumed: int) -> NaghdiSolution:
-    weights = now.best.numpy()
+def _solution(check: Check, now: State, resumed: int) -> NaghdiSolution:
     return NaghdiSolution(
-        case,
-        shape,
-        weights,
-        mean_translation(case, shape, weights),
+        check.case,
+        check.fields.shape,
+        now.best.numpy(),
+        check.mean_translation(now.best),
         history=now.history,
         diagnostics={
             "certified_energy": now.best_energy if np.isfinite(now.best_energy) else None,
@@ -185,7 +181,7 @@ def _lbfgs(loss: Loss, now: State, count: int) -> tuple[Tensor, int, dict[str, A
         value.backward()  # type: ignore[no-untyped-call]
         return float(value.detach())
 
-    method.step(closure)
+    method.step(closure)  # type: ignore[no-untyped-call]
     return trained.detach(), made, dict(method.state[trained])
 
 
