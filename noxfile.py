@@ -163,6 +163,12 @@ def editing(session: nox.Session) -> None:
 
 
 @nox.session
+def naghdi(session: nox.Session) -> None:
+    """Train a network for shells whose normals shear, and judge it by values of that theory."""
+    run_and_judge(session, "naghdi", quick=("--solver", "pinn-naghdi", "--set", "pinn-naghdi.iterations=100"))
+
+
+@nox.session
 def skinning(session: nox.Session) -> None:
     """Skin a simulated cape from bones by lines and by networks; nothing is judged. `-- --solver NAME` asks fewer.
 

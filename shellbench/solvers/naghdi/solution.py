@@ -34,10 +34,10 @@ def gauss_points(case: Case, side: int) -> tuple[Array, Array]:
 
 
 def sobol_points(case: Case, count: int, seed: int) -> tuple[Array, Array]:
-    """Return the first points (count, 2) of a scrambled Sobol sequence, and equal weights."""
+    """Return points (n, 2) of a scrambled Sobol sequence, n the power of two up to `count`, and equal weights."""
     domain = case.surface.domain
-    shares = qmc.Sobol(2, seed=seed).random(count)
-    weights = np.full(count, domain.size[0] * domain.size[1] / count)
+    shares = qmc.Sobol(2, seed=seed).random_base2(count.bit_length() - 1)
+    weights = np.full(len(shares), domain.size[0] * domain.size[1] / len(shares))
     return np.asarray(domain.lower) + shares * np.asarray(domain.size), weights
 
 

@@ -37,8 +37,19 @@ class NaghdiSettings(SeededSettings):
     width: int = Field(50, ge=1, le=1024, description="of each hidden layer")
     activation: Literal["gelu", "tanh", "sine"] = Field("gelu", description="of the hidden layers")
     sampling: Literal["gauss", "sobol"] = Field("gauss", description="points of the loss")
-    points: int = Field(576, ge=16, le=2**18, description="of the loss: a square number of Gauss points")
+    points: int = Field(
+        576,
+        ge=16,
+        le=2**18,
+        description="of the loss, rounded down: Gauss points to a square, others to a power of two",
+    )
     certify_every: int = Field(100, ge=1, description="iterations between two certified energies, and checkpoints")
+    settle: float = Field(
+        1e-5,
+        ge=0,
+        lt=1,
+        description="relative gain of certified energy over five looks at it, below which training ends",
+    )
     checkpoint: str | None = Field(
         None, description="folder for checkpoints: an interrupted training goes on from its own; None for none"
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,7 @@ Loss = Callable[[Tensor], Tensor]
 
 HISTORY = 100  # steps that L-BFGS remembers
 LISTS, COUNTS = ("old_dirs", "old_stps", "ro"), ("n_iter", "func_evals")  # of that memory
+LOOKS = 5  # at the certified energy, over which a training may settle
 SMALLEST = 1e-14  # change of the loss below which L-BFGS stops
 
 
@@ -68,7 +69,8 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
     """Train a field; see `shellbench.solvers.naghdi.solver.NaghdiSolver`."""
     # 1. Points, strains and loads are made once: z of the network is all that changes.
     # 2. Rounds of `certify_every` iterations; after each, energies on the fine rule, and the state is written down.
-    # 3. The answer is the state of least certified energy, less the translation that nothing holds.
+    # 3. It ends when that energy gains next to nothing any more, or after so many iterations.
+    # 4. The answer is the state of least certified energy, less the translation that nothing holds.
     shape = Shape(settings.layers, settings.width, settings.activation)
     if settings.sampling == "gauss":
         xi, at = gauss_points(case, side_of(settings.points))
@@ -125,7 +127,8 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
         if file:
             _write(file, now)
         progress(Progress(now.iteration, end, f"energy {energies.potential:.8g} J"))
-        if not moved:  # L-BFGS found no step at all: further rounds would not either
+        # L-BFGS that found no step at all will not find one; and what gains no more has settled.
+        if not by_adam and (not moved or _settled(now.history, settings.settle)):
             break
     solution = _solution(check, now, resumed)
     if file:
@@ -133,6 +136,14 @@ def solve(case: Case, settings: NaghdiSettings, progress: ProgressCallback) -> N
     if case.loads and now.best_energy >= 0:
         raise SolveFailure("the training came to no answer: its certified energy is not below rest", solution)
     return solution
+
+
+def _settled(history: Sequence[Step], settle: float) -> bool:
+    """Whether the certified energy has gained less than a share of itself over the last looks at it."""
+    if len(history) <= LOOKS:
+        return False
+    before, after = (min(step.energy for step in part) for part in (history[:-LOOKS], history))
+    return before - after < settle * abs(after)
 
 
 def _beginning(shape: Shape, seed: int) -> State:
