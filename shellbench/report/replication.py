@@ -1,0 +1,94 @@
+"""Replication: what a training had come to on its way, by certified energies and not by displacements alone.
+
+Of runs whose history has energies that were certified on points of which the training knew nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from shellbench.account import HistoryStep
+from shellbench.bench.record import Record
+from shellbench.bench.row import Row
+from shellbench.report.columns import column, frame, significant
+from shellbench.report.evidence import Evidence, Section, given
+from shellbench.report.solutions import grouped, solution_name
+from shellbench.report.table import Table
+
+CERTIFIED = "certified_energy"  # in steps of a history, or among diagnostics, J
+SHARES = (0.25, 0.5, 1.0)  # of a training, at which it is looked at
+
+
+def section(found: Evidence) -> Section | None:
+    """Return the section; None if no training certified its energy on the way."""
+    lines = list(_lines(found))
+    return Section("replication", "Replication", tables=given(table(lines)), place="its suites") if lines else None
+
+
+def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
+    for case, of_case in grouped(found.rows, lambda row: row.case).items():
+        told = [row for row in of_case if row.primary and row.run_id in found.records]
+        for row in told:
+            certified = course(found.records[str(row.run_id)])
+            judge = found.known(case).judge("strain_energy", row.reference_theory or "")
+            for share in SHARES if certified else ():
+                step, energy = at_share(certified, share)
+                yield line(row, step, energy, judge.value if judge else None)
+
+
+def course(record: Record) -> list[tuple[HistoryStep, float]]:
+    """Return the steps of a training whose energies were certified, with these, J; none of other solves."""
+    stated = [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
+    if stated:
+        return stated
+    # Where every step is certified, the least energy of the history is that of the answer.
+    energies = [step.energy for step in record.history]
+    if energies and record.diagnostics.get(CERTIFIED) == min(energies):
+        return list(zip(record.history, energies, strict=True))
+    return []
+
+
+def at_share(certified: Sequence[tuple[HistoryStep, float]], share: float) -> tuple[HistoryStep, float]:
+    """Return the last step within a share of a training; its first one if there is none."""
+    last = certified[-1][0].iteration
+    return next((pair for pair in reversed(certified) if pair[0].iteration <= share * last), certified[0])
+
+
+def line(row: Row, step: HistoryStep, energy: float, known: float | None) -> dict[str, Any]:
+    """Return one line of the table. The potential energy of an answer in balance is its strain energy, less than 0."""
+    value, reference = step.quantities.get(row.quantity), row.reference
+    return {
+        "block": row.case_title or row.case,
+        "case": row.case,
+        "solution": solution_name(row),
+        "seed": row.seed,
+        "iteration": step.iteration,
+        "energy": energy,
+        "above": (energy + known) / known if known else None,
+        "gap": step.gap,
+        "error": value / reference - 1 if value is not None and reference else None,
+        "seconds": step.seconds,
+    }
+
+
+def table(lines: list[dict[str, Any]]) -> Table:
+    """Return the table of trainings."""
+    return Table(
+        name="replication",
+        title="Trainings on their way",
+        caption="At a quarter, half and the whole of each training: how far its certified potential energy is above the"
+        " least one, relative to the known strain energy; how far the energy that it was trained on is from the"
+        " certified one; and the error of the headline quantity, which may be small by chance where energies are not."
+        " The answer is what the solver kept, which need not be the last state.",
+        data=frame(lines),
+        columns=(
+            "solution",
+            column("seed", "Seed", significant(3)),
+            column("iteration", "Iteration", significant(6)),
+            column("above", "Energy above the least", significant(2)),
+            column("gap", "Gap", significant(2)),
+            "error",
+            "seconds",
+        ),
+    )

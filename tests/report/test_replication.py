@@ -1,0 +1,47 @@
+"""Section "Replication": certified energies of a training on its way."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from shellbench.account import HistoryStep
+from shellbench.bench import catalog
+from shellbench.bench.row import Row
+from shellbench.report import replication
+
+KNOWN = catalog.known_values("scordelis_lo")
+VALUE, ENERGY = (KNOWN.judge(name, "kirchhoff-love-linear").value for name in ("edge_deflection", "strain_energy"))
+
+
+def step(number, energy, certified=True, gap=0.5):
+    stated = {"certified_energy": energy} if certified else {}
+    quantities = {"edge_deflection": VALUE * number / 400, **stated}
+    return HistoryStep(
+        iteration=number, seconds=number / 10, energy=energy, unknowns=5, gap=gap, quantities=quantities
+    )  # fmt: skip
+
+
+def lines(*steps, least=None):
+    row = Row(
+        case="scordelis_lo", case_title="Roof", suite="replication", solver="ndf-published", seed=1, settings={}, quantity="edge_deflection",
+        primary=True, at=1.0, status="ok", value=VALUE, uncertainty=None, run_id="a", reference=VALUE, reference_theory="kirchhoff-love-linear",
+    )  # fmt: skip
+    record = SimpleNamespace(history=steps, diagnostics={"certified_energy": least})
+    found = replication.section(SimpleNamespace(rows=[row], records={"a": record}, known=catalog.known_values))
+    return found.tables[0].data.to_dict("records") if found else []
+
+
+def test_a_training_is_shown_at_a_quarter_half_and_its_end():
+    steps = [step(25, 0.0, certified=False), *(step(n, -ENERGY * n / 400) for n in (100, 150, 200, 300, 400))]
+    found = lines(*steps)
+    assert [line["iteration"] for line in found] == [100, 200, 400]
+    assert [line["above"] for line in found] == pytest.approx([0.75, 0.5, 0.0])
+    assert [line["error"] for line in found] == pytest.approx([-0.75, -0.5, 0.0])
+    assert found[0]["gap"] == 0.5
+
+
+def test_energies_of_steps_count_where_the_answer_has_the_least_of_them():
+    plain = [step(n, -float(n), certified=False) for n in (10, 20, 40)]
+    assert len(lines(*plain, least=-40.0)) == 3
+    assert not lines(*plain, least=-39.0)  # steps of another solver: their own discretisation's energies
+    assert not lines()
