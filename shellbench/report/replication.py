@@ -11,12 +11,12 @@ from typing import Any
 from shellbench.account import HistoryStep
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
-from shellbench.report.columns import column, frame, significant
+from shellbench.report.columns import column, count, frame, significant
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.solutions import grouped, solution_name
 from shellbench.report.table import Table
 
-CERTIFIED = "certified_energy"  # in steps of a history, or among diagnostics, J
+CERTIFIED = "certified_energy"  # in steps of a history, J
 SHARES = (0.25, 0.5, 1.0)  # of a training, at which it is looked at
 
 
@@ -39,14 +39,7 @@ def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
 
 def course(record: Record) -> list[tuple[HistoryStep, float]]:
     """Return the steps of a training whose energies were certified, with these, J; none of other solves."""
-    stated = [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
-    if stated:
-        return stated
-    # Where every step is certified, the least energy of the history is that of the answer.
-    energies = [step.energy for step in record.history]
-    if energies and record.diagnostics.get(CERTIFIED) == min(energies):
-        return list(zip(record.history, energies, strict=True))
-    return []
+    return [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
 
 
 def at_share(certified: Sequence[tuple[HistoryStep, float]], share: float) -> tuple[HistoryStep, float]:
@@ -84,8 +77,8 @@ def table(lines: list[dict[str, Any]]) -> Table:
         data=frame(lines),
         columns=(
             "solution",
-            column("seed", "Seed", significant(3)),
-            column("iteration", "Iteration", significant(6)),
+            column("seed", "Seed", count),
+            column("iteration", "Iteration", count),
             column("above", "Energy above the least", significant(2)),
             column("gap", "Gap", significant(2)),
             "error",
