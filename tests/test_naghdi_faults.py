@@ -137,7 +137,10 @@ def shear_by_youngs_modulus(patch):
     )
 
 
-@pytest.mark.parametrize("name", [PLATE, ROOF])
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize("name", [PLATE, pytest.param(ROOF, marks=LONG)])
 def test_the_theory_is_green(name):
     assert not reds(name)
 
@@ -147,9 +150,9 @@ def test_the_theory_is_green(name):
     [
         (without_shear_factor, PLATE),
         (shear_by_youngs_modulus, PLATE),
-        (bending_by_the_square, ROOF),
+        pytest.param(bending_by_the_square, ROOF, marks=LONG),
         (shear_of_the_wrong_sign, PLATE),
-        (normals_that_slide, ROOF),
+        pytest.param(normals_that_slide, ROOF, marks=LONG),
         (soft_supports, PLATE),
     ],
 )
