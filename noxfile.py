@@ -110,6 +110,13 @@ def contact(session: nox.Session) -> None:
 
 
 @nox.session
+def passport(session: nox.Session) -> None:
+    """Tell which stiffness solvers really have, hinge meshes and MuJoCo's cloth among them: a swatch, a hanging strip."""
+    install(session, *engines_here())
+    run_and_judge(session, "passport")
+
+
+@nox.session
 def shape_variants(session: nox.Session) -> None:
     """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
     run_and_judge(session, "shape_variants")

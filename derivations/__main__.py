@@ -43,6 +43,7 @@ from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
+from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
@@ -89,6 +90,7 @@ CASES = {
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
     **CONTACT,
+    **PASSPORT,
     **PLATES,
     **CYLINDERS,
 }
