@@ -8,7 +8,6 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
-from shellbench.bench.passport import SUITE, Entry, elastica, passport
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.columns import Line, at_most, column, frame, significant, words
@@ -16,6 +15,7 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation, rounded
 from shellbench.report.solutions import grouped
+from shellbench.report.stiffnesses import SUITE, Entry, elastica, passport
 from shellbench.report.table import Table
 
 CURVE = "master_curve"
