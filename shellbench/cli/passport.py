@@ -39,10 +39,10 @@ def passport_command(
     """
     from shellbench.bench import compare, environment
     from shellbench.bench.local import LocalProcesses
+    from shellbench.bench.passport import SUITE
     from shellbench.bench.plan import Request
     from shellbench.bench.store import Store
     from shellbench.report.passport import table
-    from shellbench.report.stiffnesses import SUITE
 
     where = Store(store)
     request = Request(suites=(SUITE,), solvers=(solver,), settings=settings_of(settings), threads=1)

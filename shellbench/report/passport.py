@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from shellbench.bench import catalog
+from shellbench.bench.passport import PROPERTIES, SUITE
 from shellbench.bench.row import Row
 from shellbench.report import panel
 from shellbench.report.columns import Line, at_most, column, frame, significant, words
@@ -15,11 +16,11 @@ from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation, rounded
 from shellbench.report.solutions import grouped
-from shellbench.report.stiffnesses import SUITE, Entry, elastica, passport
+from shellbench.report.stiffnesses import Entry, elastica, gamma_of, passport
 from shellbench.report.table import Table
 
 CURVE = "master_curve"
-CASE, GAMMAS = "heavy_cantilever", (1, 10, 100, 1000)
+HANGING = [one for one in PROPERTIES if one.rule == "hanging"]
 SIZE = (4.6, 3.4)  # inches
 TIPS = [0.44 - 0.02 * 1.33**k for k in range(24)]  # logarithms of the tip's angle along the curve
 
@@ -89,9 +90,9 @@ def curve_exhibit(found: Evidence, rows: Sequence[Row]) -> Exhibit | None:
     marks = [mark for mark in _marks(rows) if mark[2] > 0]
     if not marks:
         return None
-    said = "; ".join(f"{solver}, Gamma {gamma}: {shape:.5g}" for solver, gamma, shape, _ in marks)
+    said = "; ".join(f"{solver}, Gamma {gamma:.4g}: {shape:.5g}" for solver, gamma, shape, _ in marks)
     return Exhibit(
-        name=f"{CURVE}_{CASE}",
+        name=f"{CURVE}_{HANGING[0].case}",
         title="The heavy cantilever's master curve",
         caption="Drop H over reach W of a strip that is clamped level and hangs under its own weight, against Gamma ="
         " q L^3 / B: the inextensible elastica (line), and each solver where it was asked. A mark above the curve is a"
@@ -102,18 +103,25 @@ def curve_exhibit(found: Evidence, rows: Sequence[Row]) -> Exhibit | None:
     )
 
 
-def _marks(rows: Sequence[Row]) -> list[tuple[str, int, float, str]]:
+def _marks(rows: Sequence[Row]) -> list[tuple[str, float, float, str]]:
+    """Return solver, Gamma, H / W and run of each strip that hangs."""
     marks = []
-    for run_id, of_run in grouped([row for row in rows if row.case == CASE and row.run_id], lambda r: r.run_id).items():
-        values = {row.quantity: row.value for row in of_run}
-        for gamma in GAMMAS:
-            drop, back = values.get(f"drop_{gamma}"), values.get(f"shortening_{gamma}")
-            if drop is not None and back is not None and back < 1:
-                marks.append((of_run[0].solver, gamma, drop / (1 - back), str(run_id)))
+    for run_id, of_run in grouped([row for row in rows if row.run_id], lambda row: str(row.run_id)).items():
+        mine = {row.quantity: row for row in of_run if row.case == HANGING[0].case and row.value is not None}
+        for one in HANGING:
+            if set(one.quantities) <= mine.keys():
+                shape, known = (
+                    _shape(*(getattr(mine[name], which) for name in one.quantities)) for which in ("value", "reference")
+                )
+                marks.append((of_run[0].solver, gamma_of(known), shape, run_id))
     return marks
 
 
-def curve_figure(found: Evidence, marks: Sequence[tuple[str, int, float, str]]) -> Figure:
+def _shape(drop: float, shortening: float) -> float:
+    return drop / (1 - shortening)
+
+
+def curve_figure(found: Evidence, marks: Sequence[tuple[str, float, float, str]]) -> Figure:
     """Draw the curve and the marks."""
     figure, panels = panel.open_figure(SIZE)
     axes, curve = panels[0, 0], [elastica(x) for x in TIPS]

@@ -9,78 +9,41 @@ there in place of the elastica's H / W cancels, as the known values go through t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from shellbench.bench import catalog
+from shellbench.bench.passport import PROPERTIES, Property
 from shellbench.bench.row import Row
 
-SUITE = "passport"
 MESH = "cells"  # the setting of which a solver's finest value is its passport's
-LEAST_LOG, GRAVITY = -60.0, 9.8
-Quantities = Mapping[str, float]
+LEAST_LOG = -60.0
+Values = Mapping[str, float]
 
 
-@dataclass(frozen=True)
-class Property:
-    """One line of a passport.
-
-    Attributes
-    ----------
-    name, words, unit
-        What it is.
-    case, quantities
-        What it is measured by.
-    nominal
-        The material's own, from its case.
-    ratio
-        Effective over nominal, from the solver's figures and the known ones.
-    """
-
-    name: str
-    words: str
-    unit: str
-    case: str
-    quantities: tuple[str, ...]
-    nominal: Callable[[Any], float]
-    ratio: Callable[[Quantities, Quantities], float]
+def ratio_of(one: Property, found: Values, known: Values) -> float | None:
+    """Return effective over nominal, from a solver's figures and the known ones; None of figures that no solid has."""
+    try:
+        ratio = _measure(one, found) / _measure(one, known)
+    except (ValueError, ZeroDivisionError):
+        return None
+    return ratio if math.isfinite(ratio) else None
 
 
-def _inverse(name: str) -> Callable[[Quantities, Quantities], float]:
-    return lambda found, known: known[name] / found[name]
-
-
-def _contraction(found: Quantities, known: Quantities) -> float:
-    return (found["contraction"] / found["stretch"]) / (known["contraction"] / known["stretch"])
-
-
-def _hanging(gamma: int) -> Callable[[Quantities, Quantities], float]:
-    def weighed(values: Quantities) -> float:
-        return gamma_of(values[f"drop_{gamma}"] / (1.0 - values[f"shortening_{gamma}"]))
-
-    return lambda found, known: weighed(known) / weighed(found)
-
-
-PROPERTIES = (
-    Property("stretch", "Stretching stiffness E h", "N/m", "swatch", ("stretch",),
-             lambda m: m.youngs_modulus * m.thickness, _inverse("stretch")),
-    Property("poisson", "Poisson's ratio, stretched", "", "swatch", ("stretch", "contraction"),
-             lambda m: m.poissons_ratio, _contraction),
-    Property("shear", "Shear stiffness G h", "N/m", "swatch", ("shear",),
-             lambda m: m.youngs_modulus * m.thickness / 2 / (1 + m.poissons_ratio), _inverse("shear")),
-    Property("twist", "Twisting stiffness B (1 - nu)", "N m", "swatch", ("twist",),
-             lambda m: m.bending_stiffness * (1 - m.poissons_ratio), _inverse("twist")),
-    *(
-        Property(f"bending_{gamma}", f"Bending stiffness B, hanging at Gamma = {gamma}", "N m", "heavy_cantilever",
-                 (f"drop_{gamma}", f"shortening_{gamma}"), lambda m: m.bending_stiffness, _hanging(gamma))
-        for gamma in (1, 10, 100, 1000)
-    ),
-    Property("fall", "Acceleration of a free fall", "m/s^2", "free_fall", ("fall_1000ms",),
-             lambda m: GRAVITY, lambda found, known: found["fall_1000ms"] / known["fall_1000ms"]),
-)  # fmt: skip
+def _measure(one: Property, values: Values) -> float:
+    first = values[one.quantities[0]]
+    match one.rule:
+        case "inverse":
+            return 1 / first
+        case "proportional":
+            return first
+        case "quotient":
+            return first / values[one.quantities[1]]
+        case "hanging":
+            return 1 / gamma_of(first / (1 - values[one.quantities[1]]))
 
 
 @dataclass(frozen=True)
@@ -142,11 +105,11 @@ def _runs(one: Property, rows: Sequence[Row]) -> list[_Run]:
             continue
         values = {name: float(mine[name].value or 0.0) for name in one.quantities}
         known = {name: float(mine[name].reference or 0.0) for name in one.quantities}
-        ratio = _safe(one, values, known)
+        ratio = ratio_of(one, values, known)
         if ratio is None:
             continue
         moved = [
-            _safe(one, values | {name: values[name] + float(doubt)}, known)
+            ratio_of(one, values | {name: values[name] + float(doubt)}, known)
             for name in one.quantities
             if (doubt := mine[name].uncertainty) is not None
         ]
@@ -156,15 +119,6 @@ def _runs(one: Property, rows: Sequence[Row]) -> list[_Run]:
         first = next(iter(mine.values()))
         found.append(_Run(first.overrides, first.parameters or 0, ratio, stated))
     return found
-
-
-def _safe(one: Property, found: Quantities, known: Quantities) -> float | None:
-    """Return a ratio; None of figures that no stiffness has."""
-    try:
-        ratio = one.ratio(found, known)
-    except (ValueError, ZeroDivisionError):
-        return None
-    return ratio if math.isfinite(ratio) else None
 
 
 def _said(overrides: Mapping[str, Any]) -> str:

@@ -7,7 +7,8 @@ import pytest
 
 from derivations.heavy_strip import heavy, hung
 from shellbench.bench import catalog
-from shellbench.report.stiffnesses import PROPERTIES, gamma_of, passport
+from shellbench.bench.passport import PROPERTIES
+from shellbench.report.stiffnesses import gamma_of, passport
 
 
 def rows(case, values, run_id="one", overrides=None, unknowns=100, doubts=None):
