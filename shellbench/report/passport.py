@@ -11,7 +11,7 @@ from shellbench.bench import catalog
 from shellbench.bench.passport import PROPERTIES, SUITE
 from shellbench.bench.row import Row
 from shellbench.report import panel
-from shellbench.report.columns import Line, at_most, column, frame, significant, words
+from shellbench.report.columns import Line, at_most, column, frame, present, significant, words
 from shellbench.report.evidence import Evidence, Section
 from shellbench.report.exhibit import Exhibit
 from shellbench.report.notation import Notation, rounded
@@ -20,6 +20,7 @@ from shellbench.report.stiffnesses import Entry, elastica, gamma_of, passport
 from shellbench.report.table import Table
 
 CURVE = "master_curve"
+LEAST, ROUNDING = 1e-5, 1e-9  # of a ratio: the last digit that is shown, and a doubt that says nothing
 HANGING = [one for one in PROPERTIES if one.rule == "hanging"]
 SIZE = (4.6, 3.4)  # inches
 TIPS = [0.44 - 0.02 * 1.33**k for k in range(24)]  # logarithms of the tip's angle along the curve
@@ -59,7 +60,7 @@ def table(rows: Sequence[Row]) -> Table:
             column("nominal", "The material's", at_most(6)),
             column("unit", "Unit", words, right=False),
             column("ratio", "Ratio", _ratio),
-            column("doubt", "Uncertain by", significant(2)),
+            column("doubt", "Uncertain by", _doubt),
             column("others", "By other settings", words, right=False),
         ),
         suite=SUITE,
@@ -68,7 +69,11 @@ def table(rows: Sequence[Row]) -> Table:
 
 def _ratio(value: Any, line: Line, notation: Notation) -> str:
     doubt = line["doubt"]
-    return notation.number(rounded(value, doubt if doubt == doubt and doubt else 1e-4))
+    return notation.number(rounded(value, max(doubt, LEAST) if present(doubt) else LEAST))
+
+
+def _doubt(value: Any, line: Line, notation: Notation) -> str:
+    return significant(2)(value, line, notation) if value > ROUNDING else f"below {ROUNDING:g}"
 
 
 def line(solver: str, entry: Entry) -> dict[str, Any]:

@@ -84,7 +84,8 @@ def passport(rows: Sequence[Row]) -> list[Entry]:
 
 
 def _entry(one: Property, rows: Sequence[Row]) -> Entry:
-    nominal = one.nominal(catalog.named_case(one.case).material)
+    case: Any = catalog.named_case(one.case)
+    nominal = one.nominal(case.material)
     runs = sorted(_runs(one, rows), key=lambda run: run.unknowns)
     meshes = [run for run in runs if set(run.overrides) <= {MESH}]
     others = {_said(run.overrides): run.ratio for run in runs if run not in meshes}
