@@ -110,6 +110,12 @@ def contact(session: nox.Session) -> None:
 
 
 @nox.session
+def passport(session: nox.Session) -> None:
+    """Tell which stiffness solvers really have, hinges and MuJoCo's cloth among them: a swatch, a hanging strip."""
+    run_and_judge(session, "passport", extras=("mujoco",))
+
+
+@nox.session
 def shape_variants(session: nox.Session) -> None:
     """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
     run_and_judge(session, "shape_variants")

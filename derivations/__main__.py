@@ -44,6 +44,7 @@ from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
 from .naghdi import JUDGES as NAGHDI
+from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
@@ -90,6 +91,7 @@ CASES = {
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
     **CONTACT,
+    **PASSPORT,
     **PLATES,
     **CYLINDERS,
     **NAGHDI,

@@ -6,6 +6,8 @@ four edges free of bending moments and, being constant, of Kirchhoff's shear. Fo
 M = B ((1 - nu) K + nu tr(K) I). The edge loads N.n stretch it by E h eps = (1 + nu) N - nu tr(N) I. Its middle stays, and
 it turns by omega so that the mean of x cross u vanishes.
 
+**Swatch.** The parallelogram at a right angle, its middle and three of its corners at rest.
+
 **Plate, bent.** Moments M1, M2 a length at its edges bend it to w,11 = (M1 - nu M2) / (B (1 - nu^2)), likewise w,22. The mean
 of w is zero.
 
@@ -114,6 +116,42 @@ def twisted_parallelogram() -> dict[str, Estimate]:
         "prop_force": _rounded(-plate.force, "N"),
         "hinge_moment": _rounded(float(couple @ HINGE_AXIS), "N m"),
     }
+
+
+# --- the swatch --------------------------------------------------------------------------------------
+
+SIDE, SWATCH_THICKNESS, CORNER_FORCE = 1.0, 0.01, -0.01
+SWATCH_FORCES = np.array([[100.0, 50.0], [50.0, 0.0]])
+"""Edge forces N^ab of cases/swatch.toml, N/m."""
+
+
+def measured_swatch(displacement: Callable[[Array], Array]) -> dict[str, float]:
+    """What cases/swatch.toml asks of a displacement (3,) by positions (2,), m."""
+    corner, right, top = (displacement(SIDE * np.array(p)) for p in ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0)))
+    return {
+        "twist": -float(corner[2]),
+        "stretch": float(right[0]),
+        "contraction": -float(top[1]),
+        "shear": float(right[1]),
+        "largest_displacement": float(np.linalg.norm(corner)),
+    }
+
+
+def swatch() -> dict[str, Estimate]:
+    """Known values of cases/swatch.toml: the parallelogram's stresses at a right angle, its corners held."""
+    stiffness = YOUNG * SWATCH_THICKNESS
+    bending = stiffness * SWATCH_THICKNESS**2 / 12 / (1 - POISSON**2)
+    strain = ((1 + POISSON) * SWATCH_FORCES - POISSON * np.trace(SWATCH_FORCES) * np.eye(2)) / stiffness
+    twist = CORNER_FORCE / (2 * bending * (1 - POISSON))
+
+    def displacement(p: Array) -> Array:
+        return np.array([*(strain @ (p - SIDE / 2)), twist * p[0] * p[1]])
+
+    membrane = SIDE**2 / 2 * float(np.sum(SWATCH_FORCES * strain))
+    bent = SIDE**2 * bending * (1 - POISSON) * twist**2
+    values = {name: _rounded(value, "m") for name, value in measured_swatch(displacement).items()}
+    energies = ("strain_energy", membrane + bent), ("membrane_energy", membrane), ("bending_energy", bent)
+    return values | {name: _rounded(value, "J") for name, value in energies}
 
 
 # --- the bent plate ----------------------------------------------------------------------------------

@@ -161,6 +161,25 @@ PROP = -0.17936089286871
 """Prescribed displacement of the corner, m, as the file has it."""
 
 
+def swatch_by_ritz() -> dict[str, Estimate]:
+    """Values of cases/swatch.toml."""
+    trial = _Polynomials(np.zeros(2), closed.SIDE * np.eye(2))
+    parts, points, weights = trial.parts(closed.SWATCH_THICKNESS)
+    load = closed.CORNER_FORCE * trial.rows(np.ones((1, 2)))[0, 2]
+    for fixed in (0, 1):
+        for at, sense in ((1.0, 1.0), (0.0, -1.0)):
+            on_edge, shares = _edge(fixed, at)
+            force = sense * closed.SIDE * np.append(closed.SWATCH_FORCES[fixed], 0.0)
+            load = load + np.einsum("p,c,pcn->n", shares, force, trial.rows(on_edge))
+    corners = trial.rows(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]))[:, 2]
+    rows: list[Row] = [(row, 0.0) for row in (*corners, *trial.rows(np.full((1, 2), 0.5))[0, :2])]
+    arms, u = closed.SIDE * (points - 0.5), trial.rows(points)
+    rows.append((np.einsum("p,pn->n", weights, arms[:, :1] * u[:, 1] - arms[:, 1:] * u[:, 0]), 0.0))
+    found = minimum(parts, load, rows)
+    values = closed.measured_swatch(lambda p: trial.rows(trial.parameters(p)[None])[0] @ found.factors)
+    return {name: _agreed(value, "m") for name, value in values.items()} | _energies(found)
+
+
 def bent_plate_by_ritz() -> dict[str, Estimate]:
     """Values of cases/bent_plate.toml."""
     plate = closed.BentPlate()

@@ -146,9 +146,17 @@ class PlaneStrip:
         return force, np.block([[zero, -across], [along, zero]])
 
     def path(
-        self, factors: Array, force: float = 0.0, moment: float = 0.0, pressure: float = 0.0, pull: float = 0.0
+        self,
+        factors: Array,
+        force: float = 0.0,
+        moment: float = 0.0,
+        pressure: float = 0.0,
+        pull: float = 0.0,
+        weight: float = 0.0,
     ) -> Iterator[Bent]:
         """Yield the equilibria under rising fractions of a load per width; a force pulls along the strip as it was.
+
+        A weight is per area, and acts along -z.
 
         Raises
         ------
@@ -156,12 +164,13 @@ class PlaneStrip:
             If Newton's method doesn't converge.
         """
         coefficients = np.zeros((2, self.count))
+        fall = weight * np.append(np.zeros(self.count), -(self._rule[1] @ self._values[1]))
         for factor in factors:
             for _ in range(ITERATIONS):
                 inner, stiffness = self._energy(coefficients)[2:]
                 outer, of_load = self._work(coefficients, factor * force, factor * moment, factor * pull)
                 push, of_push = self._push(coefficients, factor * pressure)
-                step = np.linalg.solve(stiffness - of_load - of_push, outer + push - inner)
+                step = np.linalg.solve(stiffness - of_load - of_push, outer + push + factor * fall - inner)
                 coefficients = coefficients + step.reshape(2, -1)
                 if np.abs(step).max() < CONVERGED * self.length:
                     break

@@ -19,6 +19,7 @@ from shellbench.cli.compare import compare_command
 from shellbench.cli.first import doctor, new_case, new_solver, quick
 from shellbench.cli.judge import baseline_command, export, gate_command, report, table
 from shellbench.cli.options import INTERRUPTED, say
+from shellbench.cli.passport import passport_command
 from shellbench.cli.share import board, pack
 from shellbench.cli.solve import check_solver_command, list_command, run
 from shellbench.errors import ShellbenchError
@@ -85,6 +86,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "pack": pack,
     "board": board,
     "check-solver": check_solver_command,
+    "passport": passport_command,
     "new-case": new_case,
     "new-solver": new_solver,
 }

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -71,6 +72,14 @@ SolverOption = Annotated[
     list[str] | None,
     typer.Option("--solver", metavar="NAME", help="Solver; may be repeated. See `shellbench list`.", **SOLVERS),
 ]
+SettingOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SOLVER.KEY=VALUE",
+        help="A setting of a solver, its value in TOML (2, 1e-6, true, [1, 2], text); may be repeated.",
+    ),
+]
 SeedOption = Annotated[
     list[int] | None,
     typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Seed of the random numbers; may be repeated."),
@@ -108,3 +117,14 @@ def warn(sentences: tuple[str, ...]) -> None:
     """Write notes, one line each."""
     for sentence in sentences:
         note(sentence)
+
+
+def settings_of(texts: Sequence[str] | None) -> dict[str, dict[str, Any]]:
+    """Return settings by solver from what `--set` was given; InputError if one is malformed."""
+    from shellbench.bench.identity import parse_setting
+
+    given: dict[str, dict[str, Any]] = {}
+    for text in texts or ():
+        name, key, value = parse_setting(text)
+        given.setdefault(name, {})[key] = value
+    return given

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -15,11 +15,13 @@ from shellbench.cli.options import (
     SOLVERS,
     Device,
     SeedOption,
+    SettingOption,
     SolverOption,
     StoreOption,
     SuiteOption,
     WideOption,
     say,
+    settings_of,
     text_width,
     warn,
 )
@@ -71,14 +73,7 @@ def run(
     ] = None,
     suite: SuiteOption = None,
     solver: SolverOption = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="SOLVER.KEY=VALUE",
-            help="A setting of a solver, its value in TOML (2, 1e-6, true, [1, 2], text); may be repeated.",
-        ),
-    ] = None,
+    settings: SettingOption = None,
     seed: SeedOption = None,
     start: Annotated[
         str | None,
@@ -157,23 +152,18 @@ def run(
         shellbench run my_shell_thicker.toml --start my_shell-ndf-s0-20260101T120000-0a1b2c3d
     """
     from shellbench.bench.earlier import find_earlier
-    from shellbench.bench.identity import parse_setting
     from shellbench.bench.plan import DEFAULT_SUITE, Request
     from shellbench.bench.store import Store
 
     if timeout is not None and not 0 < timeout < float("inf"):
         raise typer.BadParameter("must be a positive number of seconds", param_hint="'--timeout'")
-    given: dict[str, dict[str, Any]] = {}
-    for text in settings or ():
-        name, key, value = parse_setting(text)
-        given.setdefault(name, {})[key] = value
     where = Store(store)
     earlier = None if start is None else find_earlier(start, where, where.read())
     request = Request(
         cases=tuple(cases or ()),
         suites=tuple(suite or (() if cases or not quick else (DEFAULT_SUITE,))),
         solvers=tuple(solver or ((earlier.solver,) if earlier else ())),
-        settings=given,
+        settings=settings_of(settings),
         seeds=tuple(dict.fromkeys(seed or ())),
         device=device.value,
         threads=threads,

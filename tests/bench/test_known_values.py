@@ -14,6 +14,8 @@ from derivations import (
     elastica,
     fields,
     naghdi,
+    heavy_strip,
+    passport,
     plane_strip,
     plate_modes,
     plate_modes_by_splines,
@@ -79,12 +81,14 @@ ORIGINS = {
     **ropes.JUDGES,
     **fields.JUDGES,
     **contact.JUDGES,
+    **passport.JUDGES,
     **plate_modes.JUDGES,
     **cylinder_modes.JUDGES,
     **naghdi.JUDGES,
 }
 MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS}
 LONG = {
+    "heavy_cantilever",
     "rhombic_plate_modes",
     "pendulum_strip",
     "napkin_plane",
@@ -188,6 +192,10 @@ def test_a_tolerance_is_absolute_where_the_error_is(name):
 def second_form(name, origin):
     if name in contact.SECOND_FORMS:
         return contact.SECOND_FORMS[name]()
+    if origin == "inextensible elastica of a heavy strip":
+        return heavy_strip.elastica_of_weight()
+    if name in passport.SECOND_FORMS:
+        return passport.SECOND_FORMS[name]()
     if name in MODES:
         return MODES[name]()
     if name in naghdi.SECOND_FORMS:
@@ -218,6 +226,7 @@ def of_quantity(values, quantity):
         ),
         "cantilever_pressure",
         *contact.JUDGES,
+        *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in passport.JUDGES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
         "thick_plate_naghdi",
         pytest.param("scordelis_lo_naghdi", marks=pytest.mark.long),

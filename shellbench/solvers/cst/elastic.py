@@ -19,7 +19,7 @@ from skfem.refdom import RefTri
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, GravityLoad, PointLoad, PressureLoad
 from shellbench.problems.shell.places import Edge, Point
-from shellbench.solvers.cst.elements import Hinges, Membrane
+from shellbench.solvers.cst.elements import Hinges, Membrane, Walls
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]
@@ -46,7 +46,8 @@ class Elastic:
         """Put a mesh on a case's midsurface."""
         rest = case.surface.position(mesh.domain.wrap(mesh.points))
         membrane = Membrane.from_mesh(mesh, rest, case.material)
-        return cls(rest, membrane, Hinges.from_mesh(mesh, rest, membrane, case.material), case.linear)
+        hinges = Hinges.from_mesh(mesh, rest, membrane, case.material, Walls.from_case(case, mesh))
+        return cls(rest, membrane, hinges, case.linear)
 
     def strain(self, displacement: Array) -> Array:
         """Return the membrane strain (t, 3) of vertex displacements (v, 3)."""
@@ -75,10 +76,10 @@ class Elastic:
         else:
             positions = self.rest + displacement
             stretching, bending = self.membrane.gradient(positions), self.hinges.gradient(positions)
-        total = np.zeros_like(self.rest)
+        total = np.zeros_like(self.hinges.rest)
         np.add.at(total, self.membrane.triangles, stretching.reshape(-1, 3, 3))
         np.add.at(total, self.hinges.vertices, bending.reshape(-1, 4, 3))
-        return total
+        return total[: len(self.rest)]
 
     def tangent_values(self, displacement: Array, definite: bool = False) -> Array:
         """Return the entries of all elements' second derivatives, in the order that `entries` names their places.
@@ -91,7 +92,7 @@ class Elastic:
 
     @cached_property
     def entries(self) -> tuple[Integers, Integers]:
-        """Rows and columns of `tangent_values` among the unknowns 3 v + component."""
+        """Rows and columns of `tangent_values` among the unknowns 3 v + component, those of walls after them."""
         rows, columns = [], []
         for vertices in (self.membrane.triangles, self.hinges.vertices):
             unknowns = (3 * vertices[:, :, None] + np.arange(3)).reshape(len(vertices), -1)
@@ -129,7 +130,7 @@ class Pattern:
     @classmethod
     def from_elastic(cls, elastic: Elastic, free: Integers) -> Pattern:
         """Find the pattern of the matrix of free unknowns."""
-        number = np.full(elastic.rest.size, -1)
+        number = np.full(elastic.hinges.rest.size, -1)
         number[free] = np.arange(len(free))
         rows, columns = (number[index] for index in elastic.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))

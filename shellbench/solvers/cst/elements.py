@@ -20,6 +20,10 @@ With this k the energy of a cylinder along either coordinate is exact on any reg
   (k11 + k22)/12 times the cell's area, and what is left is B/2 (5/6 (k11^2 + k22^2) - k11 k22/3 + 4 k12^2).
   The isotropic plate without Poisson's effect has B/2 (k11^2 + k22^2 + 2 k12^2). No other k, not even one for each
   direction of edges, takes the product of k11 and k12 out of the first of these.
+
+A clamped edge has hinges, too: between each of its triangles and a plane that stays as the tangent plane was at rest.
+It is a half of a hinge. The triangle's slope is that of the middle of its cell, p/2 from the wall, so that the surface
+above folds it by kappa p/2; the energy is k |e|^2/A1 (theta - theta0)^2, k kappa^2 p q/2 as of half a cell.
 """
 
 from __future__ import annotations
@@ -30,7 +34,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import Material
+from shellbench.problems.shell.places import Edge
 from shellbench.solvers.cst.mesh import TriangleMesh
 
 Array = NDArray[np.float64]
@@ -149,19 +155,60 @@ class Membrane:
 
 
 @dataclass(frozen=True)
+class Walls:
+    """Clamped edges of the rectangle, and the directions in which the surface would go on there.
+
+    Attributes
+    ----------
+    edges
+        Edges of the rectangle.
+    outward
+        (w, 3) vectors in the tangent plane at rest, away from the surface, one for each side of the mesh on them.
+    """
+
+    edges: tuple[Edge, ...]
+    outward: Array
+
+    @classmethod
+    def from_case(cls, case: Case, mesh: TriangleMesh) -> Walls | None:
+        """Find the clamped edges of a case; None if there are none."""
+        named = [case.places[name] for support in case.supports if support.holds_slope for name in support.on]
+        edges = tuple(place for place in dict.fromkeys(named) if isinstance(place, Edge))
+        if not edges:
+            return None
+        outward = []
+        for edge in edges:
+            middles = mesh.side_middles(edge)
+            x = case.surface.derivatives(middles, order=1)
+            along, across = (x[0, 1], x[1, 0]) if edge.axis == 0 else (x[1, 0], x[0, 1])
+            unit = along / np.linalg.norm(along, axis=-1, keepdims=True)
+            normal = across - np.sum(across * unit, axis=-1, keepdims=True) * unit
+            outward.append(-normal if edge.side == "min" else normal)
+        return cls(edges, np.concatenate(outward))
+
+    def corners(self, rim: Array) -> Array:
+        """Return corners (w, 3) of the walls behind the triangles (w, 3, 3) on the rim, as far off as theirs are."""
+        edge, arm = rim[:, 1] - rim[:, 0], rim[:, 2] - rim[:, 0]
+        height = np.linalg.norm(np.cross(edge, arm), axis=1) / np.linalg.norm(edge, axis=1)
+        unit = self.outward / np.linalg.norm(self.outward, axis=1, keepdims=True)
+        return np.asarray((rim[:, 0] + rim[:, 1]) / 2 + height[:, None] * unit)
+
+
+@dataclass(frozen=True)
 class Hinges:
-    """All interior edges of a mesh.
+    """All interior edges of a mesh, and those on walls.
 
     Attributes
     ----------
     vertices
-        (h, 4) both ends of the edge, then the other corners of its first and second triangle.
+        (h, 4) both ends of the edge, then the other corners of its first and second triangle. Those from v on are
+        corners of walls, which never move.
     sides
-        (h, 2) the triangles.
+        (h, 2) the triangles; at a wall the same one twice.
     stiffness
-        (h,) k |e|^2 / (A1 + A2), J.
+        (h,) k |e|^2 / (A1 + A2), J; at a wall k |e|^2 / A1.
     rest
-        (v, 3) positions of all vertices at rest.
+        (v + w, 3) positions of all vertices at rest, and of the corners of walls.
     """
 
     vertices: Integers
@@ -170,12 +217,24 @@ class Hinges:
     rest: Array
 
     @classmethod
-    def from_mesh(cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: Material) -> Hinges:
-        """Make the hinges between vertices at rest (v, 3)."""
+    def from_mesh(
+        cls, mesh: TriangleMesh, rest: Array, membrane: Membrane, material: Material, walls: Walls | None = None
+    ) -> Hinges:
+        """Make the hinges between vertices at rest (v, 3), and those at walls."""
         vertices, sides = mesh.hinges
+        areas = membrane.areas[sides].sum(axis=1)
+        if walls is not None:
+            rim, side = mesh.rim(walls.edges)
+            corner = len(rest) + np.arange(len(rim))
+            vertices, sides = np.vstack([vertices, np.column_stack([rim, corner])]), np.vstack([sides, side])
+            areas = np.append(areas, membrane.areas[side[:, 0]])
+            rest = np.vstack([rest, walls.corners(rest[rim])])
         squared = np.sum((rest[vertices[:, 1]] - rest[vertices[:, 0]]) ** 2, axis=1)
-        k = material.bending_stiffness / 2
-        return cls(vertices, sides, k * squared / membrane.areas[sides].sum(axis=1), rest)
+        return cls(vertices, sides, material.bending_stiffness / 2 * squared / areas, rest)
+
+    def corners(self, positions: Array) -> Array:
+        """Return the corners (h, 4, 3) of the hinges at vertex positions (v, 3)."""
+        return np.concatenate([positions, self.rest[len(positions) :]])[self.vertices]
 
     @cached_property
     def rest_angles(self) -> Array:
@@ -189,12 +248,13 @@ class Hinges:
 
     def change(self, positions: Array) -> Array:
         """Return theta - theta0 (h,), radians, at vertex positions (v, 3); within half a turn."""
-        difference = fold(positions[self.vertices]) - self.rest_angles
+        difference = fold(self.corners(positions)) - self.rest_angles
         return np.asarray(np.mod(difference + np.pi, 2 * np.pi) - np.pi)
 
     def linear_change(self, displacement: Array) -> Array:
         """Return the linearised change (h,) of the angles for vertex displacements (v, 3)."""
-        return np.asarray(np.sum(self.rest_gradient * displacement[self.vertices].reshape(-1, 12), axis=1))
+        moved = np.concatenate([displacement, np.zeros((len(self.rest) - len(displacement), 3))])[self.vertices]
+        return np.asarray(np.sum(self.rest_gradient * moved.reshape(-1, 12), axis=1))
 
     def energy(self, change: Array) -> Array:
         """Return the energy (h,) of each hinge, J."""
@@ -202,12 +262,12 @@ class Hinges:
 
     def gradient(self, positions: Array) -> Array:
         """Return the derivative (h, 12) of each hinge's energy by its vertices, N."""
-        slope = fold_gradient(positions[self.vertices])
+        slope = fold_gradient(self.corners(positions))
         return np.asarray((2 * self.stiffness * self.change(positions))[:, None] * slope)
 
     def hessian(self, positions: Array, definite: bool = False) -> Array:
         """Return the second derivative (h, 12, 12), N/m; if it must be `definite`, its squares alone (Gauss-Newton)."""
-        corners = positions[self.vertices]
+        corners = self.corners(positions)
         slope = fold_gradient(corners)
         blocks = 2 * self.stiffness[:, None, None] * slope[:, :, None] * slope[:, None, :]
         if definite:
@@ -221,7 +281,7 @@ class Hinges:
         It is the sum over the triangle's edges of (theta - theta0)/(2 A |e|) n n, n the edge turned by a right angle
         (the triangle's shape operator of Grinspun, Gingold, Reisman & Zorin 2006). It is right for every quadratic
         surface on a regular grid whose diagonals are alike; with alternating ones its mean over neighbouring cells is.
-        Edges on the rim have no hinge and count as unfolded.
+        Edges on the rim count as unfolded unless they are clamped.
         """
         edge = self.rest[self.vertices[:, 1]] - self.rest[self.vertices[:, 0]]
         length = np.linalg.norm(edge, axis=1)

@@ -112,6 +112,31 @@ class TriangleMesh:
         edge = np.where(along[:, None], edge, edge[:, ::-1])
         return np.asarray(np.column_stack([edge, *opposite]), dtype=np.int64), sides
 
+    def rim(self, edges: tuple[Edge, ...]) -> tuple[Integers, Integers]:
+        """Return the triangles on edges of the rectangle: corners (w, 3), those on the edge first, and numbers (w, 2).
+
+        Corners go counter-clockwise, so that the surface lies to the left of its edge. Each number stands twice.
+        """
+        corners, numbers = [], []
+        for edge in edges:
+            on = np.isin(self.triangles, self.edge_vertices(edge))
+            outside = np.roll(on, -1, axis=1) & on  # sides that begin at this corner
+            number = np.flatnonzero(outside.any(axis=1))
+            start = np.argmax(outside[number], axis=1)
+            order = (start[:, None] + np.arange(3)) % 3
+            ends = np.take_along_axis(self.corners[number], order[:, :2, None], axis=1)
+            sequence = np.argsort(ends[:, :, 1 - edge.axis].mean(axis=1))
+            number, order = number[sequence], order[sequence]
+            corners.append(np.take_along_axis(self.triangles[number], order, axis=1))
+            numbers.append(number)
+        return np.concatenate(corners), np.repeat(np.concatenate(numbers)[:, None], 2, axis=1)
+
+    def side_middles(self, edge: Edge) -> Array:
+        """Return the middles (n, 2) of the sides on an edge of the rectangle, by the running coordinate."""
+        running = 1 - edge.axis
+        places = self.domain.lower[running] + (np.arange(self.cells[running]) + 0.5) * self.steps[running]
+        return edge.points(self.domain, places)
+
     def _corner_off(self, edge: Integers, triangle: Integers) -> Integers:
         corners = self.triangles[triangle]
         off = (corners != edge[:, :1]) & (corners != edge[:, 1:])

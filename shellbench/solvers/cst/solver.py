@@ -13,7 +13,7 @@ from pydantic import Field
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.conditions import MomentLoad, Support
 from shellbench.problems.shell.solution import ShellSolver, why_not_by_load, why_not_plain
 
 if TYPE_CHECKING:
@@ -75,14 +75,19 @@ class CstSolver(ShellSolver):
         return CstSolution.load(path)
 
 
+def _is_wall(support: Support) -> bool:
+    """Whether a support holds an edge and its slope at rest."""
+    return support.clamped and set(support.components) == {"x", "y", "z"} and support.motion is None
+
+
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
     if refusal := why_not_plain(case):
         return refusal
     if case.prescribed:
         return "it moves the whole surface as prescribed, and leaves nothing to solve for"
-    if any(support.holds_slope for support in case.supports):
-        return "it holds slopes on edges, where this mesh has no hinges"
+    if any(support.holds_slope and not _is_wall(support) for support in case.supports):
+        return "it holds slopes on edges that move, where this mesh has no hinges"
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it has moments on edges, where this mesh has no hinges"
     if case.following:

@@ -177,3 +177,49 @@ def test_a_cylinder_that_unrolls_has_the_energy_of_its_curvature():
     expected = stiffness / (2 * radius**2) * radius * np.pi / 2
     assert membrane < 1e-20
     assert bending == pytest.approx(expected * (1 - 1 / n), rel=2e-3)  # chord against arc
+
+
+SIDES = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("diagonal", ["right", "left"])
+def test_a_clamped_edge_has_the_half_of_a_hinge(side, diagonal):
+    """The mesh of w = kappa s^2 / 2, s from the wall, has the energy of all but the last half of a row of cells."""
+    cells, kappa = (6, 5), 0.3
+    case = plate(supports=[{"name": "wall", "on": [side], "clamped": True}])
+    _, elastic = made(case, cells, diagonal)
+    axis = int(side[2]) - 1
+    s = elastic.rest[:, axis] - elastic.rest[:, axis].min()
+    length = s.max()
+    s = s if side.endswith("min") else length - s
+    u = np.zeros_like(elastic.rest)
+    u[:, 2] = kappa * s**2 / 2
+    area = np.ptp(elastic.rest[:, 0]) * np.ptp(elastic.rest[:, 1])
+    share = 1 - 1 / (2 * cells[axis])
+    assert elastic.energies(u)[1] == pytest.approx(case.material.bending_stiffness * kappa**2 / 2 * area * share)
+
+
+@pytest.mark.parametrize(
+    ("make", "edges", "sides"), [(cloth, ["xi1_min", "xi2_max"], 4 + 5), (cylinder, ["xi2_max"], 5)]
+)
+def test_walls_have_the_derivatives_of_their_energy(make, edges, sides):
+    free = made(make())[1]
+    _, elastic = made(make(supports=[{"name": "walls", "on": edges, "clamped": True}], remove_rigid_motions=[]))
+    assert len(elastic.hinges.vertices) == len(free.hinges.vertices) + sides
+    u = crumpled(elastic)
+    d = np.random.default_rng(4).normal(size=u.shape)
+    numeric = (total(elastic, u + STEP * d) - total(elastic, u - STEP * d)) / (2 * STEP)
+    assert np.sum(elastic.gradient(u) * d) == pytest.approx(numeric, rel=1e-6)
+    pattern = Pattern.from_elastic(elastic, np.arange(u.size))
+    steps = (elastic.gradient(u + STEP * d) - elastic.gradient(u - STEP * d)) / (2 * STEP)
+    tangent = pattern.matrix(elastic.tangent_values(u), np.zeros(u.size)) @ d.ravel()
+    np.testing.assert_allclose(tangent, steps.ravel(), rtol=0, atol=1e-5 * np.abs(steps).max())
+
+
+def test_a_wall_at_rest_strains_nothing_and_feels_a_turn_about_its_edge():
+    case = cylinder(supports=[{"name": "wall", "on": ["xi2_min"], "clamped": True}], remove_rigid_motions=[])
+    _, elastic = made(case)
+    np.testing.assert_allclose(elastic.folding(np.zeros_like(elastic.rest)), 0, atol=1e-13)
+    turned = np.cross([1.0, 0.0, 0.0], elastic.rest)
+    assert elastic.energies(1e-3 * turned)[1] > 0

@@ -160,7 +160,7 @@ CRITICAL = {"name": "critical", "kind": "critical_point", "primary": True}
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"supports": [CLAMP]}, "holds slopes"),
+        ({"supports": [CLAMP | {"motion": {"kind": "value", "z": 0.1}}]}, "holds slopes"),
         ({"loads": [MOMENT]}, "moments on edges"),
         (LARGE | {"loads": [{"kind": "pressure", "value": "t", "follows": True}]}, "pressure follows"),
         (LARGE | {"quantities": [CRITICAL]}, "buckling or turning points"),

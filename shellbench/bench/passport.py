@@ -1,0 +1,60 @@
+"""What a passport tells of a solver: properties of the material, and the case and quantities that answer to each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+SUITE = "passport"
+GRAVITY = 9.8  # m/s^2, of its free fall
+Rule = Literal["inverse", "proportional", "quotient", "hanging"]
+
+
+@dataclass(frozen=True)
+class Property:
+    """One line of a passport.
+
+    Attributes
+    ----------
+    name, words, unit
+        What it is.
+    case, quantities
+        What it is measured by.
+    rule
+        How: it is inversely proportional or proportional to the quantity, or to the quotient of two; or it is the
+        stiffness of a strip that hangs under its own weight, of which the drop and the shortening are given, as
+        parts of its length.
+    nominal
+        The material's own, from the material of the case.
+    """
+
+    name: str
+    words: str
+    unit: str
+    case: str
+    quantities: tuple[str, ...]
+    rule: Rule
+    nominal: Callable[[Any], float]
+
+
+def _stretching(material: Any) -> float:
+    return float(material.youngs_modulus) * float(material.thickness)
+
+
+PROPERTIES = (
+    Property("stretch", "Stretching stiffness E h", "N/m", "swatch", ("stretch",), "inverse", _stretching),
+    Property("poisson", "Poisson's ratio, stretched", "", "swatch", ("contraction", "stretch"), "quotient",
+             lambda m: m.poissons_ratio),
+    Property("shear", "Shear stiffness G h", "N/m", "swatch", ("shear",), "inverse",
+             lambda m: _stretching(m) / 2 / (1 + m.poissons_ratio)),
+    Property("twist", "Twisting stiffness B (1 - nu)", "N m", "swatch", ("twist",), "inverse",
+             lambda m: m.bending_stiffness * (1 - m.poissons_ratio)),
+    *(
+        Property(f"bending_{gamma}", f"Bending stiffness B, hanging at Gamma = {gamma}", "N m", "heavy_cantilever",
+                 (f"drop_{gamma}", f"shortening_{gamma}"), "hanging", lambda m: m.bending_stiffness)
+        for gamma in (1, 10, 100, 1000)
+    ),
+    Property("fall", "Acceleration of a free fall", "m/s^2", "free_fall", ("fall_1000ms",), "proportional",
+             lambda m: GRAVITY),
+)  # fmt: skip

@@ -1,0 +1,54 @@
+"""The command ``passport``: which stiffness a solver really simulates."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from shellbench.cli.options import (
+    DEFAULT_STORE,
+    SOLVERS,
+    SettingOption,
+    StoreOption,
+    WideOption,
+    settings_of,
+    text_width,
+    warn,
+)
+from shellbench.cli.solve import carry_out
+
+
+def passport_command(
+    solver: Annotated[str, typer.Argument(metavar="SOLVER", help="Whose passport.", **SOLVERS)],
+    settings: SettingOption = None,
+    store: StoreOption = DEFAULT_STORE,
+    wide: WideOption = False,
+) -> None:
+    """Tell which material a solver really simulates: its stiffnesses as multiples of those that it was given.
+
+    Stretch, shear, twist, bending under its own weight up to Gamma = q L^3 / B = 1000, and free fall. The runs are
+    those of the suite `passport`, on several meshes where it declares them; a ratio is that of the finest, with its
+    uncertainty. What a solver declines is said. The exit code is 1 if nothing could be measured or a run failed.
+
+    Examples
+    --------
+        shellbench passport cst-hinge
+
+        shellbench passport mine --set mine.cells=64
+    """
+    from shellbench.bench import compare, environment
+    from shellbench.bench.local import LocalProcesses
+    from shellbench.bench.passport import SUITE
+    from shellbench.bench.plan import Request
+    from shellbench.bench.store import Store
+    from shellbench.report.passport import table
+
+    where = Store(store)
+    request = Request(suites=(SUITE,), solvers=(solver,), settings=settings_of(settings), threads=1)
+    code = carry_out(request, where, LocalProcesses(environment.cores(), 1))
+    rows, notes = compare.rows_and_notes(where, (SUITE,), ())
+    warn(notes)
+    mine = [row for row in rows if row.solver == solver]
+    typer.echo(table(mine).write("text", text_width(wide)), nl=False)
+    raise typer.Exit(code if any(row.value is not None for row in mine) else 1)
