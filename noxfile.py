@@ -381,7 +381,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def accessibility(session: nox.Session) -> None:
-    """Build the site and ask axe-core about each page, wide and narrow, light and dark. `-- --page NAME`: fewer pages."""
+    """Build the site and ask axe-core about each page, wide and narrow, light and dark. `-- --page NAME`: fewer."""
     build_site(session)
     if not any(map(shutil.which, BROWSERS)):
         session.run("playwright", "install", "chromium", silent=True)
