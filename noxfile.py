@@ -388,9 +388,23 @@ def case_pages(session: nox.Session) -> None:
 @nox.session
 def docs(session: nox.Session) -> None:
     """Build the site in site/ without a network; a link or an anchor that leads nowhere is an error."""
+    build_site(session)
+
+
+@nox.session
+def accessibility(session: nox.Session) -> None:
+    """Build the site and ask axe-core about each page, wide and narrow, light and dark. `-- --page NAME`: fewer."""
+    build_site(session)
+    if not any(map(shutil.which, BROWSERS)):
+        session.run("playwright", "install", "chromium", silent=True)
+    session.run("python", "docs/accessibility.py", "site", *session.posargs)
+
+
+def build_site(session: nox.Session) -> None:
+    """Build the site; not with --quiet, which keeps --strict from seeing warnings."""
     extra = nox.project.load_toml("pyproject.toml")["project"]["optional-dependencies"]["docs"]
     session.install("-q", *extra, *CONSTRAINTS)  # not shellbench: pages that come from its models are written already
-    session.run("mkdocs", "build", "--strict", "--quiet", env={"NO_MKDOCS_2_WARNING": "1"})
+    session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
     session.log("site/index.html")
 
 

@@ -8,6 +8,7 @@ store's records. Pages are built into docs/cases/, and not committed; `python -m
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,7 +26,7 @@ from shellbench.problem import Problem
 from shellbench.report.document import Source, read_bibliography
 from shellbench.report.exhibit import style
 from shellbench.report.fields import held_lines, point_forces, shell
-from shellbench.report.notation import escape_markdown as words
+from shellbench.report.notation import escape_markdown
 from shellbench.report.shells import Camera, Shell, colour_bar, draw_deformed, draw_reference, scale_words
 
 ROOT = Path(__file__).parents[1]
@@ -36,11 +37,17 @@ SIZE, DPI = (3.2, 2.6), 110  # inches of a panel, dots an inch
 Data = dict[str, Any]
 
 
+def words(text: str) -> str:
+    """Return text for Markdown as the site reads it: there `$` is no markup, and `&` and `<` can't be escaped."""
+    return re.sub(r"\\([$~])", r"\1", escape_markdown(text)).replace(r"\&", "&amp;").replace(r"\<", "&lt;")
+
+
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a Markdown table; nothing if it has no rows."""
-    lines = [f"| {' | '.join(row)} |" for row in rows]
+    """Yield the lines of a Markdown table, without columns that are empty; nothing if it has no rows."""
+    columns = [(name, *cells) for name, *cells in zip(head, *rows, strict=True) if any(cells)]
+    lines = [f"| {' | '.join(row)} |" for row in zip(*columns, strict=True)]
     if lines:
-        yield from (f"| {' | '.join(head)} |", f"|{'---|' * len(head)}", *lines, "")
+        yield from (lines[0], f"|{'---|' * len(columns)}", *lines[1:], "")
 
 
 def page(case: Problem, rows: Sequence[Row], figure: str, sources: dict[str, Source]) -> str:

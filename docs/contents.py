@@ -1,11 +1,21 @@
-"""Hook of the site: pages of the cases are in the contents if they were built (`docs/cases.py`)."""
+"""Hook of the site: pages of the cases are in the contents if they were built, and each finding says how to cite it."""
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
+ROOT = Path(__file__).parents[1]
 SECTION, ENTRY = "Trust", {"The cases": "cases/index.md"}
+FINDINGS = "Findings"
+CITE = """
+
+---
+
+**To cite this finding:** {authors}, *{title}*, in shellbench {version}, exam {exam}, `docs/{page}`, {year}.
+"""
 
 
 def on_config(config: Any) -> Any:
@@ -13,3 +23,21 @@ def on_config(config: Any) -> Any:
     if (Path(config["docs_dir"]) / ENTRY["The cases"]).is_file():
         next(section[SECTION] for section in config["nav"] if SECTION in section).append(ENTRY)
     return config
+
+
+def on_page_markdown(markdown: str, page: Any, **rest: Any) -> str:
+    """Say below a finding how to cite it, with the versions of the package and of the exam."""
+    if page.parent is None or page.parent.title != FINDINGS or page.is_index:
+        return markdown
+    said = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    facts = {
+        name: re.search(pattern, said, re.MULTILINE)[1]
+        for name, pattern in (
+            ("authors", r'^ {2}- name: "(.*)"'),
+            ("version", r"^version: (\S+)"),
+            ("year", r"^date-released: (\d+)"),
+        )
+    }
+    exam = json.loads((ROOT / "references/lock.json").read_bytes())["version"]
+    title = re.search(r"^# (.*)$", markdown, re.MULTILINE)[1]
+    return markdown + CITE.format(title=title, exam=exam, page=page.file.src_uri, **facts)

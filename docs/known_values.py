@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench import catalog
-from shellbench.bench.kinds import read_problem
 from shellbench.bench.reference import KnownValue
 from shellbench.model import read_toml
 from shellbench.problem import Problem, Quantity
@@ -45,7 +44,7 @@ def cell(text: str) -> str:
 
 def row(case_file: Path) -> str:
     """Return the row of a case."""
-    case = read_problem(case_file)
+    case = catalog.named_case(case_file.stem)
     quantity = case.primary
     file = ROOT / "references" / case_file.name
     values = read_toml(file)["values"] if file.is_file() else []

@@ -12,7 +12,6 @@ import pytest
 from docs import cases, contents
 from shellbench.bench import catalog
 from shellbench.bench.store import Store
-from shellbench.report.notation import escape_markdown
 from tests.bench.conftest import full, made_once, plugin, store, toys  # noqa: F401 - fixtures
 
 
@@ -35,14 +34,20 @@ def test_all_that_judges_stands_on_the_page_with_its_source(folder: Path, name: 
         unit = case.quantity(judge.quantity).unit
         assert f"| `{judge.quantity}` | judge | **{judge.value:.13g} ± {judge.uncertainty:.2g} {unit}** |" in line
         assert f"`{judge.source}`" in line
-        assert escape_markdown(judge.origin) in line
-        assert f"- `{judge.source}`: {escape_markdown(sources[judge.source].words)}" in page
+        assert cases.words(judge.origin) in line
+        assert f"- `{judge.source}`: {cases.words(sources[judge.source].words)}" in page
     for value in known.values:
         assert f"{value.value:.13g}" in page
     for solver, held in catalog.tolerances().items():
         for quantity, allowed in held.get(name, {}).items():
             (line,) = [line for line in page.splitlines() if re.match(rf"\| `{quantity}` \| [^|]*{solver} ", line)]
             assert f"{solver} {allowed.largest:g}" in line
+
+
+def test_text_is_shown_as_it_is_and_no_column_is_empty() -> None:
+    assert cases.words("Scordelis & Lo | a_1 <b>") == r"Scordelis &amp; Lo \| a\_1 &lt;b\>"
+    assert list(cases.table(("a", "b"), [("1", ""), ("", "")])) == ["| a |", "|---|", "| 1 |", "|  |", ""]
+    assert list(cases.table(("a", "b"), [])) == []
 
 
 def test_the_picture_shows_the_shell(folder: Path) -> None:

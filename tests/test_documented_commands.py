@@ -1,9 +1,11 @@
-"""Each command line that README and docs show can be given: its command, options and number of names are known."""
+"""What README and docs show can be given: commands, with their options and number of names; sessions; Python."""
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,14 @@ import typer
 from shellbench.cli import app
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "examples/solver_template/README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "examples/solver_template/README.md")),
+    *sorted(page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "cases"),  # those are built
+]
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+IN_A_LINE = re.compile(r"`(shellbench [a-z][^`]*)`")
+SESSION = re.compile(r"nox -s\s+((?:[a-z_]+ ?)+)")
+DOCUMENTED = re.compile(r"^::: ([\w.]+)$", re.MULTILINE)
 OF_COMMANDS = ("", "bash", "text", "console")  # languages of blocks that show commands
 OPTIONAL = re.compile(r"\[(?![\d\[])[^\]]*\]")  # what a line may leave out; no list of numbers
 CHOICE = re.compile(r"(\.\w+)(\|\.\w+)+")  # FILE.npz|.obj|.vtu
@@ -43,6 +51,12 @@ def parse(line: str) -> None:
         command.make_context(name, rest, parent=context)
 
 
+def named(page: str) -> list[str]:
+    """Commands that stand in typewriter within a text: they may lack what a command is about."""
+    return [" ".join(line.split()) for line in IN_A_LINE.findall(FENCED.sub("", page))]
+
+
+NAMED = sorted({line for path in PAGES for line in named(path.read_text(encoding="utf-8"))})
 COMMANDS = sorted(
     {line for path in PAGES for line in shown(path.read_text(encoding="utf-8"))} - {"shellbench COMMAND --help"}
 )
@@ -51,6 +65,15 @@ COMMANDS = sorted(
 @pytest.mark.parametrize("line", COMMANDS)
 def test_a_command_that_is_shown_can_be_given(line: str) -> None:
     parse(line)
+
+
+@pytest.mark.parametrize("line", [line for line in NAMED if line not in COMMANDS])
+def test_a_command_that_is_named_is_one(line: str) -> None:
+    try:
+        parse(line)
+    except Exception as error:  # Click's own, of a module that Typer hides
+        if "Missing parameter" not in str(error):
+            raise
 
 
 @pytest.mark.parametrize(
@@ -65,3 +88,30 @@ def test_the_page_on_using_it_shows_every_command() -> None:
     page = (ROOT / "docs/using.md").read_text(encoding="utf-8")
     names = typer.main.get_command(app).commands
     assert [name for name in names if f"shellbench {name}" not in page and f"`{name}" not in page] == []
+
+
+def test_sessions_that_are_shown_are_there() -> None:
+    known = set(re.findall(r"^@nox\.session.*\ndef (\w+)", (ROOT / "noxfile.py").read_text("utf-8"), re.MULTILINE))
+    named = {name for path in PAGES for names in SESSION.findall(path.read_text("utf-8")) for name in names.split()}
+    assert len(named) > 20
+    assert named - known == set()
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_python_that_is_shown_can_be_read_and_finds_what_it_imports(path: Path) -> None:
+    for block in (
+        block for language, block in FENCED.findall(path.read_text(encoding="utf-8")) if language == "python"
+    ):
+        for statement in ast.walk(ast.parse(block)):
+            if isinstance(statement, ast.ImportFrom) and str(statement.module).startswith("shellbench"):
+                module = import_module(str(statement.module))
+                assert [alias.name for alias in statement.names if not hasattr(module, alias.name)] == []
+
+
+def test_the_python_interface_documents_what_is_there() -> None:
+    names = DOCUMENTED.findall((ROOT / "docs/api.md").read_text(encoding="utf-8"))
+    assert {"shellbench.interface.run", "shellbench.interface.table", "shellbench.problem.Solver"} <= set(names)
+    for name in names:
+        module, _, attribute = name.rpartition(".")
+        found = import_module(name) if name == "shellbench.errors" else getattr(import_module(module), attribute)
+        assert found.__doc__, name

@@ -40,7 +40,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"Python 3\.11( to 3\.13)?|x86-64",
     r"its default, 1e-4, is the tightest",
     r"\(20\d\d\)",
-    r"[Ee]quation \(30\)",
+    r"[Ee]quation \(30\)|Table 3",
     r"exits? [012]\b|\b(0 is good|1 is a failed|2 is bad|130 is an interrupted)",
     r"\bP = 4\b",
     r"by (90|180) degrees|at 90 degrees",
@@ -52,7 +52,7 @@ DEFINED = (  # no figures of a run: what things are called, what was asked for, 
     r"\b(5 x 5|10 x 10|15 x 15) (random|fixed)|with 10 x 10",
     r"float16|float32|\b16 bits",
     r"within 0\.01 %|\(bytes: 0\.1 %\)|for 0\.1 %|at 0\.1 %|At 0\.01 %|0\.1 % \| 0\.01 % \| 0\.001 %",
-    r"h/L = 5e-5",
+    r"h/L = (5e-5|1e-[234])",
     r"8 x 8, 1/240 s",
     r"20 x 20; 40 x 40; 80 x 80|mesh, 128 x 128|off on 20 x 20",
     r"at 0\.5 s",
@@ -202,6 +202,33 @@ def quoted_figures():
         "the roof's {} mixes theories, the diaphragm cylinder's {} is a truncated series, the free cylinder's {}",
         *said,
     )
+
+
+CIRCULATING = {
+    "scordelis_lo": "Scordelis-Lo roof",
+    "pinched_cylinder_diaphragm": "Pinched cylinder, diaphragms",
+    "pinched_cylinder_free": "Pinched cylinder, free ends",
+    "hemisphere_hole": "Hemisphere with a hole",
+    **{f"hypar_clamped_1e_{power}": f"Hypar clamped on a side, h/L = 1e-{power}" for power in (2, 3, 4)},
+}
+
+
+def circulating_figures():
+    for case, title in CIRCULATING.items():
+        for said in (v for v in known(case) if v["role"] == "literature"):
+            value = one(v for v in known(case) if (v["quantity"], v["role"]) == (said["quantity"], "judge"))
+            yield (
+                f"| {title}, m | {{}} | {{}} | {{}} |", text_of(quoted(said["value"])),
+                text_of(rounded(value["value"], value["uncertainty"])), error(said["value"] / value["value"] - 1),
+            )  # fmt: skip
+
+
+def collapse():
+    page = (ROOT / "reports/replication/README.md").read_text(encoding="utf-8")
+    lines = [line for line in page.splitlines() if re.match(r"\| 56[0-2]", line)]
+    assert len(lines) == 3
+    for line in lines:
+        yield re.sub(r"[-+]?\d[\d.e-]*", "{}", line), *re.findall(r"[-+]?\d[\d.e-]*", line)
 
 
 def repaired_training():
@@ -424,7 +451,7 @@ def engines():
 
 
 SOURCES = (
-    the_course, what_fell_short, quoted_figures, published_training, repaired_training, strain_measures, motions, costs, findings, engines,
+    the_course, what_fell_short, quoted_figures, circulating_figures, collapse, published_training, repaired_training, strain_measures, motions, costs, findings, engines,
 )  # fmt: skip
 
 

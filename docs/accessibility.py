@@ -1,0 +1,60 @@
+"""Ask axe-core about the built site: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
+
+Each page is opened from disk in Chromium, as wide as a screen and as a phone, light and dark, and held against the
+rules of WCAG 2.1, levels A and AA, and axe's best practices. It exits 1 if a rule is broken, and names where.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, sync_playwright
+
+VIEWS = tuple((width, scheme) for width in (1440, 390) for scheme in ("light", "dark"))
+RULES = {"runOnly": ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "best-practice"]}
+WHERE = {"exclude": [[".md-code__nav"]]}  # the theme's buttons to copy code: a landmark each, all without a name
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+SHOWN = 3  # places that are named of a broken rule
+
+
+def broken(browser: Browser, pages: list[Path]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield a page in a view with each rule that it breaks there."""
+    axe = Axe()
+    for width, scheme in VIEWS:
+        with browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme) as context:
+            tab = context.new_page()
+            for path in pages:
+                tab.goto(path.resolve().as_uri())
+                found = axe.run(tab, context=WHERE, options=RULES).response["violations"]
+                yield from ((f"{path} at {width} pixels, {scheme}", rule) for rule in found)
+
+
+def main() -> int:
+    """Print what is broken, and return the exit code."""
+    parser = argparse.ArgumentParser(description="Ask axe-core about the built site.")
+    parser.add_argument("site", nargs="?", type=Path, default=Path("site"))
+    parser.add_argument("--page", action="append", help="such as findings/course.html; all if none")
+    options = parser.parse_args()
+    pages = [options.site / name for name in options.page or ()] or sorted(options.site.rglob("*.html"))
+    installed = next(filter(None, map(shutil.which, BROWSERS)), None)
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=installed, args=["--no-sandbox"])
+        found = list(broken(browser, pages))
+    rules: dict[str, list[str]] = defaultdict(list)
+    for where, rule in found:
+        places = [str(node["target"][0]) for node in rule["nodes"]]
+        rules[f"{rule['id']} ({rule['impact']}): {rule['help']}"].append(f"{where}: {', '.join(places[:SHOWN])}")
+    for rule, wheres in rules.items():
+        print(f"{rule}, {len(wheres)} times", *wheres[:SHOWN], sep="\n    ")
+    print(f"{len(pages)} pages in {len(VIEWS)} views: {len(rules)} rules are broken")
+    return 1 if rules or not pages else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
