@@ -88,7 +88,7 @@ class Shell:
     scale
         Factor of the displacement in the picture.
     direction
-        Colour by the displacement along this direction; by its magnitude if None.
+        Colour by the displacement along this direction, or into what the surface encloses; by its magnitude if None.
     held
         (n, 3) polylines of held edges, and single held points, on the reference surface.
     forces
@@ -102,7 +102,7 @@ class Shell:
     displacement: Array
     scale: float
     camera: Camera
-    direction: tuple[float, float, float] | None = None
+    direction: tuple[float, float, float] | Literal["inward"] | None = None
     held: tuple[Array, ...] = field(default=())
     forces: tuple[tuple[Array, Array], ...] = field(default=())
     run_id: str = ""
@@ -123,6 +123,8 @@ class Shell:
         """What the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
+        if self.direction == "inward":
+            return np.asarray(np.sum(self.displacement * inward(self.position), axis=-1))
         return np.asarray(self.displacement @ (np.asarray(self.direction) / np.linalg.norm(self.direction)))
 
     @property
@@ -260,6 +262,8 @@ def what_is_coloured(shell: Shell) -> str:
     """Say which part of the displacement the colour shows."""
     if shell.direction is None:
         return "displacement"
+    if shell.direction == "inward":
+        return "inward $u$"
     if axis := axis_of(shell.direction):
         return rf"{axis[0]}$u_{{{axis[1]}}}$".replace("-", "\N{MINUS SIGN}")
     return "displacement along (" + ", ".join(f"{d:g}" for d in shell.direction) + ")"
@@ -270,6 +274,16 @@ def axis_of(direction: Sequence[float]) -> tuple[str, str] | None:
     axis = int(np.argmax(np.abs(direction)))
     alone = np.count_nonzero(direction) == 1
     return ("-" if direction[axis] < 0 else "", "xyz"[axis]) if alone else None
+
+
+def inward(position: Array) -> Array:
+    """Return unit normals (n1, n2, 3) of a surface (n1, n2, 3), on the side on which most of its middle lies."""
+    first, second = (np.gradient(position, axis=axis, edge_order=2) for axis in (0, 1))
+    normal = np.cross(first, second)  # its length is an area: what follows is a mean over the surface
+    inside = np.sum(normal * (position.mean(axis=(0, 1)) - position)) >= 0
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    unit = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    return unit if inside else -unit
 
 
 def times(scale: float) -> str:
