@@ -140,7 +140,7 @@ def shell_figure(shell: Shell) -> Figure:
     draw_deformed(axes, shell)
     colour_bar(figure, axes, shell)
     axes.set_title(plain(shell.title), loc="left", pad=14)
-    subtitle = f"{plain(shell.solver)}, displacement {times(shell.scale)}"
+    subtitle = ", ".join(filter(None, (plain(shell.solver), f"displacement {times(shell.scale)}")))
     axes.annotate(subtitle, (0, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", color="#444444")
     return figure
 
