@@ -283,7 +283,7 @@ def inward(position: Array) -> Array:
     inside = np.sum(normal * (position.mean(axis=(0, 1)) - position)) >= 0
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     unit = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
-    return unit if inside else -unit
+    return np.asarray(unit if inside else -unit)
 
 
 def times(scale: float) -> str:
