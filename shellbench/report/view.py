@@ -29,7 +29,8 @@ from shellbench.bench.record import Record
 from shellbench.errors import ShellbenchError
 from shellbench.report.evidence import Evidence
 from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, read_ribbon, spread
-from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of, inward
+from shellbench.report.grids import inward
+from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
 Planes = list[NDArray[np.int16]]
