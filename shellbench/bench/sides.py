@@ -151,7 +151,8 @@ class _Packed:
 
 def _side(name: str, what: What, store: Store, scope: Scope, wanted: set[tuple[str, bool]]) -> Side:
     path = Path(name)
-    contents = {"store": Store(path), "pack": _Packed(path)}.get(what, store).read()
+    sources: dict[str, Store | _Packed] = {"store": Store(path), "pack": _Packed(path)}
+    contents = sources.get(what, store).read()
     label, notes = name, list(contents.damaged)
     if what == "commit":
         sha = _commit(name, contents)

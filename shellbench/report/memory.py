@@ -273,7 +273,7 @@ def memory_figure(case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Ma
 def _way_entry(way: str) -> Any:
     """Return what stands in a legend for a way to keep an answer."""
     look = dict(OTHER_WAYS[way])
-    hollow = {"marker": "o", "markerfacecolor": "white"} if look.pop("hollow", False) else {}
+    hollow: dict[str, Any] = {"marker": "o", "markerfacecolor": "white"} if look.pop("hollow", False) else {}
     return entry(linestyle=look.pop("line"), **look, **hollow)
 
 
