@@ -1,6 +1,7 @@
 """shellbench: validation and benchmarks for thin-shell solvers, neural and classical.
 
-`shellbench.run` solves cases and `shellbench.table` returns what was run, both as a pandas DataFrame; see
+`shellbench.run` solves cases and `shellbench.table` returns what was run, both as a pandas DataFrame.
+`shellbench.case`, `shellbench.solve` and `shellbench.picture` are for one case, its answer, and a look at that; see
 `shellbench.interface`, which is imported when one of them is first asked for.
 """
 
@@ -8,7 +9,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
-__all__ = ["__version__", "run", "table"]
+ASKED = ("Picture", "case", "picture", "run", "solve", "table")
+__all__ = ["__version__", *ASKED]
 
 try:
     __version__ = version("shellbench")
@@ -17,7 +19,7 @@ except PackageNotFoundError:  # a source tree that was never installed
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("run", "table"):
+    if name in ASKED:
         # By a name that is put together: how runs are asked for is no part of the code whose digest a record keeps.
         return getattr(import_module(f"{__name__}.interface"), name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -1,10 +1,16 @@
-"""The Python interface: `run` and `table`, for notebooks and scripts.
+"""The Python interface, for notebooks and scripts: `run` and `table`; `case`, `solve` and `picture`.
 
 It takes and finds what the command line takes and finds, in the same store:
 
 >>> import shellbench
 >>> found = shellbench.run("scordelis_lo", solvers=["fem"])  # doctest: +SKIP
 >>> found[found["primary"]][["solver", "value", "relative_error", "seconds"]]  # doctest: +SKIP
+
+`solve` answers in this very process and keeps no record: for one look, and for the answer itself, a continuous field.
+
+>>> roof = shellbench.solve(shellbench.case("scordelis_lo"), "fem")  # doctest: +SKIP
+>>> roof.displacement([[0.0, 25.0]])  # doctest: +SKIP
+>>> shellbench.picture(roof)  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -13,19 +19,29 @@ import json
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import pandas as pd
+from pydantic import ValidationError
 from rich.console import Console
 
-from shellbench.bench import environment, local
+from shellbench.bench import catalog, environment, local
 from shellbench.bench.compare import as_json, rows_and_notes
 from shellbench.bench.display import Silent, display
 from shellbench.bench.execute import execute
 from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.registry import find_solver, load_solver
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store
+from shellbench.errors import InputError
+from shellbench.model import one_sentence
+from shellbench.problem import Problem, Solution
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STORE = "reports/runs"  # as on the command line
 
@@ -99,6 +115,69 @@ def table(*cases: str | Path, suites: Sequence[str] = (), store: str | Path = ST
     rows, notes = rows_and_notes(Store(Path(store)), suites, tuple(map(str, cases)))
     _warn(*notes)
     return _frame(rows)
+
+
+def case(name: str | Path) -> Problem:
+    """Return a case by its name, or by the path to its file.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the file malformed.
+    """
+    return catalog.find_case(str(name))
+
+
+def solve(case: str | Path | Problem, solver: str = "fem", **settings: Any) -> Solution:
+    """Solve a case here and now, and return the answer; nothing is recorded.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a setting does not fit, or the solver declines the case.
+    SolveFailure
+        If the solver reached no trustworthy answer.
+    """
+    asked = case if isinstance(case, Problem) else catalog.find_case(str(case))
+    found = load_solver(find_solver(solver))
+    try:
+        chosen = found.settings_type.model_validate(settings)
+    except ValidationError as error:
+        raise InputError(f"settings of '{solver}': {one_sentence(error, settings)}") from None
+    if (why := found.declines(asked)) is not None:
+        raise InputError(f"{solver} can't take {asked.name}: {why}")
+    return found.solve(asked, chosen)
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure that a notebook shows by itself."""
+
+    figure: Figure
+
+    def _repr_png_(self) -> bytes:
+        written = BytesIO()
+        self.figure.savefig(written, format="png", dpi=110)
+        return written.getvalue()
+
+
+def picture(solution: Solution) -> Picture:
+    """Return the deformed shell of an answer as the report draws it, coloured by its displacement.
+
+    Raises
+    ------
+    InputError
+        If nothing can be drawn of such a problem, or the answer has no finite field.
+    """
+    from shellbench.report.exhibit import style
+    from shellbench.report.fields import shell_of
+    from shellbench.report.shells import shell_figure
+
+    found = shell_of(solution)
+    if found is None:
+        raise InputError(f"nothing can be drawn of {solution.case.name}")
+    with style():
+        return Picture(shell_figure(found))
 
 
 def _frame(rows: Sequence[Row]) -> pd.DataFrame:

@@ -161,7 +161,7 @@ class Scene:
     as_it_is
         Whether displacements larger than the surface are drawn as they are.
     direction
-        Colour by this component; by the magnitude if None.
+        Colour by this component, or by that into what the surface encloses; by the magnitude if None.
     view
         Elevation and azimuth of the camera, degrees.
     held
@@ -175,7 +175,7 @@ class Scene:
     size: tuple[float, float]
     scale: float | None
     as_it_is: bool
-    direction: tuple[float, float, float] | None
+    direction: tuple[float, float, float] | Literal["inward"] | None
     view: tuple[float, float]
     up: Literal["x", "y", "z"]
     held: tuple[tuple[int, str], ...]

@@ -38,7 +38,7 @@ BELOW = {  # what a layer may import beside itself
     "bench": BASE | {"bench"},
     "report": BASE | {"bench", "report"},
     "testing": BASE | {"problems", "bench", "testing"},
-    "interface": BASE | {"bench"},
+    "interface": BASE | {"bench", "report"},
     "cli": BASE | {"bench", "testing", "report", "cli"},
     "__main__": {"cli"},
 }

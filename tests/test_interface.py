@@ -65,6 +65,17 @@ def test_the_package_is_light_until_it_is_asked() -> None:
         _ = shellbench.walk
 
 
+def test_one_case_is_solved_and_drawn_in_this_process() -> None:
+    plate = shellbench.case("square_plate")
+    answer = shellbench.solve(plate, "fem", cells=(2, 2))
+    assert "centre_deflection" in answer._repr_html_()
+    assert shellbench.picture(answer)._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(InputError, match="settings of 'fem'"):
+        shellbench.solve(plate, "fem", cell=2)
+    with pytest.raises(InputError, match="fem can't take rope_"):
+        shellbench.solve("rope_ball", "fem")
+
+
 def test_notebooks_show_cases_and_solutions() -> None:
     case = catalog.named_case("square_plate")
     assert "<strong>Square plate</strong>" in case._repr_html_()

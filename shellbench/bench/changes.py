@@ -200,11 +200,16 @@ def compare_sides(before: Side, after: Side, limits: Limits) -> Comparison:
     return Comparison(before, after, limits, tuple(changes), tuple(costs), gone, appeared, tuple(dict.fromkeys(notes)))
 
 
+def same_figure(row: Row, solvers: bool = False) -> tuple[object, ...]:
+    """Return what rows of one figure have in common on both sides; of solvers only the question."""
+    who = () if solvers else (row.solver, json.dumps(row.overrides, sort_keys=True))
+    return (row.case, row.own_case, row.quantity, row.at, *who)
+
+
 def _grouped(rows: Iterable[Row], solvers: bool) -> dict[tuple[object, ...], list[Row]]:
     groups: dict[tuple[object, ...], list[Row]] = {}
     for row in rows:
-        who = () if solvers else (row.solver, json.dumps(row.overrides, sort_keys=True))
-        groups.setdefault((row.case, row.own_case, row.quantity, row.at, *who), []).append(row)
+        groups.setdefault(same_figure(row, solvers), []).append(row)
     return groups
 
 
@@ -330,7 +335,12 @@ def _named(row: Row, solvers: bool) -> dict[str, Any]:
 
 def as_json(found: Comparison) -> str:
     """Return a comparison as JSON; figures that are not finite as null."""
-    return json.dumps(_finite(as_data(found)), indent=1, allow_nan=False)
+    return json_text(as_data(found))
+
+
+def json_text(data: Any) -> str:
+    """Return JSON data as text; figures that are not finite as null."""
+    return json.dumps(_finite(data), indent=1, allow_nan=False)
 
 
 def _finite(data: Any) -> Any:

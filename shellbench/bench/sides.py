@@ -1,4 +1,4 @@
-"""The two sides of a comparison: the runs of a store, of a solver in a store, or of a commit in a store.
+"""The sides of a comparison: the runs of a store or a pack, or of a solver or a commit in a store.
 
 Runs count whatever the code of their solver was: a comparison asks what changed code has changed. Both sides are held
 against today's known values, so a run whose case has changed since is left out.
@@ -18,13 +18,14 @@ from typing import Literal
 from shellbench.bench import catalog
 from shellbench.bench.compare import asked_cases, rows_of
 from shellbench.bench.current import CurrentRuns, current_runs
+from shellbench.bench.pack import SUFFIX, read_pack
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row, in_suites
 from shellbench.bench.store import Contents, Store
 from shellbench.errors import InputError
 from shellbench.nearest import did_you_mean
 
-What = Literal["store", "solver", "commit"]
+What = Literal["store", "pack", "solver", "commit"]
 COMMIT = re.compile(r"[0-9a-f]{4,40}")
 PATIENCE = 10.0  # seconds for git to answer
 SHOWN = 8  # letters of a commit
@@ -46,7 +47,7 @@ class Side:
     Attributes
     ----------
     name
-        What a reader calls it: a folder, a solver, or the beginning of a commit.
+        What a reader calls it: a folder, a pack, a solver, or the beginning of a commit.
     rows
         A row for each figure of each run.
     records
@@ -65,17 +66,14 @@ class Side:
 def read_sides(one: str, other: str, store: Store, scope: Scope) -> tuple[Side, Side]:
     """Return the two sides that were named.
 
-    A name is a solver's that has runs in `store`, a folder of records, or a commit: its first digits, or what git
-    calls it in the folder that the command was given in.
+    A name is a solver's that has runs in `store`, a folder of records, a pack, or a commit: its first digits, or what
+    git calls it in the folder that the command was given in.
 
     Raises
     ------
     InputError
         If a name is none of these or has no runs in the scope, or a solver is held against something else.
     """
-    wanted = asked_cases(scope.cases, scope.suites)
-    for name in scope.suites:
-        catalog.find_suite(name)
     kinds = [_kind(name, store) for name in (one, other)]
     if ("solver" in kinds) and kinds != ["solver", "solver"]:
         at = kinds.index("solver")
@@ -83,8 +81,20 @@ def read_sides(one: str, other: str, store: Store, scope: Scope) -> tuple[Side, 
             f"'{(one, other)[at]}' is a solver and '{(one, other)[1 - at]}' a {kinds[1 - at]}: compare two solvers of"
             " one store, or two stores or commits (a folder of that name is ./NAME)"
         )
-    left, right = (_side(name, what, store, scope, wanted) for name, what in zip((one, other), kinds, strict=True))
-    return left, right
+    return read_side(one, store, scope), read_side(other, store, scope)
+
+
+def read_side(name: str, store: Store, scope: Scope) -> Side:
+    """Return one side; see `read_sides`."""
+    wanted = asked_cases(scope.cases, scope.suites)
+    for suite in scope.suites:
+        catalog.find_suite(suite)
+    return _side(name, _kind(name, store), store, scope, wanted)
+
+
+def commits_in(contents: Contents) -> tuple[tuple[str, int], ...]:
+    """Return the commits that made runs, in the order of their first runs, with how many."""
+    return tuple(Counter(sha for record in contents.records if (sha := record.environment.git_sha)).items())
 
 
 def _kind(name: str, store: Store) -> What:
@@ -96,6 +106,8 @@ def _kind(name: str, store: Store) -> What:
         return "solver"
     if Path(name).is_dir():
         return "store"
+    if name.endswith(SUFFIX) and Path(name).is_file():
+        return "pack"
     if not bare:
         raise InputError(f"store {name}: is not there")
     if _commit(name, contents) is not None:
@@ -127,8 +139,20 @@ def _ask_git(name: str) -> str | None:
     return done.stdout.strip() if done.returncode == 0 else None
 
 
+@dataclass(frozen=True)
+class _Packed:
+    """A pack, read as a store is."""
+
+    path: Path
+
+    def read(self) -> Contents:
+        return Contents(read_pack(self.path).records)
+
+
 def _side(name: str, what: What, store: Store, scope: Scope, wanted: set[tuple[str, bool]]) -> Side:
-    contents = Store(Path(name)).read() if what == "store" else store.read()
+    path = Path(name)
+    sources: dict[str, Store | _Packed] = {"store": Store(path), "pack": _Packed(path)}
+    contents = sources.get(what, store).read()
     label, notes = name, list(contents.damaged)
     if what == "commit":
         sha = _commit(name, contents)
@@ -148,8 +172,8 @@ def _side(name: str, what: What, store: Store, scope: Scope, wanted: set[tuple[s
         notes += [f"{label}: {_runs(others)} left out: settings are not the defaults"] if others else []
         rows = [row for row in rows if row.default_settings]
     if not rows:
-        where = f"store {name}" if what == "store" else f"store {store.folder}"
-        of = "" if what == "store" else f" of {what} '{name}'"
+        where = f"{what} {name}" if what in {"store", "pack"} else f"store {store.folder}"
+        of = "" if what in {"store", "pack"} else f" of {what} '{name}'"
         raise InputError(f"{where}: holds no runs{of} that can be compared{f' ({notes[0]})' if notes else ''}")
     named = {row.run_id for row in rows}
     records_of = {run.record.run_id: run.record for run in kept if run.record.run_id in named}

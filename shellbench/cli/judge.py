@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -28,6 +29,9 @@ from shellbench.cli.options import (
     warn,
 )
 from shellbench.errors import InputError
+
+if TYPE_CHECKING:
+    from shellbench.report.evidence import Section
 
 
 def table(
@@ -145,6 +149,14 @@ def report(
     store: StoreOption = DEFAULT_STORE,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write.")] = DEFAULT_REPORT,
     suite: SuiteOption = None,
+    earlier: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--history",
+            metavar="STORE|PACK|COMMIT",
+            help="An earlier version of what --store holds, for a section on its history; repeat it, the oldest first.",
+        ),
+    ] = None,
     for_print: Annotated[bool, typer.Option("--print/--no-print", help="Figures for print too, as PDF.")] = True,
     paper: Annotated[
         Path | None,
@@ -176,10 +188,30 @@ def report(
             raise typer.BadParameter("name one folder: --out for the page, or --paper", param_hint="'--paper'")
         from shellbench.report.paper import write_paper
 
+        if earlier:
+            raise typer.BadParameter("is a section of the page: not with --paper", param_hint="'--history'")
         typer.echo(f"written to {write_paper(Store(store), rows, paper, whole=bool(suite), say=note)}")
         return
-    written = page.write_report(Store(store), rows, out, for_print=for_print, whole=bool(suite), say=note)
+    further = _history(earlier, Path(store), tuple(cases or ()), tuple(suite or ())) if earlier else ()
+    written = page.write_report(
+        Store(store), rows, out, for_print=for_print, whole=bool(suite), say=note, further=further
+    )
     typer.echo(f"written to {written}")
+
+
+def _history(earlier: Sequence[str], store: Path, cases: tuple[str, ...], suites: tuple[str, ...]) -> tuple[Section]:
+    """Return the section of a page on earlier versions of what a store holds."""
+    from shellbench.bench.history import read_history
+    from shellbench.bench.sides import Scope
+    from shellbench.bench.store import Store
+    from shellbench.report import history
+    from shellbench.report.exhibit import style
+
+    last = str(store) if store.is_absolute() else f"./{store}"  # a folder, whatever it is called
+    found = read_history((*earlier, last), Store(store), Scope(cases, suites))
+    warn(found.notes)
+    with style():
+        return (history.section(found),)
 
 
 def export(

@@ -19,7 +19,7 @@ MOST_NAMED = 20  # runs that only one side has, in a list
 def as_text(found: Comparison, width: int | None = None, every: bool = False) -> str:
     """Return a comparison as text: tables of the headlines and of what is not the same, the verdict at the end."""
     parts = [table.write("text", width) for table in _tables(found, every)]
-    said = [*_closing(found), verdict_words(found)]
+    said = [*closing_words(found), verdict_words(found)]
     if width is not None:
         said = [textwrap.fill(line, width, subsequent_indent="  ", break_on_hyphens=False) for line in said]
     return "\n".join([*parts, *said]) + "\n"
@@ -28,7 +28,7 @@ def as_text(found: Comparison, width: int | None = None, every: bool = False) ->
 def as_markdown(found: Comparison) -> str:
     """Return a comparison as Markdown for a pull request: the verdict first, what is the same folded away."""
     told = [change for change in found.changes if change.verdict != "same"]
-    said = "\n".join(f"- {MARKDOWN.escape(line)}" for line in _closing(found))
+    said = "\n".join(f"- {MARKDOWN.escape(line)}" for line in closing_words(found))
     parts = [f"**{MARKDOWN.escape(verdict_words(found))}**", *([said] if said else [])]
     if told:
         parts.append(_figures(found, told).write("markdown"))
@@ -142,7 +142,7 @@ def _memory(name: str, heading: str) -> Column:
     return column(name, heading, megabytes)
 
 
-def _closing(found: Comparison) -> list[str]:
+def closing_words(found: Comparison) -> list[str]:
     """Return what else is to be said, a line each: why something is a loss or a gain, ratios, what came and went."""
     seconds = mean_ratio(cost.seconds_ratio for cost in found.costs)
     memory = mean_ratio(cost.memory_ratio for cost in found.costs)

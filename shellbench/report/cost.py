@@ -169,11 +169,12 @@ def cost_figure(accuracy: CaseAccuracy, inks: Mapping[str, Ink]) -> Figure:
             _draw(axes, family, measure, inks[family.solver])
         axes.set_xlabel(LABELS[measure])
     panel.finish(panels, y=panel.ERROR_LABEL, floor=100 * floor, below=panel.FOR_SLOPES)
+    starting = panel.shade_start(panels[list(LABELS).index("seconds")])
     for axes, measure in zip(panels, LABELS, strict=True):
         rates = {solver: accuracy.of(solver)[0].rate(measure, floor) for solver in accuracy.solvers}
         fits = [(rate, f"{rate.slope:.1f}", inks[solver].colour) for solver, rate in rates.items() if rate is not None]
         panel.draw_slopes(axes, fits, UNITS[measure])
-    panel.add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0]))
+    panel.add_legend(figure, _legend(accuracy, inks, in_view=100 * floor > panels[0].get_ylim()[0], starting=starting))
     return figure
 
 
@@ -191,7 +192,7 @@ def _draw(axes: Axes, family: Family, measure: Measure, ink: Ink) -> None:
     panel.draw_runs(axes, drawn, ink, line, **look)
 
 
-def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -> dict[str, Any]:
+def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool, starting: bool) -> dict[str, Any]:
     families = accuracy.families
     entries = {solver: panel.entry(inks[solver]) for solver in accuracy.solvers}
     if any(not family.swept for family in families):
@@ -201,4 +202,4 @@ def _legend(accuracy: CaseAccuracy, inks: Mapping[str, Ink], *, in_view: bool) -
     entries |= panel.failed_entry(any(not point.sound for family in families for point in family.points))
     if any(family.rate(measure, accuracy.yardstick.floor) for family in families for measure in LABELS):
         entries["fitted slope"] = panel.entry(linewidth=0.8, linestyle=DASHES[1])
-    return entries | panel.shade_entry(in_view, "uncertainty of the reference")
+    return entries | panel.shade_entry(in_view, "uncertainty of the reference") | panel.start_entry(starting)

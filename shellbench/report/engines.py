@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from shellbench.report import panel
 from shellbench.report.accuracy import Family, down_to
@@ -18,9 +18,10 @@ from shellbench.report.exhibit import Dashes, Exhibit, Ink, dashes_of
 from shellbench.report.notation import duration
 from shellbench.report.runs import remarks_on
 
-WIDTH, HEIGHT, MARGIN, ENTRY = 7.4, 2.45, 0.25, 0.17  # inches of the figure, a row of panels, the legend and its rows
+WIDTH, HEIGHT, MARGIN = 7.4, 2.45, 0.6  # inches of the figure, a row of panels, and the legend
 IN_A_ROW, ENTRIES = 2, 3  # panels and entries of the legend beside each other
 BIG, SMALL = 6.0, 3.6  # marks
+LEVEL_COLOUR = "#999999"
 
 
 def section(evidence: Evidence) -> Section | None:
@@ -107,7 +108,8 @@ def _exhibits(evidence: Evidence, cases: Sequence[CheckedCase]) -> tuple[Exhibit
             title="Error and time, by solver and settings",
             caption="Error of the headline quantity from the known value against wall time of the solve. A line is one"
             " choice of a solver's settings, a mark one size. Grey lines: the errors at which the table states seconds."
-            " Shaded: below the uncertainty of the known value.",
+            " Shaded: below the uncertainty of the known value. Hatched: times in which a process starts, which tell"
+            " little of the solve.",
             description=". ".join(
                 f"{one.title}: " + "; ".join(f"{each.name} {down_to(each.points)}" for each in one.families)
                 for one in drawn
@@ -126,20 +128,22 @@ def drawn_cases(cases: Sequence[CheckedCase]) -> list[CheckedCase]:
 def cross_check_figure(cases: Sequence[CheckedCase], inks: Mapping[str, Ink]) -> Figure:
     """Draw the panels; horizontal lines are the errors for which the table has the seconds."""
     drawn = drawn_cases(cases)
-    dashes = lines_of(drawn)
+    dashes, starting, shaded = lines_of(drawn), False, False
     rows = math.ceil(len(drawn) / IN_A_ROW)
-    height = rows * HEIGHT + MARGIN + ENTRY * math.ceil((len(dashes) + 2) / ENTRIES)
-    figure, panels = panel.open_figure((WIDTH, height), rows, min(IN_A_ROW, len(drawn)))
+    figure, panels = panel.open_figure((WIDTH, rows * HEIGHT + MARGIN), rows, min(IN_A_ROW, len(drawn)))
     for axes in panels.flat[len(drawn) :]:
         axes.set_axis_off()
     for i, (axes, one) in enumerate(zip(panels.flat, drawn, strict=False)):
         for each in one.families:
             _draw(axes, each, inks[each.solver], dashes.get(each.name, "none"))
         for level in LEVELS:
-            axes.axhline(100 * level, color="#999999", linewidth=0.7, zorder=0.5)
+            axes.axhline(100 * level, color=LEVEL_COLOUR, linewidth=0.7, zorder=0.5)
         ordinate = "" if i % IN_A_ROW else panel.ERROR_LABEL
         panel.finish([axes], "wall time of the solve (s)", ordinate, one.title, floor=100 * one.yardstick.floor)
-    panel.add_legend(figure, _legend(drawn, inks, dashes), ENTRIES)
+        starting |= panel.shade_start(axes)
+        shaded |= 100 * one.yardstick.floor > axes.get_ylim()[0]
+    further = panel.shade_entry(shaded) | panel.start_entry(starting)
+    panel.add_legend(figure, _legend(drawn, inks, dashes) | further, ENTRIES)
     return figure
 
 
@@ -155,12 +159,17 @@ def _draw(axes: Axes, each: Family, ink: Ink, line: Dashes) -> None:
     panel.draw_runs(axes, drawn, ink, line, linewidth=1.0, **look)
 
 
-def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Line2D]:
+def _legend(cases: Sequence[CheckedCase], inks: Mapping[str, Ink], dashes: Mapping[str, Dashes]) -> dict[str, Any]:
     families = [each for one in cases for each in one.families]
     solver_of = {each.name: each.solver for each in families}
     entries = {
         name: panel.entry(replace(inks[solver_of[name]], dashes=line), linewidth=1.0) for name, line in dashes.items()
     }
-    if any(each.alone for each in families):
-        entries["one size alone"] = panel.mark_entry(markersize=BIG, markeredgecolor="black")
-    return entries | panel.failed_entry(any(not point.sound for each in families for point in each.points))
+    for each in families:  # a run alone is named in full, that with default settings too
+        if each.alone:
+            name = each.name if each.variant else f"{each.name}, default settings"
+            look = {"color": inks[each.solver].colour, "marker": inks[each.solver].marker}
+            entries[name] = panel.mark_entry(**look, markersize=BIG, markeredgecolor="black")
+    entries["errors of the table"] = panel.entry(color=LEVEL_COLOUR, linewidth=0.7)
+    entries |= panel.failed_entry(any(not point.sound for each in families for point in each.points))
+    return entries

@@ -18,10 +18,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shellbench.bench.kinds import portrait_of
+from shellbench.bench.kinds import find_kind, portrait_of
 from shellbench.bench.record import Record
 from shellbench.bench.row import Row
 from shellbench.portrait import Portrait, Scene
+from shellbench.problem import Solution
 from shellbench.report.columns import code, column
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import Exhibit
@@ -236,6 +237,16 @@ def shell(record: Record, folder: Path) -> Shell | None:
     return None if fields is None or case is None else drawn(record, case, fields, fields.displacement)
 
 
+def shell_of(solution: Solution) -> Shell | None:
+    """Return the deformed shell of an answer that was never recorded; None if it has no field, or can't be drawn."""
+    case, kind = solution.case, find_kind(solution.case.kind)
+    kept, portrait = kind.keep(solution, case), kind.portrait(case)
+    if kept is None or "displacement" not in kept:
+        return None
+    fields = Fields(*(np.asarray(kept[name], dtype=float) for name in ("xi", "position", "displacement")))
+    return drawn(None, portrait, fields, fields.displacement)
+
+
 def states(record: Record, folder: Path) -> list[tuple[str, Shell]]:
     """Return the deformed shell at each state of its path that a run kept, with the words for its mark."""
     fields, case = read_fields(record, folder), portrait_of(record)
@@ -255,7 +266,7 @@ def spread(states: Sequence[T], most: int = MOST_SHOWN) -> list[T]:
 
 
 def drawn(
-    record: Record, case: Portrait, fields: Fields, displacement: Array, among: Sequence[Fields] = ()
+    record: Record | None, case: Portrait, fields: Fields, displacement: Array, among: Sequence[Fields] = ()
 ) -> Shell | None:
     """Return a shell of a run with one of its fields (n, n, 3), ready to be drawn; None if its case can't be.
 
@@ -266,9 +277,9 @@ def drawn(
         return None
     states = [state for one in (fields, *among) for state in (one.displacement, *one.displacements)]
     return Shell(
-        case=record.case_name,
+        case=record.case_name if record else case.name,
         title=case.title,
-        solver=record.identity.solver,
+        solver=record.identity.solver if record else "",
         position=fields.position,
         displacement=displacement,
         scale=picture_scale(scene, fields.position, [displacement, *states]),
@@ -276,7 +287,7 @@ def drawn(
         direction=scene.direction,
         held=held_lines(scene, fields.xi, fields.position),
         forces=point_forces(scene, fields.xi, fields.position),
-        run_id=record.run_id,
+        run_id=record.run_id if record else "",
         unit=case.unit_of_length,
     )
 

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from shellbench.report.answers import (
-    BYTES_A_POINT,
     LEVELS,
     Answer,
     answers,
@@ -24,8 +22,8 @@ from shellbench.report.consistency import yardstick_words
 from shellbench.report.evidence import Evidence, Section, given
 from shellbench.report.exhibit import DASHES, Exhibit, Ink
 from shellbench.report.ladder import CaseRuns, Ladder, Run, case_runs
-from shellbench.report.notation import TEXT, Notation, byte_size, percent, quoted
-from shellbench.report.panel import GREY, add_legend, draw, entry, finish, mark_entry, open_figure
+from shellbench.report.notation import Notation, byte_size, quoted
+from shellbench.report.panel import add_legend, draw, entry, finish, open_figure, shade_entry
 from shellbench.report.resolution import of_largest
 from shellbench.report.runs import remarks_on
 from shellbench.report.table import Table
@@ -33,15 +31,14 @@ from shellbench.report.table import Table
 NOT_KNOWN, NOT_REACHED, REACHED = "not known", "not reached", "reached"
 OWN, MESH = "its own numbers", "a mesh"
 FIELD, HEADLINE = "field", "headline"
-WIDTH, PAIR, HEIGHT, MARGIN = 2.53, 3.5, 2.15, 0.45  # inches: a panel of three, of two, its height, and the legend
+WIDTH, HEIGHT, MARGIN = 3.5, 2.3, 0.45  # inches: a panel, its height, and the legend
 MEGABYTE = 1e6
 SMALLEST = 1e-10  # relative difference below which rounding is all there is
-FORMATS: Mapping[str, dict[str, Any]] = {
-    "float32": {"markersize": 4.5, "fillstyle": "none", "markeredgewidth": 0.7},
-    "float16": {"markersize": 3.0, "fillstyle": "none", "markeredgewidth": 0.7},
+OTHER_WAYS: Mapping[str, dict[str, Any]] = {
+    "rounded": {"line": DASHES[1], "hollow": True, "linewidth": 0.9},
+    "mesh": {"line": DASHES[2], "marker": ".", "markersize": 4, "linewidth": 1.2},
 }
-MESHES: dict[str, Any] = {"linestyle": ":", "marker": ".", "markersize": 5, "linewidth": 1.1}
-SMALL: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "fontsize": 6.0}
+WAY_WORDS = {"rounded": "numbers rounded", "mesh": "mesh made from it"}
 WORDS = (
     "The bytes of a solution are those of the numbers that give its displacement: the weights of a field, the"
     " coefficients and mesh lines of finite elements, of a motion for all times that are kept, with rates where the"
@@ -92,20 +89,13 @@ def _exhibit(case: CaseRuns, inks: Mapping[str, Ink]) -> Exhibit | None:
         for level in LEVELS
         if (best := fewest(found, level)) is not None and field_is_known(case, level)
     ]
-    frames = (
-        " Lower left: bytes against frames a second; lower right: memory of the solve."
-        if case.moves
-        else " Right: memory of the solve, less what its process held before."
-    )
     return Exhibit(
         name=f"memory_{case.case}",
         title=f"{case.title}: memory at stated error",
-        caption=f"{'Upper left' if case.moves else 'Left'}: difference from the best answer against the bytes that"
-        " keep a solution, as solved (full marks), rounded (open marks), and as a mesh made from it (dotted);"
-        " levels of 1 %, 0.1 % and 0.01 % (dashed); grey: how well the best answer is known itself."
-        f" {'Upper right' if case.moves else 'Middle'}: bytes against the resolution at which the answer is asked:"
-        " a mesh of the best answer, with what interpolation adds, and for each solver the fewest bytes at the"
-        f" level it reaches.{frames} {yardstick_words(case)}",
+        caption="Left: difference from the best answer against the bytes that keep an answer: as solved (full marks);"
+        " its numbers rounded to fewer digits (open marks, dashed) and a mesh made from it (dotted), the least of each"
+        " error. Grey lines: levels of 1 %, 0.1 % and 0.01 %; shaded: how well the best answer is known itself."
+        f" Right: memory of the solve, less what its process held before. {yardstick_words(case)}",
         description="; ".join(said) or "no level is reached",
         figure=memory_figure(case, kept, inks),
         run_ids=tuple(run.record.run_id for ladder in case.ladders for run in ladder.runs),
@@ -256,46 +246,39 @@ def solve_table(cases: Sequence[CaseRuns], *, finest_only: bool = True) -> Table
 
 
 def memory_figure(case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink]) -> Figure:
-    """Draw one case, with the ways in which each solver's answers can be kept."""
-    rows, columns, width = (2, 2, PAIR) if case.moves else (1, 3, WIDTH)
-    figure, panels = open_figure((width * columns, HEIGHT * rows + MARGIN), rows, columns)
-    first, points, *frames, last = panels.flat
-    _errors(first, case, kept, inks)
-    _asked(points, case, kept, inks, of_frames=False)
-    for axes in frames:
-        _asked(axes, case, kept, inks, of_frames=True)
-    for ladder in case.ladders:
-        for runs, line in ((ladder.line, "-"), ([run for run in ladder.runs if run not in ladder.line], "none")):
-            draw(last, *_peaks(runs), inks[ladder.solver], line)
-    finish([last], "unknowns", "peak less idle (MB)", "Memory of the solve")
-    shown = {answer.format for found in kept.values() for answer in found if answer.kept == "rounded"}
-    entries = {ladder.solver: entry(inks[ladder.solver]) for ladder in case.ladders}
-    entries |= {format: mark_entry(**look) for format, look in FORMATS.items() if format in shown}
-    add_legend(figure, entries | {"mesh made from it": entry(**MESHES)})
-    return figure
-
-
-def _errors(axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink]) -> None:
+    """Draw one case: error against the bytes that keep an answer, and the memory of the solve."""
+    figure, ((left, right),) = open_figure((2 * WIDTH, HEIGHT + MARGIN), 1, 2)
     for ladder in case.ladders:
         ink = inks[ladder.solver]
         known = [one for one in kept[ladder.solver] if one.difference is not None and one.difference > SMALLEST]
-        solved = [answer for answer in known if answer.kept == "solved"]
-        draw(axes, *_points(one for one in solved if one.run in ladder.line), ink)
-        draw(axes, *_points(one for one in solved if one.run not in ladder.line), ink, "none")
-        for format, look in FORMATS.items():
-            rim = {"markeredgecolor": ink.colour}
-            draw(axes, *_points(one for one in known if one.format == format), ink, "none", **look | rim)
-        draw(axes, *_points(_front([answer for answer in known if answer.kept == "mesh"])), ink, **MESHES)
+        by_kept = {way: [one for one in known if one.kept == way] for way in ("solved", "rounded", "mesh")}
+        draw(left, *_points(one for one in by_kept["solved"] if one.run in ladder.line), ink)
+        for way, look in OTHER_WAYS.items():
+            draw(left, *_points(_front(by_kept[way])), ink, **look)
+        draw(right, *_peaks(ladder.line), ink)
     for level in LEVELS:
-        axes.axhline(100 * level, color="#444444", linewidth=0.7, linestyle=DASHES[1], zorder=1)
+        left.axhline(100 * level, color="#444444", linewidth=0.5, linestyle=(0, (1, 3)), zorder=1)
     doubt = 100 * case.doubt / case.scale if case.doubt and case.scale else 0.0
-    finish([axes], y="difference (% of the largest)", title="Error against bytes", floor=doubt)
-    axes.set_xlabel("bytes that keep it")
-    axes.xaxis.set_major_formatter(EngFormatter("B"))
+    finish([left], "bytes that keep an answer", "difference (% of the largest)", "Error against bytes", floor=doubt)
+    left.xaxis.set_major_formatter(EngFormatter("B"))
+    finish([right], "unknowns", "peak less idle (MB)", "Memory of the solve")
+    shown = {one.kept for found in kept.values() for one in found}
+    entries = {ladder.solver: entry(inks[ladder.solver]) for ladder in case.ladders}
+    entries |= {WAY_WORDS[way]: _way_entry(way) for way in OTHER_WAYS if way in shown}
+    in_view = doubt > max(left.get_ylim()[0], 0.0)
+    add_legend(figure, entries | shade_entry(in_view, "uncertainty of the best answer"))
+    return figure
+
+
+def _way_entry(way: str) -> Any:
+    """Return what stands in a legend for a way to keep an answer."""
+    look = dict(OTHER_WAYS[way])
+    hollow: dict[str, Any] = {"marker": "o", "markerfacecolor": "white"} if look.pop("hollow", False) else {}
+    return entry(linestyle=look.pop("line"), **look, **hollow)
 
 
 def _front(candidates: Sequence[Answer]) -> list[Answer]:
-    """Return the meshes that no smaller one outdoes, from small to large."""
+    """Return the answers that no smaller one outdoes, from small to large."""
     front: list[Answer] = []
     for answer in sorted(candidates, key=lambda one: (one.storage_bytes, one.difference or 0.0)):
         if not front or (answer.difference or 0.0) < (front[-1].difference or 0.0):
@@ -306,46 +289,6 @@ def _front(candidates: Sequence[Answer]) -> list[Answer]:
 def _points(found: Iterable[Answer]) -> tuple[list[int], list[float]]:
     ordered = sorted(found, key=lambda answer: answer.storage_bytes)
     return [answer.storage_bytes for answer in ordered], [100 * (answer.difference or 0.0) for answer in ordered]
-
-
-def _asked(
-    axes: Axes, case: CaseRuns, kept: Mapping[str, Sequence[Answer]], inks: Mapping[str, Ink], *, of_frames: bool
-) -> None:
-    """Draw the bytes of meshes, with what they add, and level lines of solutions that answer at any resolution."""
-    mesh, title = _meshes(case, of_frames)
-    axes.plot([x for x, _, _ in mesh], [count for _, count, _ in mesh], color=GREY, linestyle=":", marker=".")
-    for x, count, added in mesh[:-1]:  # the finest is what the others are held against
-        said = TEXT.number(percent(added / (case.scale or 1.0), signed=False)) + " %"
-        axes.annotate(said, (x, count), xytext=(-3, 2), color="#444444", **SMALL)
-    known = [level for level in LEVELS if field_is_known(case, level)]
-    for place, (solver, found) in enumerate(kept.items()):
-        own = [answer for answer in found if answer.kept != "mesh"]
-        reached = [(level, best) for level in known if (best := fewest(own, level, found)) is not None]
-        for level, best in reached[-1:]:
-            colour, at = inks[solver].colour, (1.0, best.storage_bytes)
-            axes.axhline(best.storage_bytes, color=colour, linewidth=1.3, alpha=0.9)
-            beside, inside = (-2 - 42 * (place % 2), 2), ("axes fraction", "data")
-            axes.annotate(f"within {100 * level:g} %", at, beside, xycoords=inside, color=colour, **SMALL)
-    what = "frames a second" if of_frames else "points a side"
-    finish([axes], f"{what} that are asked for", "bytes that keep it", title)
-    axes.margins(x=0.18)
-    axes.yaxis.set_major_formatter(EngFormatter("B"))
-
-
-def _meshes(case: CaseRuns, of_frames: bool) -> tuple[list[tuple[float, int, float]], str]:
-    """Return abscissa, bytes and what interpolation adds, m, of the meshes of the best answer; and a title."""
-    run = case.yardstick
-    grids = sorted(run.record.resolution, key=lambda step: step.points) if run else []
-    rates = sorted(run.record.frame_rates, key=lambda step: step.frames) if run else []
-    points, frames = (grids[-1].points if grids else 1), (rates[-1].frames if rates else 1)
-    if of_frames:
-        size = BYTES_A_POINT * points**2
-        found = [(step.frames_per_second, size * step.frames, step.interpolation_difference) for step in rates]
-        return found, f"Asked for frames, {points}×{points} points"
-    states = frames if case.moves else len(run.probes.marks) if run and run.probes else 1
-    size = BYTES_A_POINT * states
-    meshes = [(float(step.points), size * step.points**2, step.interpolation_difference) for step in grids]
-    return meshes, f"Asked for points, {frames} frames" if case.moves else "Asked for points"
 
 
 def _peaks(runs: Sequence[Run]) -> tuple[list[int], list[float]]:

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
 from shellbench.report.exhibit import DASHES, Dashes, Ink
@@ -30,8 +31,11 @@ SPACING = 0.075  # of a panel's height between two slopes' labels
 ROOM, FOR_SLOPES = 3.0, 6.0  # factors between curves and ends of the axis, and where slopes stand below curves
 FLOOR_SHOWN = 30.0  # factor by which that axis goes below what can't be told from zero, at most
 MOST_IN_A_ROW = 6  # entries of the legend
+LINE, ROWS = 0.17, 2  # inches of a row of it; rows that figures have room for
 NARROW, FEW_DECADES = 0.7, 2.0  # decades below which an axis has few plain steps, and 1, 3 or 1, 2, 5 of each decade
 GREY, SHADE = "#666666", "#BBBBBB"
+START = 0.1  # seconds below which a time tells of the first calls in a fresh process as much as of the solve
+STARTING: dict[str, Any] = {"facecolor": "none", "edgecolor": "#DDDDDD", "hatch": "////", "linewidth": 0}
 
 
 def open_figure(size: tuple[float, float], rows: int = 1, columns: int = 1, **shared: Any) -> tuple[Figure, Any]:
@@ -184,8 +188,34 @@ def shade_entry(shown: bool, words: str = UNCERTAIN) -> dict[str, Line2D]:
     return {words: entry(color=SHADE, alpha=0.6, linewidth=6)} if shown else {}
 
 
-def add_legend(figure: Figure | SubFigure, entries: Mapping[str, Line2D], most: int = MOST_IN_A_ROW) -> None:
-    """Put one legend below all panels."""
-    rows = -(-len(entries) // most)
-    columns = -(-len(entries) // rows)
-    figure.legend(list(entries.values()), list(map(plain, entries)), loc="outside lower center", ncols=columns)
+def shade_start(axes: Axes, unit: float = 1.0) -> bool:
+    """Hatch times in which a process starts, on an abscissa of seconds; return whether any are in view."""
+    low, high = axes.get_xlim()
+    if low >= START / unit or high <= low:
+        return False
+    axes.axvspan(low, START / unit, zorder=0, **STARTING)
+    axes.set_xlim(low, high)
+    return True
+
+
+def start_entry(shown: bool) -> dict[str, Patch]:
+    """Return the legend's entry of times in which a process starts, if there are any."""
+    return {f"below {START:g} s: first calls of a process": Patch(**STARTING)} if shown else {}
+
+
+def add_legend(figure: Figure | SubFigure, entries: Mapping[str, Any], most: int = MOST_IN_A_ROW) -> None:
+    """Put one legend below all panels, in as many columns as fit the figure's width, of `most` at most.
+
+    The figure grows by what its rows need beyond the first two.
+    """
+    if not entries:
+        return
+    handles, words = list(entries.values()), list(map(plain, entries))
+    for columns in range(min(most, len(entries)), 0, -1):
+        rows = -(-len(entries) // columns)
+        legend = figure.legend(handles, words, loc="outside lower center", ncols=-(-len(entries) // rows))
+        if legend.get_window_extent().width <= figure.bbox.width or columns == 1:
+            break
+        legend.remove()
+    if isinstance(figure, Figure):
+        figure.set_figheight(figure.get_figheight() + LINE * max(0, rows - ROWS))

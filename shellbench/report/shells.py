@@ -19,8 +19,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure, FigureBase
 from numpy.typing import NDArray
-from scipy.interpolate import RectBivariateSpline
 
+from shellbench.report.grids import facet_means, facets, inward, refined, wires
 from shellbench.report.notation import MARKDOWN, plain, quoted
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ class Shell:
     scale
         Factor of the displacement in the picture.
     direction
-        Colour by the displacement along this direction; by its magnitude if None.
+        Colour by the displacement along this direction, or into what the surface encloses; by its magnitude if None.
     held
         (n, 3) polylines of held edges, and single held points, on the reference surface.
     forces
@@ -102,7 +102,7 @@ class Shell:
     displacement: Array
     scale: float
     camera: Camera
-    direction: tuple[float, float, float] | None = None
+    direction: tuple[float, float, float] | Literal["inward"] | None = None
     held: tuple[Array, ...] = field(default=())
     forces: tuple[tuple[Array, Array], ...] = field(default=())
     run_id: str = ""
@@ -123,6 +123,8 @@ class Shell:
         """What the colour shows, (n1, n2), in `unit`."""
         if self.direction is None:
             return np.asarray(np.linalg.norm(self.displacement, axis=-1))
+        if self.direction == "inward":
+            return np.asarray(np.sum(self.displacement * inward(self.position), axis=-1))
         return np.asarray(self.displacement @ (np.asarray(self.direction) / np.linalg.norm(self.direction)))
 
     @property
@@ -138,7 +140,7 @@ def shell_figure(shell: Shell) -> Figure:
     draw_deformed(axes, shell)
     colour_bar(figure, axes, shell)
     axes.set_title(plain(shell.title), loc="left", pad=14)
-    subtitle = f"{plain(shell.solver)}, displacement {times(shell.scale)}"
+    subtitle = ", ".join(filter(None, (plain(shell.solver), f"displacement {times(shell.scale)}")))
     axes.annotate(subtitle, (0, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", color="#444444")
     return figure
 
@@ -260,6 +262,8 @@ def what_is_coloured(shell: Shell) -> str:
     """Say which part of the displacement the colour shows."""
     if shell.direction is None:
         return "displacement"
+    if shell.direction == "inward":
+        return "inward $u$"
     if axis := axis_of(shell.direction):
         return rf"{axis[0]}$u_{{{axis[1]}}}$".replace("-", "\N{MINUS SIGN}")
     return "displacement along (" + ", ".join(f"{d:g}" for d in shell.direction) + ")"
@@ -284,18 +288,6 @@ def scale_words(shell: Shell) -> str:
     return f"displacement magnified {MARKDOWN.number(quoted(shell.scale))} times"
 
 
-def facets(grid: Array) -> Array:
-    """Return the (m, 4, 3) facets of a grid of points (n1, n2, 3)."""
-    corners = (grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:])
-    return np.stack(corners, axis=2).reshape(-1, 4, 3)
-
-
-def facet_means(values: Array) -> Array:
-    """Return the mean (m,) over the corners of each facet of values (n1, n2)."""
-    corners = values[:-1, :-1] + values[1:, :-1] + values[1:, 1:] + values[:-1, 1:]
-    return (corners / 4.0).reshape(-1)
-
-
 def shading(seen: Array) -> Array:
     """Return the light (m,) in [AMBIENT, 1] on facets (m, 4, 3) in the camera's frame, whichever side is seen."""
     normal = np.cross(seen[:, 2] - seen[:, 0], seen[:, 3] - seen[:, 1])
@@ -305,31 +297,6 @@ def shading(seen: Array) -> Array:
     direction = np.asarray(LIGHT) / np.linalg.norm(LIGHT)
     lit: Array = AMBIENT + (1.0 - AMBIENT) * np.clip(unit @ direction, 0.0, 1.0)
     return lit
-
-
-def refined(grid: Array, cells: int) -> Array:
-    """Return a grid (n1, n2, 3) of at least `cells` cells a side, by cubic splines through the given points."""
-    if min(grid.shape[:2]) < 4 or min(grid.shape[:2]) > cells:
-        return grid
-    parameters = [np.arange(n, dtype=float) for n in grid.shape[:2]]
-    fine = [np.linspace(0.0, p[-1], (len(p) - 1) * -(-cells // (len(p) - 1)) + 1) for p in parameters]
-    return np.stack([RectBivariateSpline(*parameters, grid[..., i], s=0)(*fine) for i in range(3)], axis=-1)
-
-
-def wires(grid: Array, lines: int) -> Array:
-    """Return the (m, 2, 3) pieces of coordinate lines about as far apart in one direction as in the other.
-
-    There are `lines` of them on a square surface; edges are always among them.
-    """
-    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=-1).sum(axis).mean() for axis in (0, 1)]
-    spacing = max(float(np.sqrt(steps[0] * steps[1])), 1e-300) / (lines - 1)
-    pieces = []
-    for lattice, length in ((grid, steps[0]), (grid.swapaxes(0, 1), steps[1])):
-        number = int(np.clip(round(float(length) / spacing) + 1, 2, len(lattice)))
-        chosen = np.unique(np.linspace(0, len(lattice) - 1, number).round().astype(int))
-        along = lattice[chosen]
-        pieces.append(np.stack([along[:, :-1], along[:, 1:]], axis=2).reshape(-1, 2, 3))
-    return np.concatenate(pieces)
 
 
 @dataclass(frozen=True)

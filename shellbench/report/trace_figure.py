@@ -13,17 +13,17 @@ from matplotlib.figure import Figure
 
 from shellbench.report.exhibit import DASHES, Ink
 from shellbench.report.notation import plain
+from shellbench.report.panel import add_legend
 from shellbench.report.traces import CRITICAL, KnownPoints, Trace, TracedRun
 
 WIDTH, HEIGHT, HIGH = 2.45, 1.95, 2.5  # inches a panel; of one that has the load upwards
 ALONE = 4.6, 2.4  # inches of a panel that stands alone
-MARGIN, LINE = 0.55, 0.17  # inches for the legend's first line, and each further one
+MARGIN = 0.7  # inches for the legend's first lines
 MOST_IN_A_ROW = 3  # panels
 TITLE = 36  # characters a line
-LETTER, HANDLE = 0.066, 0.6  # inches of a legend's mean letter, and of what stands before its words
-CROWDED, DENSE = 40, 24  # points of a line, above which its markers shrink; above which a line over time has none
+DENSE = 24  # points of a line, above which it has no markers
 TABLE = 12  # tabulated points, above which their crosses shrink
-THINNEST, STEP, THICKEST = 1.1, 0.9, 3.8  # widths of lines, the last solver's on top: of those below a rim is seen
+THINNEST, STEP, THICKEST = 1.1, 1.5, 5.0  # widths of lines, the last solver's on top: of those below a rim is seen
 CROSSES = ("x", "+", "1", "2", "3", "4")  # of figures from elsewhere, one for each source
 ELSEWHERE = "#555555"
 FORMS = (("black", DASHES[1]), ("#777777", DASHES[2]))  # colours and dashes of closed forms
@@ -107,19 +107,8 @@ def trace_figure(
         title = textwrap.fill(panel.title[:1].upper() + panel.title[1:], TITLE, break_on_hyphens=False)
         axes.set_title(plain(title), loc="left", fontsize=7.5)
     if entries:
-        in_a_row = legend_columns(list(entries), figure.get_figwidth())
-        figure.legend(entries.values(), list(map(plain, entries)), loc="outside lower center", ncols=in_a_row)
-        figure.set_figheight(figure.get_figheight() + LINE * (-(-len(entries) // in_a_row) - 1))
+        add_legend(figure, entries, 3)
     return figure
-
-
-def legend_columns(labels: Sequence[str], width: float) -> int:
-    """Return how many columns of a legend fit into so many inches; each is as wide as its longest label."""
-    for columns in range(min(3, len(labels)), 1, -1):
-        widest = [max(map(len, column)) for column in np.array_split(labels, columns)]
-        if sum(HANDLE + LETTER * letters for letters in widest) <= width:
-            return columns
-    return 1
 
 
 def _draw(
@@ -159,7 +148,7 @@ def _draw_run(
     name = next((name for name in panel.names if name in run.traces), None)
     if name is None:
         return
-    trace, upright = run.traces[name], panel.load_scale is not None
+    trace = run.traces[name]
     shown = trace.values > 0 if panel.logarithmic else np.full(len(trace.values), True)
     x, y = panel.xy(trace.marks[shown], trace.values[shown])
     look: dict[str, Any] = {"color": ink.colour, "zorder": 4, "linestyle": "none"}
@@ -168,11 +157,11 @@ def _draw_run(
         y,
         color=ink.colour,
         linestyle=ink.dashes,
-        marker=ink.marker if upright or len(x) <= DENSE else "",
-        markersize=3.3 if len(x) <= CROWDED else 1.8,
+        marker=ink.marker if len(x) <= DENSE else "",
+        markersize=3.3,
         markeredgecolor="white",
         markeredgewidth=0.3,
-        linewidth=1.0 if upright else width,
+        linewidth=width,
         zorder=2,
     )
     entries.setdefault(run.name, line)
@@ -180,7 +169,12 @@ def _draw_run(
         (end,) = axes.plot(x[-1:], y[-1:], marker="X", markersize=7, **look)
         entries.setdefault(f"{run.name}: end of what a failed run left", end)
     if points := run.special.get(name):
-        look |= {"marker": "D", "markersize": 5.5, "markerfacecolor": "none", "markeredgewidth": 1.1}
+        look |= {
+            "marker": "D",
+            "markersize": 5.5 + 2 * (width - THINNEST),
+            "markerfacecolor": "none",
+            "markeredgewidth": 1.1,
+        }
         (mark,) = axes.plot(*panel.xy(*np.transpose(points)), **look)
         entries.setdefault(f"{run.name}: {special}", mark)
 

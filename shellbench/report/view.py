@@ -17,7 +17,7 @@ from functools import cache
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -29,6 +29,7 @@ from shellbench.bench.record import Record
 from shellbench.errors import ShellbenchError
 from shellbench.report.evidence import Evidence
 from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, read_ribbon, spread
+from shellbench.report.grids import inward
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
@@ -117,7 +118,7 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
         "largest_scale": scale * (1.0 if several else MAGNIFIED),
         "look": scene.view[::-1],
         "up": scene.up,
-        "along": along(scene.direction),
+        "along": along(scene.direction, grid[::thin, ::thin], planes),
         "answers": [],
     }
     for record, fields, states in answers:
@@ -189,10 +190,17 @@ def _kept(values: Array, planes: Planes) -> float:
     return step
 
 
-def along(direction: tuple[float, float, float] | None) -> dict[str, Any] | None:
-    """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None."""
+def along(
+    direction: tuple[float, float, float] | Literal["inward"] | None, position: Array, planes: Planes
+) -> dict[str, Any] | None:
+    """Return the unit vector along which the still picture is coloured, and its symbol, % standing for u; or None.
+
+    Of a surface that is coloured by its inward displacement the vectors are added to the planes, point by point.
+    """
     if direction is None:
         return None
+    if direction == "inward":
+        return {"inward": _kept(inward(position), planes), "symbol": "inward %"}
     vector, axis = np.asarray(direction) / np.linalg.norm(direction), axis_of(direction)
     symbol = f"{axis[0]}%<sub>{axis[1]}</sub>" if axis else f"% along ({', '.join(f'{part:g}' for part in direction)})"
     return {"vector": vector.tolist(), "symbol": symbol.replace("-", "\N{MINUS SIGN}")}

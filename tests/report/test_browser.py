@@ -410,6 +410,9 @@ def test_a_narrow_screen_does_not_scroll_sideways(browser, course_page):
         box = control.bounding_box()
         assert box["x"] >= 0
         assert box["x"] + box["width"] <= NARROW["width"]
+    bar = figure.locator(".infolayer [class*=colorbar]").first.bounding_box()
+    scene = figure.locator(".plot .gl-container > div").first.bounding_box()
+    assert scene["y"] + scene["height"] <= bar["y"] + 1  # axes and their words end where the bar of colours begins
     opened.context.close()
 
 

@@ -300,6 +300,17 @@ def test_a_panel_for_each_case_and_a_line_for_each_settings(tmp_path):
     assert len(set(lines_of(cases).values())) == 2  # peer's two are told apart
 
 
+def test_a_default_run_is_named_in_the_figure(tmp_path):
+    runs = [
+        *sweep(tmp_path, OURS, FAST),
+        *sweep(tmp_path, PEER, SLOW, fixed={"degree": 3}),
+        alone(tmp_path, PEER, 1e-6),
+    ]
+    cases = checked_cases(evidence(tmp_path, runs))
+    (legend,) = cross_check_figure(cases, inks([OURS, PEER])).legends
+    assert f"{PEER}, default settings" in [text.get_text() for text in legend.get_texts()]
+
+
 def test_the_section_is_made_only_of_a_cross_check(tmp_path):
     made = section(evidence(tmp_path, both(tmp_path)))
     assert [table.name for table in made.tables] == ["cross_check"]

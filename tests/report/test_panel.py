@@ -3,11 +3,12 @@
 import pytest
 from matplotlib.figure import Figure
 
-from shellbench.report.exhibit import Ink
+from shellbench.report.exhibit import Ink, style
 from shellbench.report.panel import (
     BELOW,
     FLOOR_SHOWN,
     FOR_SLOPES,
+    START,
     add_legend,
     draw,
     draw_slopes,
@@ -16,6 +17,7 @@ from shellbench.report.panel import (
     finish,
     open_figure,
     shade_entry,
+    shade_start,
 )
 from shellbench.report.rates import Rate
 
@@ -95,3 +97,51 @@ def test_one_legend_names_what_is_there():
     add_legend(figure, {"costs $": entry(INK)} | failed_entry(True) | failed_entry(False) | shade_entry(False))
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [r"costs \$", "failed run"]
+
+
+def lie_apart(boxes):
+    return not any(one.overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
+
+
+@pytest.mark.parametrize("letters", [3, 60])
+def test_a_legend_lies_within_its_figure_and_over_no_panel(letters):
+    with style():
+        figure, (panels,) = open_figure((7.4, 3.05), 1, 3)
+        for axes in panels:
+            draw(axes, [1e2, 1e6], [1e-4, 10.0], INK)
+        finish(panels, "unknowns")
+        add_legend(figure, {f"{place}{'m' * letters}": entry(INK) for place in range(9)})
+        figure.draw_without_rendering()
+    box = figure.legends[0].get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.x1
+    assert lie_apart([box, *(axes.get_tightbbox() for axes in panels)])
+    assert all(axes.get_window_extent().height > 100 for axes in panels)  # a legend of many rows leaves them room
+
+
+def test_words_of_slopes_lie_over_no_panel_and_over_no_other_words():
+    rates = [Rate(slope=-1.0, factor=factor, first=10.0, last=100.0) for factor in (1.0, 1.1, 1.2, 8.0)]
+    with style():
+        figure, (panels,) = open_figure((7.4, 3.05), 1, 2)
+        for axes in panels:
+            for rate in rates:
+                draw(axes, [10.0, 100.0], [100 * rate(10.0), 100 * rate(100.0)], INK)
+            finish([axes], "unknowns", "difference (%)", below=FOR_SLOPES)
+            draw_slopes(axes, [(rate, f"$N^{{-{place}.0}}$", INK.colour) for place, rate in enumerate(rates)])
+        figure.draw_without_rendering()
+    words = [text.get_window_extent() for axes in panels for text in axes.texts]
+    assert lie_apart(words)
+    assert not any(one.overlaps(axes.get_window_extent()) for one in words for axes in panels)
+    ticks = [text.get_window_extent() for text in (*panels[1].get_yticklabels(), panels[1].yaxis.label)]
+    assert not any(one.overlaps(other) for one in words for other in ticks)
+
+
+def test_times_in_which_a_process_starts_are_told_only_where_they_are_in_view(axes):
+    draw(axes, [0.01, 10.0], [1.0, 1e-3], INK)
+    finish([axes])
+    limits = axes.get_xlim()
+    assert shade_start(axes)
+    assert axes.get_xlim() == limits
+    assert axes.patches[0].get_x() + axes.patches[0].get_width() == pytest.approx(START)
+    axes.set_xlim(1.0, 10.0)
+    assert not shade_start(axes)

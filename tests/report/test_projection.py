@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shellbench.report.shells import AMBIENT, Camera, facet_means, facets, refined, shading, wires
+from shellbench.report.grids import facet_means, facets, inward, refined, wires
+from shellbench.report.shells import AMBIENT, Camera, shading
 
 cameras = st.builds(Camera, st.floats(-90, 90), st.floats(-360, 360), st.sampled_from("xyz"))
 
@@ -74,3 +75,12 @@ def test_wires_are_equally_far_apart_and_include_the_edges():
     assert {0.0, 4.0} <= across
     assert {0.0, 1.0} <= along
     assert 4.0 / (len(across) - 1) == pytest.approx(1.0 / (len(along) - 1), rel=0.25)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_inward_is_toward_the_axis_of_a_cylinder_whichever_way_its_coordinates_run(mirrored):
+    angle, y = np.meshgrid(np.linspace(0, 2 * np.pi, 181), np.linspace(5, 9, 4), indexing="ij")
+    position = np.stack([3 + 2 * np.cos(angle), y, 2 * np.sin(angle) - 1], axis=-1)
+    normal = inward(position[::-1] if mirrored else position)
+    exact = -np.stack([np.cos(angle), 0 * y, np.sin(angle)], axis=-1)
+    assert normal == pytest.approx(exact[::-1] if mirrored else exact, abs=1e-3)  # differences of second order

@@ -37,6 +37,8 @@ def unpacked(kept):
         return step * np.stack([next(planes) for _ in range(3)], axis=-1)
 
     position = vector(kept["position"]) + np.array(kept["centre"])
+    if (kept["along"] or {}).get("inward"):
+        assert np.linalg.norm(vector(kept["along"]["inward"]), axis=-1) == pytest.approx(1.0, abs=1e-3)
     answers = []
     for answer in kept["answers"]:
         states = []

@@ -54,7 +54,9 @@ class Picture(Model):
     """
 
     scale: Finite | None = Field(None, description="factor of the displacement")
-    direction: tuple[Finite, Finite, Finite] | None = Field(None, description="colour by this component")
+    direction: tuple[Finite, Finite, Finite] | Literal["inward"] | None = Field(
+        None, description="colour by this component; of a surface that encloses something, by the one into it"
+    )
     view: tuple[Finite, Finite] = Field((25.0, -60.0), description="elevation and azimuth of the camera, degrees")
     up: Literal["x", "y", "z"] = "z"
 

@@ -9,8 +9,9 @@
   const UP = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] }; // axes drawn as Plotly's x, y and z, of which z points up
   const COLOURS = { magnitude: "magnitude", x: "x component", y: "y component", z: "z component" };
   const WIRES = 13; // coordinate lines of the reference surface in each direction, as in the still pictures
-  const [WIDE, FAR] = [1.55, 2.1]; // of the eye from the middle at first, in sizes of the box; where it is narrow
+  const [WIDE, FAR] = [2.0, 2.4]; // of the eye from the middle at first, in sizes of the box; where it is narrow
   const NARROW = 520; // px: the bar of colours goes below
+  const [BELOW, BESIDE] = [0.24, 0.17]; // shares of the plot that are the bar's alone
   const FLAT = 0.02; // share of the longest side that every side of the box has at least
   const STEEPEST = 1.565; // radians of elevation: nearly a quarter turn, where the view would roll over
   const MOST_ALIVE = 4; // browsers allow about 16 WebGL contexts; each takes memory
@@ -71,6 +72,7 @@
     };
     const vector = (step) => AXES.map(() => plane(step));
     const position = vector(kept.position).map((values, k) => values.map((value) => value + kept.centre[k]));
+    const inward = kept.along?.inward && vector(kept.along.inward);
     const answers = [];
     kept.answers.forEach(({ label, states, density }) => {
       const moved = states.map((state, mark) => {
@@ -80,7 +82,7 @@
       const last = moved.reduce((found, state, mark) => (state ? mark : found), -1);
       answers.push({ label, moved, states: moved, density: density === null ? null : [plane(density)], last });
     });
-    return { kept, position, answers, shows: [...answers, ...differences(answers)] };
+    return { kept, position, inward, answers, shows: [...answers, ...differences(answers)] };
   }
 
   /* The difference of each two answers, coloured on the shape of the first. Densities are of the last state only. */
@@ -104,7 +106,7 @@
   }
 
   /* What is coloured at a mark, point by point; null where there is nothing. */
-  function coloured({ kept }, { states, density, last }, colour, mark) {
+  function coloured({ kept, inward }, { states, density, last }, colour, mark) {
     const dense = colour === "density";
     const [x, y, z] = (dense ? last === mark && density : states[mark]) || [];
     if (!x || dense) {
@@ -112,6 +114,10 @@
     }
     if (colour === "magnitude") {
       return x.map((_, i) => Math.hypot(x[i], y[i], z[i]));
+    }
+    if (colour === "picture" && inward) {
+      const [a, b, c] = inward;
+      return x.map((_, i) => a[i] * x[i] + b[i] * y[i] + c[i] * z[i]);
     }
     const along = colour === "picture" ? kept.along.vector : AXES.map((axis) => Number(axis === colour));
     return x.map((_, i) => along[0] * x[i] + along[1] * y[i] + along[2] * z[i]);
@@ -220,7 +226,7 @@
       showlegend: false,
       font: { family: "system-ui, sans-serif", size: 12, color: "#1b1f24" },
       scene: {
-        xaxis, yaxis, zaxis, dragmode: "turntable", camera: firstCamera(view), uirevision: "kept",
+        xaxis, yaxis, zaxis, domain: view.narrow ? { y: [BELOW, 1] } : { x: [0, 1 - BESIDE] }, dragmode: "turntable", camera: firstCamera(view), uirevision: "kept",
         aspectmode: "manual", aspectratio: turnedUp(view.field, spans.map((span) => span / largest)),
       },
     };
