@@ -222,6 +222,13 @@ class Problem(Model):
         text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def asked_as_well(self) -> Self | None:
+        """Return the same question with data that say as much; None if its data leave no choice.
+
+        How far the answers are apart is the data's share of the uncertainty, as of a surface that was fitted to points.
+        """
+        return None
+
     def check_state(self, at: float) -> None:
         """Raise InputError if no solution can be asked at this mark."""
 
