@@ -44,17 +44,17 @@ SHAPES: dict[str, tuple[Callable[[Array, Array], Array], bool]] = {
 
 
 def obj(shape: Callable[[Array, Array], Array], n: int, closed: bool, noise: float = 0.0, digits: int = DIGITS) -> str:
-    """Return an OBJ of n x n points as quadrangles; those of a closed one share the vertices of the seam.
+    """Return an OBJ of n x n points as quadrangles; of a closed one the n + 1 texture vertices share those of the seam.
 
     `noise` is the standard deviation of every coordinate, relative to the mesh's largest extent.
     """
-    u = v = np.linspace(0.0, 1.0, n)
-    x = shape(u[: n - closed, None], v[None, :])
+    u, v = np.linspace(0.0, 1.0, n + closed), np.linspace(0.0, 1.0, n)
+    x = shape(u[:n, None], v[None, :])
     size = np.ptp(x.reshape(-1, 3), axis=0).max()
     x = x + noise * size * np.random.default_rng(0).standard_normal(x.shape)
     lines = [f"v {' '.join(f'{c:.{digits}g}' for c in point)}" for point in x.reshape(-1, 3)]
     lines += [f"vt {a:.{digits}g} {b:.{digits}g}" for a in u for b in v]
-    for i in range(n - 1):
+    for i in range(len(u) - 1):
         for j in range(n - 1):
             corners = ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1))
             lines.append("f " + " ".join(f"{a % len(x) * n + b + 1}/{a * n + b + 1}" for a, b in corners))
