@@ -340,4 +340,3 @@ class ExpressionSurface(AnalyticSurface):
     def named_constants(self) -> dict[str, float]:
         """Constants that the formulas use."""
         return self.constants
-

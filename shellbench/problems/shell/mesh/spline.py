@@ -155,5 +155,9 @@ def fit_spline(
     for _ in range(1 + REFINEMENTS):
         found += factors.solve(design.T @ (positions - centre - design @ found))
     return Spline(
-        lower=lower, upper=upper, spans=spans, periodic=periodic, coefficients=tuple(map(tuple, (found + centre).T.tolist()))
+        lower=lower,
+        upper=upper,
+        spans=spans,
+        periodic=periodic,
+        coefficients=tuple(map(tuple, (found + centre).T.tolist())),
     )

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
+from pydantic.json_schema import SkipJsonSchema
 
 from shellbench.errors import InputError
 from shellbench.problems.shell.mesh.fit import MeshFit
@@ -44,7 +45,7 @@ class MeshSurface(AnalyticSurface):
     mesh: str
     periodic: tuple[Coordinate, ...] = ()
     knots: Literal["first", "second"] = "first"
-    fit: MeshFit = Field(repr=False)
+    fit: SkipJsonSchema[MeshFit] = Field(repr=False)
 
     @model_validator(mode="before")
     @classmethod
