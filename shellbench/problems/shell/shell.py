@@ -169,6 +169,14 @@ class Shell(Problem):
             data["surface"]["fit"] = data["surface"]["fit"]["sha256"]
         return data
 
+    def shown(self) -> dict[str, Any]:
+        """Return the case's data without the coefficients of a surface that was fitted."""
+        data = self.data()
+        if "fit" in data["surface"]:
+            fit = data["surface"]["fit"]
+            fit |= {knots: {"spans": fit[knots]["spans"]} for knots in ("first", "second")}
+        return data
+
     def asked_as_well(self) -> Self | None:
         """Return the same question of the mesh's other fit; None if its surface is none that was fitted."""
         if not isinstance(self.surface, MeshSurface):

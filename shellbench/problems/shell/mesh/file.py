@@ -96,10 +96,10 @@ def _read_obj(text: str) -> MeshFile:
                     faces.append([known[word] for word in words[1:]])
                 case ["l" | "curv" | "curv2" | "surf"]:
                     raise InputError(f"'{words[0]}' is no triangle or polygon")
-        except ValueError:
-            raise InputError(f"line {number}: can't read {line.strip()[:60]!r}") from None
         except InputError as error:
             raise InputError(f"line {number}: {error}") from None
+        except ValueError:
+            raise InputError(f"line {number}: can't read {line.strip()[:60]!r}") from None
     return _mesh(positions, texture, faces)
 
 
@@ -157,6 +157,8 @@ def _read_ply(text: str) -> MeshFile:
                 if properties[:1] not in (["vertex_indices"], ["vertex_index"]):
                     raise InputError("a face does not begin with its list of vertices")
                 faces = [_ply_face(row.split(), len(positions)) for row in rows]
+        except InputError:
+            raise
         except (ValueError, IndexError):
             raise InputError(f"can't read the lines of '{name}'") from None
     return _mesh(positions, texture, faces)

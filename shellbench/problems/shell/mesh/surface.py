@@ -22,7 +22,7 @@ NO_FORMULAS = "its surface is a mesh, which has no formulas"
 
 
 class MeshSurface(AnalyticSurface):
-    """A surface by a mesh whose texture coordinates (u, v) are xi1 and xi2: a spline of degree 5 fitted to its vertices.
+    """A spline of degree 5 fitted to the vertices of a mesh, whose texture coordinates (u, v) are xi1 and xi2.
 
     The mesh is one patch that fills a rectangle of (u, v). The fit states errors of position and of curvature, and how
     far an answer moves with the knots is part of its uncertainty. Of the bounds, those of the mesh are taken where none
