@@ -79,7 +79,7 @@ def study(name: str, n: int, noise: float) -> list[str]:
         ]
         rows.append(
             f"| {name} | {n} | {noise:.0e} | {fit.first.spans[0]} x {fit.first.spans[1]} | {relative:.0e} |"
-            f" {fit.curvature_error / fit.largest_curvature:.0e} | {solver} | {found[0] / known.value - 1:+.1e} | {abs(found[1] / found[0] - 1):.0e} |"
+            f" {fit.curvature_error / fit.largest_curvature:.0e} | {solver} | {found[0] / known.value - 1:+.1e} | {2 * abs(found[1] / found[0] - 1):.0e} |"
         )
     return rows
 

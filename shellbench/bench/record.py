@@ -103,7 +103,7 @@ class Measured(Model):
     uncertainty
         The solver's own estimate of its error, and what comes from the question's data; None if it states none.
     data_error
-        How far the value moves with data that say as much, such as a mesh's other fit; None of exact data.
+        Twice what the value moves by with data that say as much, such as a mesh's other fit; None of exact data.
     """
 
     value: Figure

@@ -36,6 +36,7 @@ from shellbench.problem import Problem, Progress, Settings, Solution, Solver
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"
+DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
 UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
 
 Part = Callable[[], dict[str, Any]]
@@ -294,7 +295,7 @@ def with_data_errors(
     found, _ = values_of(solver.solve(other, settings, progress=tell), other)
     result = {}
     for name, one in values.items():
-        moved = abs(found[name].value - one.value) if name in found else None
+        moved = DRAWS * abs(found[name].value - one.value) if name in found else None
         total = None if moved is None or one.uncertainty is None else one.uncertainty + moved
         result[name] = one.model_copy(update={"data_error": moved, "uncertainty": total})
     return result

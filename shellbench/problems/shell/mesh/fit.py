@@ -4,12 +4,13 @@
    to the others, up to half as many spans as vertices; how far they miss those left out decides.
 2. Of all that miss by hardly more than the best, the one with the fewest spans is taken, in each direction: more
    spans would follow the noise, which curvature shows first.
-3. It is fitted to all vertices, and so is a second spline with a third more spans.
+3. It is fitted to all vertices. A second spline with a third more spans (fewer, where vertices are too few for more) is
+   fitted to half of the inner ones.
 
 Stated errors. Position: the largest distance to a vertex that was left out, noise included. Curvature: the largest
-difference to the second spline, which tells what the knots do, and twice that to the fit without the fifth, which tells
-what noise does (of n vertices, 1/5 left out moves a mean by half its deviation). As the error of a curvature falls with
-the fourth power of a span, the first difference is divided by 1 - (3/4)^4.
+difference of the two splines. Half the vertices move a mean by as much as noise has moved that of all, so that the
+difference shows noise and knots alike. As knots' share falls with the fourth power of a span, the difference is divided
+by 1 - (3/4)^4.
 """
 
 from __future__ import annotations
@@ -32,10 +33,11 @@ SEED, LEFT_OUT = 21, 0.2
 HARDLY = 1.2  # times the smallest error: what is no worse has fewer spans
 ROUNDING = 1e-9  # of the mesh's size: a spline that misses by less is not made finer
 MOST = 6000  # coefficients of a component
+SUFFICE = 1.5  # vertices for each coefficient of the second spline
 ENOUGH = 12  # vertices for each coefficient, from which others are left out where spans are only tried
 GRID = 41  # points a side at which curvatures are compared
 FLAT = 1e-9  # smallest |a1 x a2| of a surface, relative to its largest
-TWICE, LESS = 2.0, 1 - 0.75**4
+LESS = 1 - 0.75**4
 
 
 class MeshFit(Model):
@@ -54,7 +56,7 @@ class MeshFit(Model):
     largest_curvature
         Of the surface, 1/m, to compare with.
     first, second
-        The spline that is the surface, and the one with other knots.
+        The spline that is the surface, and one with other knots through half of the vertices.
     """
 
     sha256: str
@@ -80,24 +82,18 @@ class MeshFit(Model):
         spans = fitting.chosen()
         first = fitting.fit(spans)
         _check_normals(first, patch)
-        second = fitting.fit(_more(spans))
-        without = fitting.fit(spans, fitting.kept)
-        missed = fitting.distances(without)
+        second = fitting.other(spans)
+        missed = fitting.distances(fitting.fit(spans, fitting.kept))
         return cls(
             sha256=hashlib.sha256(content).hexdigest(),
             vertices=len(patch.xi),
             triangles=len(patch.triangles),
             position_error=float(missed.max()),
-            curvature_error=_difference(first, second) / LESS + TWICE * _difference(first, without),
+            curvature_error=_difference(first, second) / LESS,
             largest_curvature=_difference(first, None),
             first=first,
             second=second,
         )
-
-
-def _more(spans: tuple[int, int]) -> tuple[int, int]:
-    first, second = (n + -(-n // 3) for n in spans)
-    return first, second
 
 
 class _Fitting:
@@ -108,12 +104,20 @@ class _Fitting:
         drawn = np.random.default_rng(SEED).random(len(patch.xi))
         self.order = np.argsort(drawn)
         self.left_out = patch.inner & (drawn < LEFT_OUT)
+        self.half = ~patch.inner | (drawn >= 0.5)
         self.kept = ~self.left_out
 
     def fit(self, spans: tuple[int, int], chosen: NDArray[np.bool_] | None = None) -> Spline:
         patch = self.patch
         there = slice(None) if chosen is None else chosen
         return fit_spline(patch.xi[there], patch.positions[there], (patch.lower, patch.upper), spans, self.periodic)
+
+    def other(self, spans: tuple[int, int]) -> Spline:
+        """Return a spline with other knots, fitted to half of the inner vertices."""
+        more = spans[0] + -(-spans[0] // 3), spans[1] + -(-spans[1] // 3)
+        fewer = max(1, spans[0] * 2 // 3), max(1, spans[1] * 2 // 3)
+        enough = SUFFICE * np.prod(shape_of(more, self.periodic)) <= self.half.sum()
+        return self.fit(more if enough else fewer, self.half)
 
     def distances(self, spline: Spline) -> Array:
         """Return the distances of a spline from the vertices left out."""

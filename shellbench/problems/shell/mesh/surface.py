@@ -25,7 +25,7 @@ class MeshSurface(AnalyticSurface):
     """A spline of degree 5 fitted to the vertices of a mesh, whose texture coordinates (u, v) are xi1 and xi2.
 
     The mesh is one patch that fills a rectangle of (u, v). The fit states errors of position and of curvature, and how
-    far an answer moves with the knots is part of its uncertainty. Of the bounds, those of the mesh are taken where none
+    far an answer moves from one fit to the other is part of its uncertainty. Of the bounds, those of the mesh are taken where none
     are given; they are in the units of (u, v), never degrees.
 
     Attributes
@@ -36,7 +36,7 @@ class MeshSurface(AnalyticSurface):
         Coordinates in which the surface closes on itself, smoothly. A mesh whose sides meet is refused without it;
         `[]` says that it is slit there.
     knots
-        Which of the two fits is meant. The second has a third more spans.
+        Which of the two fits is meant. The second has other knots, and half of the vertices.
     fit
         The fit: made from the mesh, never given in a file.
     """
