@@ -25,7 +25,7 @@ class MeshSurface(AnalyticSurface):
     """A spline of degree 5 fitted to the vertices of a mesh, whose texture coordinates (u, v) are xi1 and xi2.
 
     The mesh is one patch that fills a rectangle of (u, v). The fit states errors of position and of curvature, and how
-    far an answer moves from one fit to the other is part of its uncertainty. Of the bounds, those of the mesh are taken where none
+    far an answer moves from one fit to the other is part of its uncertainty. Bounds are those of the mesh where none
     are given; they are in the units of (u, v), never degrees.
 
     Attributes
