@@ -122,7 +122,8 @@ class _Fitting:
     def distances(self, spline: Spline) -> Array:
         """Return the distances of a spline from the vertices left out."""
         where = self.left_out if np.any(self.left_out) else slice(None)
-        return np.linalg.norm(spline.derivatives(self.patch.xi[where], 0)[0, 0] - self.patch.positions[where], axis=-1)
+        x = spline.derivatives(self.patch.xi[where], 0)[0, 0]
+        return np.asarray(np.linalg.norm(x - self.patch.positions[where], axis=-1))
 
     def missed(self, spans: tuple[int, int]) -> float:
         """Return the root mean square by which a spline of so many spans misses the vertices left out."""
