@@ -116,6 +116,12 @@ def passport(session: nox.Session) -> None:
 
 
 @nox.session
+def meshes(session: nox.Session) -> None:
+    """Ask for shells whose surfaces are meshes, and judge."""
+    run_and_judge(session, "meshes")
+
+
+@nox.session
 def shape_variants(session: nox.Session) -> None:
     """Ask `fem` all shells of the suite `shapes` otherwise, and judge."""
     run_and_judge(session, "shape_variants")

@@ -37,6 +37,7 @@ from shellbench.problems.skinning import case as skinning
 from shellbench.problems.skinning import quantities as skinned
 
 PAGE = Path(__file__).with_name("case_format.md")
+CASES = PAGE.parents[1] / "cases"
 SHOWN = "shellbench.problems", "shellbench.known"
 """Modules of the models that case files are read into."""
 Schema = Mapping[str, Any]
@@ -83,6 +84,8 @@ class Example:
         for key, value in tomllib.loads(self.text).items():
             longer = isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
             data[key] = data.get(key, []) + value if longer else value
+        if "mesh" in data["surface"]:
+            data["surface"]["mesh"] = str(CASES / data["surface"]["mesh"])
         return data
 
 
@@ -93,6 +96,7 @@ EXAMPLES = {
         '[surface]\nkind = "expression"\nx = "(r + xi2)*cos(xi1)"\ny = "(r + xi2)*sin(xi1)"\nz = "H*xi2**2"\n'
         'xi1 = [0, 90]           # degrees\nxi2 = [0, 1]\nangles = ["xi1"]\nconstants = { r = 2.0, H = 0.5 }'
     ),
+    "MeshSurface": Example('[surface]\nkind = "mesh"\nmesh = "roof_mesh.obj"  # beside this file\nxi1 = [0, 1]\nxi2 = [0, 0.5]             # half of it'),
     "Material": Example(
         "[material]\nyoungs_modulus = 2e11  # Pa\npoissons_ratio = 0.3\nthickness = 0.01      # m\nareal_density = 8.0   # kg/m^2\nthickness_factor = \"1 - 0.5*xi1\"  # half as thick at xi1 = 1"
     ),
@@ -172,7 +176,7 @@ EXAMPLES = {
 }  # fmt: skip
 
 SECTIONS = (  # heading, one of them, words, common base, classes
-    ("Surface", "Surface", "`[surface]` is one of three kinds. All have the fields of the first table.", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface")),
+    ("Surface", "Surface", "`[surface]` is one of four kinds. All have the fields of the first table.", surface.AnalyticSurface, ("Plane", "Cylinder", "ExpressionSurface", "MeshSurface")),
     ("Material", "", "`[material]`: linear, isotropic.", None, ("Material",)),
     ("Parts of edges", "", "`[edge_parts]`: a table of names. Supports, and loads of the kinds edge and moment, can be on them.", None, ("EdgePart",)),
     ("Supports", "", "`[[supports]]`: any number.", None, ("Support",)),
@@ -348,7 +352,7 @@ def section(heading: str, singular: str, words: str, base: type[Model] | None, c
         if chosen := kinds(cls):
             parts.append(f"### {singular} " + ", ".join(f"`{kind}`" for kind in chosen))
         parts.append(summary(cls))
-        own = [field for field in cls.model_fields if field != "kind" and field not in common]
+        own = [name for name in cls.model_json_schema()["properties"] if name != "kind" and name not in common]
         if own:
             parts.append(table(cls, own))
         if "unit" in common and cls.model_fields["unit"].default != base.model_fields["unit"].default:

@@ -222,12 +222,23 @@ class Problem(Model):
         text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def asked_as_well(self) -> Self | None:
+        """Return the same question with data that say as much; None if its data leave no choice.
+
+        How far the answers are apart is the data's share of the uncertainty, as of a surface that was fitted to points.
+        """
+        return None
+
     def check_state(self, at: float) -> None:
         """Raise InputError if no solution can be asked at this mark."""
 
     def data(self) -> dict[str, Any]:
         """Return the problem as JSON data from which it can be made again."""
         return self.model_dump(mode="json", exclude_unset=True)
+
+    def shown(self) -> dict[str, Any]:
+        """Return the problem's data as far as a reader looks at them."""
+        return self.data()
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""
@@ -470,6 +481,9 @@ class Kind:
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
+    from_file
+        Takes a file with data of a user's own, such as a mesh, and the path of a case file; returns the text of a case
+        to begin with. It may raise InputError with the reason, as a clause. None if there are no such files.
     headline
         What its headline quantities are, for the heading of their table.
     exam, quick
@@ -483,6 +497,7 @@ class Kind:
     portrait: Callable[[Any], Portrait] = Portrait
     variants: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
+    from_file: Callable[[Path, Path], str] | None = None
     headline: str = "Headline figures"
     exam: tuple[str, ...] = ()
     quick: tuple[str, ...] = ()

@@ -67,7 +67,7 @@ def about_case(case: Problem, asked: str = "") -> Data:
         "suites": list(case.suites),
         "variants": [] if VARIANT in case.name else _variants(case, asked or case.name),
         "primary": case.primary.name,
-        "problem": {key: value for key, value in case.data().items() if key not in NO_PART_OF_THE_QUESTION},
+        "problem": {key: value for key, value in case.shown().items() if key not in NO_PART_OF_THE_QUESTION},
         "quantities": [_quantity(case, quantity, own) for quantity in case.quantities],
         "curves": [
             {"quantity": c.quantity, "role": c.role, "theory": c.theory, "origin": c.origin, "source": c.source}

@@ -145,7 +145,7 @@ def cases_of(suite: str) -> list[Problem]:
 
 def members(suite: str) -> list[Problem]:
     """Return the suite's own cases that belong to a suite, without variants, in the order of its file."""
-    return _in_order(suite, [case for case in map(named_case, case_names()) if suite in case.suites])
+    return _in_order(suite, [named_case(name) for name in case_names() if suite in suites_named_by(name)])
 
 
 def _in_order(suite: str, cases: list[Problem]) -> list[Problem]:

@@ -266,6 +266,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         **_about_quantity(run.case, quantity) | _about_run(record, run.case, run.declared_by),
         value=measured.value if measured else None,
         uncertainty=measured.uncertainty if measured else None,
+        data_error=measured.data_error if measured else None,
         extrapolated=measured.extrapolated if measured else None,
         converged=_converged(record),
         energy_gap=float(gap) if isinstance(gap, int | float) else None,

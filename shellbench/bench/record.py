@@ -96,11 +96,20 @@ class Identity(Model):
 
 
 class Measured(Model):
-    """One quantity as measured: SI units, or the case's own."""
+    """One quantity as measured: SI units, or the case's own.
+
+    Attributes
+    ----------
+    uncertainty
+        The solver's own estimate of its error, and what comes from the question's data; None if it states none.
+    data_error
+        Twice what the value moves by with data that say as much, such as a mesh's other fit; None of exact data.
+    """
 
     value: Figure
     uncertainty: Figure | None = None
     extrapolated: Figure | None = None
+    data_error: Figure | None = None
 
 
 class Environment(Model):

@@ -71,6 +71,8 @@ class Row(Model):
         What a suite calls the run beside the solver's name, such as "GELU".
     uncertainty, extrapolated
         The solver's own estimate of its error, and the value extrapolated from its history, in the unit.
+    data_error
+        How much of the uncertainty the question's data leave, such as a mesh; None of exact data.
     converged
         Whether the solver says that its answer settled within what it was asked for; None if it does not say.
     disagreement, disagreement_with
@@ -127,6 +129,7 @@ class Row(Model):
     published: float | None = None
     published_source: str | None = None
     uncertainty: float | None = None
+    data_error: float | None = None
     extrapolated: float | None = None
     converged: bool | None = None
     disagreement: float | None = None

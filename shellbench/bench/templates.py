@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from shellbench.bench import catalog
+from shellbench.bench.kinds import DEFAULT, find_kind
 from shellbench.bench.registry import solver_entries
 from shellbench.bench.store import said_plainly
 from shellbench.errors import InputError
@@ -22,11 +23,14 @@ SOLVER_NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 SUITES = re.compile(r"^suites\s*=\s*\[.*?\][^\n]*\n", re.MULTILINE | re.DOTALL)
 OPENING = re.compile(r"\A(#[^\n]*\n)+")
 LINK = re.compile(r"\[([^\]]*)\]\(\.\./[^)]*\)")  # to what lies beside the template, and not beside a copy
+MESH = re.compile(r'^mesh\s*=\s*"(.*?)"', re.MULTILINE)
 UNWANTED = shutil.ignore_patterns("__pycache__", "*.pyc", ".pytest_cache", ".ruff_cache", ".shellbench", "dist")
 
 
-def write_case(name: str, like: str | None, folder: Path) -> Path:
+def write_case(name: str, like: str | None, folder: Path, mesh: Path | None = None) -> Path:
     """Write a case file into a folder, from the template or from one of the suite's cases; return its path.
+
+    With a mesh the surface is that, held on one edge; the mesh's path stands in the file as it is given.
 
     Raises
     ------
@@ -38,6 +42,10 @@ def write_case(name: str, like: str | None, folder: Path) -> Path:
     if name in catalog.case_names():
         raise InputError(f"'{name}' is a case of the suite: name yours otherwise")
     path = folder / f"{name}.toml"
+    if mesh is not None:
+        _write(path, _text_from(mesh, path))
+        catalog.find_case(str(path))
+        return path
     if like is None:
         source = catalog.data_folder("examples") / CASE
         words = "A hyperbolic paraboloid to begin with"
@@ -49,9 +57,22 @@ def write_case(name: str, like: str | None, folder: Path) -> Path:
         source = catalog.data_folder("cases") / f"{like}.toml"
         words = f"Begun as the suite's case {like}"
     text = OPENING.sub("", SUITES.sub("", source.read_text(encoding="utf-8")))
+    for file in MESH.findall(text):  # it stands beside its case
+        if (folder / file).exists():
+            raise InputError(f"{folder / file} is there already")
+        shutil.copyfile(source.with_name(file), folder / file)
     _write(path, f"# {words}. `shellbench run {path.name} --quick` solves it by two solvers.\n{text}")
     catalog.find_case(str(path))
     return path
+
+
+def _text_from(mesh: Path, path: Path) -> str:
+    make = find_kind(DEFAULT).from_file
+    assert make is not None
+    try:
+        return make(mesh, path)
+    except InputError as error:
+        raise InputError(f"--mesh {mesh}: {error}") from None
 
 
 def _write(path: Path, text: str) -> None:

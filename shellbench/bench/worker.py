@@ -32,10 +32,11 @@ from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
-from shellbench.problem import Problem, Progress, Solution, Solver
+from shellbench.problem import Problem, Progress, Settings, Solution, Solver
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"
+DRAWS = 2.0  # one draw of noise moves an answer too little as often as too much: twice that covers 7 of 10
 UNREACHED = (InputError, ValueError)  # how a solution and its measuring say that a state was not reached
 
 Part = Callable[[], dict[str, Any]]
@@ -264,6 +265,11 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         found, why_not_whole = measured(solution, case, folder)
         result |= found
         reason = reason or why_not_whole
+    if reason is None and result.get("values"):
+        try:
+            result["values"] = with_data_errors(solver, settings, case, result["values"], tell)
+        except (InputError, SolveFailure) as error:
+            reason = f"how far the answer moves with its data is not known: {said(error)}"
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
     status: Status = "ok" if reason is None else "failed"
@@ -274,6 +280,25 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     except ValidationError as error:
         reason = reason or f"what the solver left can't be recorded: {said(error)}"
         return task.record(status="failed", reason=reason, seconds=seconds)
+
+
+def with_data_errors(
+    solver: Solver, settings: Settings, case: Problem, values: Mapping[str, Measured], tell: Tell
+) -> dict[str, Measured]:
+    """Solve the same question with data that say as much; add how far values move, to their uncertainties too.
+
+    Values stay as they are where the question's data leave no choice.
+    """
+    other = case.asked_as_well()
+    if other is None:
+        return dict(values)
+    found, _ = values_of(solver.solve(other, settings, progress=tell), other)
+    result = {}
+    for name, one in values.items():
+        moved = DRAWS * abs(found[name].value - one.value) if name in found else None
+        total = None if moved is None or one.uncertainty is None else one.uncertainty + moved
+        result[name] = one.model_copy(update={"data_error": moved, "uncertainty": total})
+    return result
 
 
 def why_unsettled(solution: Solution) -> str | None:

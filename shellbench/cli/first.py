@@ -89,6 +89,12 @@ def new_case(
             "--like", metavar="CASE", help="Begin with this case of the suite; see `shellbench list`.", **CASES
         ),
     ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            "--mesh", metavar="FILE", help="Its surface is this mesh: .obj or ASCII .ply with texture coordinates."
+        ),
+    ] = None,
 ) -> None:
     """Write a case of your own, NAME.toml, into this folder: a shell that both kinds of solver take.
 
@@ -97,10 +103,15 @@ def new_case(
         shellbench new-case my_shell && shellbench run my_shell.toml --quick
 
         shellbench new-case my_roof --like scordelis_lo
+
+        shellbench new-case vault --mesh vault.obj
     """
     from shellbench.bench.templates import write_case
+    from shellbench.errors import InputError
 
-    path = write_case(name, like, Path())
+    if like is not None and mesh is not None:
+        raise InputError("--mesh and --like exclude each other: a case begins with one of them")
+    path = write_case(name, like, Path(), mesh)
     typer.echo(f"{path} is written. What next:")
     typer.echo(f"  shellbench list {path}             what it asks")
     typer.echo(f"  shellbench run {path} --quick      solve it by fem and ndf-ritz")

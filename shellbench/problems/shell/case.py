@@ -19,6 +19,7 @@ from shellbench.errors import InputError
 from shellbench.problems.shell.conditions import COMPONENTS, EdgeLoad, GravityLoad, MomentLoad, PointLoad, Support
 from shellbench.problems.shell.contact import check_contact
 from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
+from shellbench.problems.shell.mesh.surface import with_fit
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.shell import Picture, Shell, Theory, rotation_matrix
@@ -33,6 +34,15 @@ ALONG = 1e-3  # sine of the angle between an axis and a normal below which they 
 
 class Case(Shell):
     """A shell whose file has been checked: it can be solved, as far as one can tell without solving it."""
+
+    @classmethod
+    def build(cls, data: Mapping[str, Any], name: str, where: str) -> Self:
+        """Make a case of parsed data; a mesh is found from `where`, the case's file."""
+        try:
+            fitted = with_fit(data, Path(where).parent)
+        except InputError as error:
+            raise InputError(f"{where}: {error}") from None
+        return super().build(fitted, name, where)
 
     @model_validator(mode="after")
     def _names_are_known_and_used_once(self) -> Self:

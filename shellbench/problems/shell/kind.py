@@ -11,6 +11,7 @@ from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, Ser
 from shellbench.problem import FIELDS, Kind
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
+from shellbench.problems.shell.mesh.template import case_of_mesh
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.problems.shell.sampling import (
     energies_of_states,
@@ -100,6 +101,7 @@ SHELL = Kind(
     headline="Displacements",
     variants=VARIANTS,
     sample=sample,
+    from_file=case_of_mesh,
     exam=("obstacle_course", "verification", "variants", "shapes", "nonlinear"),
     quick=("quick",),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,11 +31,12 @@ from shellbench.problems.shell.conditions import (
     VectorFormula,
 )
 from shellbench.problems.shell.contact import Contact
+from shellbench.problems.shell.mesh.surface import MeshSurface
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
 from shellbench.problems.shell.quantities import ModeQuantity, QuantityModel
-from shellbench.problems.shell.surface import SurfaceModel
+from shellbench.problems.shell.surfaces import SurfaceModel
 
 Array = NDArray[np.float64]
 Theory = Literal["kirchhoff-love-linear", "kirchhoff-love-nonlinear", "naghdi-linear"]
@@ -165,7 +166,26 @@ class Shell(Problem):
                 del data["material"][name]
         if data["material"]["bending_poissons_ratio"] is None:
             del data["material"]["bending_poissons_ratio"]
+        if "fit" in data["surface"]:  # its last digits are the machine's: the mesh is the question
+            del data["surface"]["mesh"]
+            data["surface"]["fit"] = data["surface"]["fit"]["sha256"]
         return data
+
+    def shown(self) -> dict[str, Any]:
+        """Return the case's data without the coefficients of a surface that was fitted."""
+        data = self.data()
+        if "fit" in data["surface"]:
+            fit = data["surface"]["fit"]
+            fit |= {knots: {"spans": fit[knots]["spans"]} for knots in ("first", "second")}
+        return data
+
+    def asked_as_well(self) -> Self | None:
+        """Return the same question of the mesh's other fit; None if its surface is none that was fitted."""
+        if not isinstance(self.surface, MeshSurface):
+            return None
+        knots = "second" if self.surface.knots == "first" else "first"
+        surface = {**self.surface.model_dump(exclude={"knots"}), "knots": knots}
+        return type(self).model_validate({**self.data(), "surface": surface})
 
     @cached_property
     def places(self) -> dict[str, Place]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Literal, Protocol, Self
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -340,6 +340,3 @@ class ExpressionSurface(AnalyticSurface):
     def named_constants(self) -> dict[str, float]:
         """Constants that the formulas use."""
         return self.constants
-
-
-SurfaceModel = Annotated[Plane | Cylinder | ExpressionSurface, Field(discriminator="kind")]

@@ -39,7 +39,8 @@ from shellbench.problems.shell.directions import in_space
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import SIDES, Edge, Place, Point, Side, Whole
 from shellbench.problems.shell.quantities import EnergyQuantity
-from shellbench.problems.shell.surface import COORDINATES, Domain, SurfaceModel
+from shellbench.problems.shell.surface import COORDINATES, Domain
+from shellbench.problems.shell.surfaces import SurfaceModel
 
 Array = NDArray[np.float64]
 
@@ -468,7 +469,7 @@ class Part:
     def _surface(self) -> SurfaceModel:
         """Return the surface on the part of its domain, open along a coordinate that is mirrored."""
         surface = self.whole.surface
-        data = surface.model_dump()
+        data = dict(surface)
         for axis, name in enumerate(COORDINATES):
             if self.ends[axis] != (None, None):
                 data[name] = self._in_units(axis, self.lower[axis]), self._in_units(axis, self.upper[axis])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.shell import Shell
@@ -108,6 +109,8 @@ class _Conversion:
         return data
 
     def _surface(self, surface: Mapping[str, Any]) -> dict[str, Any]:
+        if surface["kind"] == "mesh":
+            raise InputError("its surface is a mesh, which stays in the units of its file")
         result = dict(surface)
         for name, angle in zip(COORDINATES, self.case.surface.domain.angle, strict=True):
             if not angle:

@@ -7,7 +7,8 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from shellbench.problems.formula_text import substituted
-from shellbench.problems.shell.surface import ExpressionSurface, SurfaceModel
+from shellbench.problems.shell.surface import ExpressionSurface
+from shellbench.problems.shell.surfaces import SurfaceModel
 
 ADAPTER = TypeAdapter(SurfaceModel)
 

@@ -1,0 +1,1 @@
+"""Surfaces from meshes: read a file, check that it is one rectangle, fit a spline, say how far that may be off."""
