@@ -22,6 +22,7 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Support
+from shellbench.problems.shell.contact import Touch
 from shellbench.problems.shell.places import Edge, Whole
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import BATCH
@@ -174,12 +175,13 @@ def edge_reaction(
     held: Array,
     measure: StrainName = "linear",
     body: Callable[[Array], Array] | None = None,
+    touch: Touch | None = None,
 ) -> Array:
     """Return force and moment (6,), N and N m, that a support exerts through its edges.
 
     `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. `body`
-    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia. At finite strain the arms
-    of forces are those of the deformed shell.
+    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia; `touch` what obstacles
+    exert. At finite strain the arms of forces are those of the deformed shell.
     """
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
     edges = virtual_edges(case, support)
@@ -210,6 +212,8 @@ def edge_reaction(
         for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):
             total[k] += (conjugate * surface.gradients(v).flatten(1)).sum() - (force * v[VALUE]).sum()
     points, forces = concentrated_forces(case, spec, focal, t)
+    if touch is not None:
+        points, forces = np.concatenate([points, touch.points]), np.concatenate([forces, touch.forces])
     at = point_supports(case, t)
     points = np.concatenate([points, np.array([p.point.xi for p in at]).reshape(-1, 2)])
     fixed = np.zeros((len(at), 3))
