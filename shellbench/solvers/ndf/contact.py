@@ -57,7 +57,7 @@ from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_
 from shellbench.solvers.ndf.static import with_settings
 
 POINTS = 600  # at which gaps are asked, while no edge of contact is known
-ALONG, ACROSS = 80, 5  # of them across the edges of contact, and along these
+ALONG, LEAST, MOST = 80, 5, 12  # of them across the edges of contact, and along these
 GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
 LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
 SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
@@ -81,7 +81,8 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float) -> Tou
     domain, sides = case.surface.domain, np.asarray(side_lengths(case))
     if creases:
         across = {axis for axis, _, _ in creases}
-        counts = [ALONG if axis in across else ACROSS for axis in (0, 1)]
+        alike = ALONG * sides / sides[min(across)]
+        counts = [ALONG if axis in across else int(np.clip(alike[axis], LEAST, MOST)) for axis in (0, 1)]
     else:
         counts = [max(4, round(float(np.sqrt(POINTS / sides.prod()) * side))) for side in sides]
     found = []
