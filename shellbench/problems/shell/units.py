@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.shell import Shell
@@ -95,6 +96,15 @@ class _Conversion:
             for name in ("until", "states"):
                 if name in data["path"]:
                     data["path"][name] = (np.asarray(data["path"][name]) * marks).tolist()
+        for obstacle in data.get("obstacles", []):
+            if obstacle["kind"] == "formula":
+                raise InputError("an obstacle of kind 'formula' stays in its units")
+            for name in ("centre", "half_axis", "half_sides"):
+                if name in obstacle:
+                    obstacle[name] = self.vector(obstacle[name], 1)
+            for name in ("radius", "half_thickness"):
+                if name in obstacle:
+                    obstacle[name] *= self.units.length
         for quantity, asked in zip(data["quantities"], self.case.quantities, strict=True):
             if "at" in quantity:
                 quantity["at"] *= marks

@@ -64,7 +64,7 @@ SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what make
 SMOOTH = 1e-3  # the same, where forces are made smooth
 CLOSED = 3e-4  # of the largest displacement: gaps at which smooth forces may act
 STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
-LOOKED, ROWS = 2001, 9  # points of a line on which an edge of contact is looked for, and lines
+LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
 NEAREST, FARTHEST, DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
 SETTLED_EDGE = 1e-3  # of a side: change of an edge of contact with which it is found
 ROUNDS = 5  # of looking for edges of contact
@@ -123,6 +123,8 @@ def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
     SolveFailure
         If there are none that rounding can tell.
     """
+    if not np.any(gap < 0):
+        return np.zeros(len(gap))  # SciPy's routine takes no empty matrix
     # min x A x / 2 + gap x over x >= 0 with A = R^T R is the distance of R x from -R^-T gap: least squares.
     try:
         root = cholesky(compliance + np.diag(give))
