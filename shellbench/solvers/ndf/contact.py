@@ -318,7 +318,16 @@ def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
                     at.append(edge)
             if len(at) == ROWS and float(np.ptp(at)) <= STRAIGHT * domain.size[axis]:
                 found.append((axis, float(np.median(at)), side))
-    return tuple(found)
+    apart = (GUARD + 1) / ALONG * np.asarray(domain.size)  # rows of their own need room
+    ends = [[domain.lower[axis], domain.upper[axis]] for axis in (0, 1)]
+    return tuple(
+        crease
+        for crease in found
+        if all(
+            abs(crease[1] - at) > apart[crease[0]]
+            for at in (*ends[crease[0]], *(other[1] for other in found if other != crease and other[0] == crease[0]))
+        )
+    )
 
 
 def _root_of_gap(along: Array, gap: Array) -> float | None:
