@@ -210,11 +210,19 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...]) -> NdfSol
         if isinstance(q, LargestPenetration):  # it is an error itself, compared with what the shell moves
             scales[q.name] = largest
             changed[q.name] = max(changed[q.name], second[q.name])
-    # Energies of both answers differ by what obstacles give between their points as well: they are no bound.
-    stated = uncertainties(Miss(changed, 0.0), last.signs.gap + last.signs.jitter_share, second, scales)
-    points = {q.name for q in case.quantities if isinstance(q, ContactPoint)}
+    # A figure of two answers may agree by chance: none is taken to be surer than the strain energy, but for a depth,
+    # which is small by itself. Edges of contact are looked for until they move by no more than `SETTLED_EDGE`.
+    before_energy, energy = (sum(one.solution.energies()) for one in (before, last))
+    gap = last.signs.gap + last.signs.jitter_share
+    depths = {q.name for q in case.quantities if isinstance(q, LargestPenetration)}
+    edges = {q.name: int(q.along == "xi2") for q in case.quantities if isinstance(q, ContactPoint)}
+    sides = side_lengths(case)
+    for name, axis in edges.items():
+        changed[name] = max(changed[name], SETTLED_EDGE * sides[axis])
+    stated = uncertainties(Miss(changed, abs(energy - before_energy) / (energy + rounding)), gap, second, scales)
+    stated |= {n: u for n, u in uncertainties(Miss(changed, 0.0), gap, second, scales).items() if n in depths}
     open_ones = [
-        unsettled({n: u for n, u in stated.items() if (n in points) == edge}, scales, limit)
+        unsettled({n: u for n, u in stated.items() if (n in edges) == edge}, scales, limit)
         for edge, limit in ((False, 1e-3), (True, SETTLED_POINT))
     ]
     return replace(

@@ -33,8 +33,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return reason
     for quantity in case.quantities:
         if isinstance(quantity, ReactionQuantity | TorqueQuantity):
-            support = next(s for s in case.supports if s.name == quantity.support)
-            if reason := Virtual.from_support(case, support).why_not_told(case, quantity):
+            asked = next(s for s in case.supports if s.name == quantity.support)
+            if reason := Virtual.from_support(case, asked).why_not_told(case, quantity):
                 return reason
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
