@@ -98,21 +98,24 @@ def contact_points(case: Case, creases: tuple[Crease, ...], finer: float) -> Tou
         breaks.append(domain.upper[axis])
         if np.any(np.diff(breaks) <= 0):
             raise SolveFailure("edges of contact lie closer than the points at which gaps are asked")
-        points, lengths = [], []
+        points: list[Array] = []
+        lengths: list[Array] = []
         for k, (start, stop) in enumerate(pairwise(breaks)):
             if k % 2:
-                points.append([lines[k // 2][0]])
-                lengths.append([stop - start])
+                points.append(np.array([lines[k // 2][0]]))
+                lengths.append(np.array([stop - start]))
                 continue
             number = max(1, round((stop - start) / h))
             points.append(start + (stop - start) * (np.arange(number) + 0.5) / number)
             lengths.append(np.full(number, (stop - start) / number))
         found.append((np.concatenate(points), np.concatenate(lengths)))
-    at, sizes = (np.stack(np.meshgrid(found[0][k], found[1][k], indexing="ij"), axis=-1).reshape(-1, 2) for k in (0, 1))
-    x = case.surface.derivatives(at, 1)
-    speeds = np.stack([np.broadcast_to(np.linalg.norm(x[k], axis=-1), len(at)) for k in ((1, 0), (0, 1))], axis=-1)
+    grid, sizes = (
+        np.stack(np.meshgrid(found[0][k], found[1][k], indexing="ij"), axis=-1).reshape(-1, 2) for k in (0, 1)
+    )
+    x = case.surface.derivatives(grid, 1)
+    speeds = np.stack([np.broadcast_to(np.linalg.norm(x[k], axis=-1), len(grid)) for k in ((1, 0), (0, 1))], axis=-1)
     spacing = np.array([domain.size[axis] / round(finer * counts[axis]) for axis in (0, 1)]) * speeds.max(axis=0)
-    return Touch(at, np.zeros((len(at), 3)), sizes * speeds, (REACH if creases else FAR_REACH) * spacing)
+    return Touch(grid, np.zeros((len(grid), 3)), sizes * speeds, (REACH if creases else FAR_REACH) * spacing)
 
 
 def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
