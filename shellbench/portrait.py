@@ -281,6 +281,10 @@ class Portrait:
         """Quantity whose values mark the states of a path; None where times or load factors do."""
         return None
 
+    def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
+        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle."""
+        return ()
+
     @property
     def scene(self) -> Scene | None:
         """How it is drawn; None if it can't be."""

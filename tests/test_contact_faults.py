@@ -14,7 +14,7 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem import contact
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from shellbench.solvers.ndf.trainer_solver import NdfSolver
 
 STRIP, HILL = "contact_strip_hinged", "contact_hill"
 CELLS = (20, 1)  # a part of a strip: fine enough where nothing is broken
@@ -133,7 +133,7 @@ def test_a_bad_file_is_one_sentence(change, words):
     assert words in str(caught.value)
 
 
-@pytest.mark.parametrize("solver", [CstSolver, RitzSolver])
+@pytest.mark.parametrize("solver", [CstSolver, NdfSolver])
 def test_others_decline_obstacles(solver):
     case = catalog.named_case(STRIP)
     assert solver().declines(case) == "it touches obstacles, which this solver does not take"

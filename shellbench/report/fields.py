@@ -35,6 +35,8 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 DRAWN, PLAIN = 1 / 8, 1 / 20  # of a shell's extent: how large a displacement is drawn; from where on it shows as it is
 STEPS = np.array([1.0, 2.0, 5.0, 10.0])
+BEYOND = 1.5  # largest displacements up to which an obstacle is drawn
+MARGIN = 0.06  # of a shell's extent by which obstacles are drawn beyond its edges
 MOST_SHOWN = 6  # states
 BREADTH = 0.012  # of a chain's length: half the breadth of the ribbon that shows it
 MOST_TOGETHER = 15  # shells in one composite
@@ -289,7 +291,34 @@ def drawn(
         forces=point_forces(scene, fields.xi, fields.position),
         run_id=record.run_id if record else "",
         unit=case.unit_of_length,
+        obstacles=near_obstacles(case, fields.position, states),
     )
+
+
+def near_obstacles(case: Portrait, position: Array, displacements: Iterable[Array]) -> tuple[tuple[Array, Array], ...]:
+    """Return points at rest (n1, n2, 3), beyond the edges, too, and their ways to where they would touch an obstacle.
+
+    Ways are NaN where they are far longer than the largest displacement: what stays far away is not drawn.
+    """
+    largest = max((float(np.linalg.norm(one, axis=-1).max()) for one in displacements), default=0.0)
+    around = widened(position)
+    ways = case.ways_to_obstacles(around)
+    far = [np.linalg.norm(way, axis=-1)[..., None] > BEYOND * largest for way in ways]
+    return tuple((around, np.where(there, np.nan, way)) for there, way in zip(far, ways, strict=True))
+
+
+def widened(position: Array) -> Array:
+    """Return a grid (n1 + 2, n2 + 2, 3) that goes straight on beyond the edges of one (n1, n2, 3)."""
+    length = MARGIN * float(np.ptp(position.reshape(-1, 3), axis=0).max())
+    for axis in (0, 1):
+        grid = np.moveaxis(position, axis, 0)
+        steps = [grid[0] - grid[1], grid[-1] - grid[-2]]
+        sizes = [np.maximum(np.linalg.norm(step, axis=-1, keepdims=True), np.finfo(float).tiny) for step in steps]
+        first, last = (
+            end + length * step / size for end, step, size in zip((grid[0], grid[-1]), steps, sizes, strict=True)
+        )
+        position = np.moveaxis(np.concatenate([first[None], grid, last[None]]), 0, axis)
+    return position
 
 
 def picture_scale(scene: Scene, position: Array, displacements: Iterable[Array]) -> float:

@@ -35,6 +35,7 @@ EVEN = 1e-6  # share of a displacement within which it is the same everywhere, b
 WIRES, FEW_WIRES = 13, 7  # coordinate lines of a square surface in each direction; of the reference beside it
 CELLS, FEW_CELLS = 64, 48  # facets a side, at least, for a smooth picture; of a small one
 STONE = (0.87, 0.88, 0.90)  # the reference surface
+BODY = (0.80, 0.74, 0.66)  # obstacles
 PLAIN_ORDERS = (-2, 3)  # orders of magnitude between which a colour bar has no power of ten
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 COLUMN = 28  # letters of a line of a title in a row
@@ -93,6 +94,8 @@ class Shell:
         (n, 3) polylines of held edges, and single held points, on the reference surface.
     forces
         Point and direction (3,) of each point load.
+    obstacles
+        Points at rest (n1, n2, 3), and their ways to where they would touch one; NaN where none is drawn.
     """
 
     case: str
@@ -107,6 +110,7 @@ class Shell:
     forces: tuple[tuple[Array, Array], ...] = field(default=())
     run_id: str = ""
     unit: str = "m"
+    obstacles: tuple[tuple[Array, Array], ...] = field(default=())
 
     @property
     def size(self) -> float:
@@ -117,6 +121,11 @@ class Shell:
     def deformed(self) -> Array:
         """The deformed surface (n1, n2, 3) with its displacement magnified."""
         return self.position + self.scale * self.displacement
+
+    @property
+    def touched(self) -> tuple[Array, ...]:
+        """Obstacles (n1, n2, 3), whose distance is magnified like the displacement."""
+        return tuple(at + self.scale * way for at, way in self.obstacles)
 
     @property
     def coloured(self) -> Array:
@@ -221,8 +230,9 @@ def draw_deformed(axes: Axes, shell: Shell, among: Sequence[Shell] = (), cells: 
     smooth = replace(shell, position=position, displacement=displacement, held=())
     colours = _colours(together).to_rgba(facet_means(smooth.coloured))[:, :3]
     behind = Strokes(wires(smooth.position, FEW_WIRES), (0.45, 0.45, 0.45, 0.6), 0.4, -1.5)
-    _paint(axes, shell.camera, smooth.deformed, colours, [behind])
-    _frame(axes, [shell.camera.look(grid) for one in together for grid in (one.position, one.deformed)])
+    _paint(axes, shell.camera, smooth.deformed, colours, [behind], shell.touched)
+    grids = [grid for one in together for grid in (one.position, one.deformed, *one.touched)]
+    _frame(axes, [shell.camera.look(grid) for grid in grids])
 
 
 def draw_reference(axes: Axes, shell: Shell) -> None:
@@ -309,13 +319,29 @@ class Strokes:
     nearer: float
 
 
-def _paint(axes: Axes, camera: Camera, surface: Array, colours: Array, strokes: Sequence[Strokes]) -> None:
+def _paint(
+    axes: Axes,
+    camera: Camera,
+    surface: Array,
+    colours: Array,
+    strokes: Sequence[Strokes],
+    obstacles: Sequence[Array] = (),
+) -> None:
     """Paint facets and lines from back to front, in one collection that is stored as pixels."""
     seen = camera.look(facets(surface))
     faces = np.column_stack([np.clip(colours * shading(seen)[:, None], 0.0, 1.0), np.ones(len(seen))])
     facet = float(np.linalg.norm(seen[:, 2] - seen[:, 0], axis=-1).mean())
     corners, depth = [seen[..., :2]], [seen[..., 2].mean(1)]
     fills, edges, widths = [faces], [faces], [np.full(len(faces), 0.3)]
+    for obstacle in obstacles:
+        bodies = camera.look(facets(obstacle))
+        bodies = bodies[np.isfinite(bodies).all(axis=(1, 2))]
+        corners.append(bodies[..., :2])
+        depth.append(bodies[..., 2].mean(1) - facet)  # what touches is in front
+        look = np.column_stack([np.asarray(BODY) * shading(bodies)[:, None], np.ones(len(bodies))])
+        fills.append(look)
+        edges.append(look)
+        widths.append(np.full(len(bodies), 0.3))
     for stroke in (Strokes(wires(surface, WIRES), (0.0, 0.0, 0.0, 0.28), 0.35, 1.0), *strokes):
         lines = camera.look(stroke.pieces)
         corners.append(lines[:, [0, 1, 1, 0], :2])  # a line is a polygon without area
@@ -341,6 +367,7 @@ def _paint(axes: Axes, camera: Camera, surface: Array, colours: Array, strokes: 
 def _frame(axes: Axes, seen: Sequence[Array]) -> None:
     """Show all of the given points (..., 3) of the camera's frame at equal scales, without axes."""
     flat = np.concatenate([points.reshape(-1, 3) for points in seen])[:, :2]
+    flat = flat[np.isfinite(flat).all(axis=1)]
     axes.set_aspect("equal", adjustable="datalim")
     axes.update_datalim(flat)
     axes.margins(0.03)

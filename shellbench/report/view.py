@@ -27,14 +27,25 @@ from numpy.typing import NDArray
 from shellbench.bench.kinds import portrait_of
 from shellbench.bench.record import Record
 from shellbench.errors import ShellbenchError
+from shellbench.portrait import Portrait
 from shellbench.report.evidence import Evidence
-from shellbench.report.fields import Fields, kept_arrays, picture_scale, pictured, read_fields, read_ribbon, spread
+from shellbench.report.fields import (
+    Fields,
+    kept_arrays,
+    near_obstacles,
+    picture_scale,
+    pictured,
+    read_fields,
+    read_ribbon,
+    spread,
+)
 from shellbench.report.grids import inward
 from shellbench.report.shells import BOTH_SIGNS, DIVERGING, SEQUENTIAL, axis_of
 
 Array = NDArray[np.float64]
 Planes = list[NDArray[np.int16]]
 
+ROUGH = 21  # points a side of obstacles at most
 FINE, COARSE = 61, 31  # points a side at most, of one state and of several
 MOST_STATES = 21  # on a slider: more are not told apart, and each takes its bytes
 NARROW, MOST_OF_NARROW = 2, 61  # points a side of a chain, whose states take few bytes
@@ -119,6 +130,7 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
         "look": scene.view[::-1],
         "up": scene.up,
         "along": along(scene.direction, grid[::thin, ::thin], planes),
+        "obstacles": _obstacles(case, position, [state for _, _, states in answers for state in states.values()]),
         "answers": [],
     }
     for record, fields, states in answers:
@@ -135,6 +147,20 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
     run_ids = tuple(record.run_id for record, _, _ in answers)
     dense = any(one["density"] is not None for one in kept["answers"])
     return View(in_script(kept | {"data": packed(planes)}), run_ids, dense)
+
+
+def _obstacles(case: Portrait, position: Array, displacements: Sequence[Array]) -> list[dict[str, Any]]:
+    """Return points at rest and their ways to each obstacle, rows of x, y and z; null where none is drawn."""
+    thin = stride(len(position), ROUGH)
+    found = []
+    for at, way in near_obstacles(case, position[::thin, ::thin], displacements):
+        grids = {"at": at, "way": way}
+        found.append({name: [_short(grid[..., k]) for k in range(3)] for name, grid in grids.items()})
+    return found
+
+
+def _short(values: Array) -> list[list[float | None]]:
+    return [[float(f"{v:.4g}") if np.isfinite(v) else None for v in row] for row in values]
 
 
 def energy_density(record: Record, fields: Fields, folder: Path) -> Array | None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from shellbench.errors import InputError
 from shellbench.problems.formula_text import combined, substituted
 from shellbench.problems.shell.conditions import COMPONENTS, LOCAL
 from shellbench.problems.shell.shell import Shell
@@ -104,7 +105,23 @@ class _Placing:
         ]
         for quantity in data["quantities"]:
             self._turn_quantity(quantity)
+        for obstacle in data.get("obstacles", []):
+            self._turn_obstacle(obstacle)
         return data
+
+    def _turn_obstacle(self, obstacle: dict[str, Any]) -> None:
+        axes = np.abs(np.array(self.rotation))
+        if obstacle["kind"] == "formula" or (obstacle["kind"] == "box" and not np.all((axes == 0) | (axes == 1))):
+            raise InputError(f"an obstacle of kind '{obstacle['kind']}' does not turn")
+        obstacle["centre"] = [
+            combined([*obstacle["centre"], float(s)], [*row, 1.0])
+            for row, s in zip(self.rotation, self.shift, strict=True)
+        ]
+        for name in ("normal", "half_axis"):
+            if name in obstacle:
+                obstacle[name] = self.vector(obstacle[name])
+        if "half_sides" in obstacle:
+            obstacle["half_sides"] = [abs(float(side)) for side in self.vector(obstacle["half_sides"])]
 
     def _without_constants(self, formulas: Any) -> Any:
         if isinstance(formulas, list):

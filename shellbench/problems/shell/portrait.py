@@ -23,6 +23,7 @@ from shellbench.problems.shell.quantities import (
 from shellbench.problems.shell.series import asked_series
 
 GRID = 33  # points a side from which the extent of a shell is taken
+TOWARD = 5  # steps toward an obstacle: one if it is given by its distance, more if by another formula
 ENERGIES = ("kinetic_energy", "membrane_energy", "bending_energy", "total_energy")
 
 
@@ -97,6 +98,18 @@ class ShellPortrait(Portrait):
             pins=tuple(np.asarray(place.xi) for place in held if isinstance(place, Point)),
             forces=tuple(forces),
         )
+
+    def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
+        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle."""
+        case, ways = self.case, []
+        skin = case.material.thickness / 2 if case.contact.thickness else 0.0
+        for obstacle in case.obstacles:
+            offsets, way = position - obstacle.at(1.0)[0], np.zeros_like(position)
+            for _ in range(TOWARD):
+                there = offsets + way
+                way = way - (obstacle.distance(there) - skin)[..., None] * obstacle.gradient(there)
+            ways.append(way)
+        return tuple(ways)
 
     @property
     def along(self) -> tuple[Along, ...]:

@@ -304,7 +304,9 @@ class ReactionQuantity(SupportQuantity):
     def measure(self, solution: DisplacementField) -> float:
         """Return the force, N."""
         force, _ = solution.reaction(self.support, at=self.at)
-        return float(force @ unit(self.direction))
+        direction = unit(self.direction)
+        asked = direction != 0  # a solver may not know the others, and has NaN there
+        return float(force[asked] @ direction[asked])
 
 
 class TorqueQuantity(SupportQuantity):

@@ -96,6 +96,15 @@ class _Conversion:
             for name in ("until", "states"):
                 if name in data["path"]:
                     data["path"][name] = (np.asarray(data["path"][name]) * marks).tolist()
+        for obstacle in data.get("obstacles", []):
+            if obstacle["kind"] == "formula":
+                raise InputError("an obstacle of kind 'formula' stays in its units")
+            for name in ("centre", "half_axis", "half_sides"):
+                if name in obstacle:
+                    obstacle[name] = self.vector(obstacle[name], 1)
+            for name in ("radius", "half_thickness"):
+                if name in obstacle:
+                    obstacle[name] *= self.units.length
         for quantity, asked in zip(data["quantities"], self.case.quantities, strict=True):
             if "at" in quantity:
                 quantity["at"] *= marks

@@ -29,26 +29,23 @@ def size(case: Shell) -> float:
 
 
 def _without_obstacles(case: Shell) -> None:
-    """Raise InputError where there are obstacles, which are not turned or converted."""
+    """Raise InputError where there are obstacles: where contact begins is asked along coordinates."""
     if case.obstacles:
-        raise InputError("its obstacles stand in space as they are declared")
+        raise InputError("where it touches obstacles is asked along its coordinates")
 
 
 def _permuted(case: Shell) -> dict[str, Any]:
-    _without_obstacles(case)
     return placed_data(case, CYCLE)
 
 
 def _turned(case: Shell) -> dict[str, Any]:
     """Return the case turned by the most general rotation that it can follow, and shifted where no value would move."""
-    _without_obstacles(case)
     moves = any(isinstance(q, PositionQuantity | CentreOfMass) for q in case.quantities)
     unit = 0.0 if moves else float(f"{size(case):.1g}")  # one digit, so that it is the same everywhere
     return placed_data(case, turning(case), [part * unit for part in SHIFT])
 
 
 def _in_units(case: Shell, units: Units) -> dict[str, Any]:
-    _without_obstacles(case)
     if case.path.control != "load":
         raise InputError("a displacement in metres marks the states of its path")
     return converted_data(case, units)

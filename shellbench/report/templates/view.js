@@ -7,6 +7,7 @@
 
   const AXES = ["x", "y", "z"];
   const UP = { x: [1, 2, 0], y: [2, 0, 1], z: [0, 1, 2] }; // axes drawn as Plotly's x, y and z, of which z points up
+  const BODY = "#ccbda8"; // of obstacles, as in the still pictures
   const COLOURS = { magnitude: "magnitude", x: "x component", y: "y component", z: "z component" };
   const WIRES = 13; // coordinate lines of the reference surface in each direction, as in the still pictures
   const [WIDE, FAR] = [2.0, 2.4]; // of the eye from the middle at first, in sizes of the box; where it is narrow
@@ -194,13 +195,24 @@
     return { ...look, ...turnedUp(field, line), line: style, visible: choice.wire };
   }
 
+  /* Obstacles, whose distance is magnified like the displacement. */
+  function obstacles({ field, choice }) {
+    return field.kept.obstacles.map(({ at, way }) => ({
+      type: "surface", showscale: false, hoverinfo: "skip", opacity: 0.6, colorscale: [[0, BODY], [1, BODY]],
+      ...turnedUp(field, at.map((plane, k) => plane.map((row, i) => row.map((value, j) => {
+        const far = way[k][i][j];
+        return far === null ? null : value + choice.scale * far;
+      })))),
+    }));
+  }
+
   function traces(view) {
     const { shape, held } = view.field.kept;
     const at = (axis, i) => Math.round((i * (shape[axis] - 1)) / (WIRES - 1));
     const lines = [0, 1].flatMap((axis) => Array.from({ length: WIRES }, (_, i) => [axis, at(axis, i)]));
     const edges = held.map(([axis, side]) => [axis, side === "min" ? 0 : shape[axis] - 1]);
     const [light, thick] = [{ color: "#8c959f", width: 1.5 }, { color: "#1b1f24", width: 5 }];
-    return [surface(view), wire(view, lines, light), wire(view, edges, thick)];
+    return [surface(view), wire(view, lines, light), wire(view, edges, thick), ...obstacles(view)];
   }
 
   /* The box holds the reference surface and every state at the slider's end: it does not move with the slider. */

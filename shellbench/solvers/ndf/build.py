@@ -28,6 +28,7 @@ from shellbench.solvers.ndf.choices import (
     Supports,
 )
 from shellbench.solvers.ndf.corners import CornerPowers
+from shellbench.solvers.ndf.creases import Crease, Creases
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
@@ -73,6 +74,8 @@ class FieldSpec(Model):
     detail
         What is there beside these: 0 nothing; from 1 on, coordinates stretched toward the edges of any shell, and few
         powers of the distance from corners that are held; 2 more powers.
+    creases
+        Coordinate lines along which the third derivative jumps: edges of contact.
     t
         Load factor.
     strain
@@ -90,6 +93,7 @@ class FieldSpec(Model):
     edge_stretched: bool = False
     multipliers: int = PydanticField(MULTIPLIERS, ge=0, le=6)
     detail: int = PydanticField(0, ge=0, le=2)
+    creases: tuple[Crease, ...] = ()
     t: float = 1.0
     strain: StrainName = "linear"
 
@@ -108,7 +112,9 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
     # Other components, and supports that are springs, would need other powers.
     exact = spec.supports == "hard" and spec.components == "cartesian" and not turns(case)
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
-    fixed = FixedFeatures.from_case(case, foci(case, spec.layer), spec.multipliers, mirrored, corners, spec.slopes)
+    creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
+    around = foci(case, spec.layer)
+    fixed = FixedFeatures.from_case(case, around, spec.multipliers, mirrored, corners, spec.slopes, creases)
     return Features(inputs, network, fixed, placement)
 
 

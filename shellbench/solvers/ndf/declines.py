@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
 from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
@@ -17,7 +16,7 @@ from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
 from shellbench.solvers.ndf.large_displacement import why_not_followed
-from shellbench.solvers.ndf.reaction import virtual_edges
+from shellbench.solvers.ndf.reaction import Virtual
 from shellbench.solvers.ndf.soft import why_not_soft
 from shellbench.solvers.ndf.supports import EdgeSupport, edge_samples, edge_supports
 
@@ -32,12 +31,11 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
     """
     if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
         return reason
-    try:
-        for quantity in case.quantities:
-            if isinstance(quantity, ReactionQuantity | TorqueQuantity):
-                virtual_edges(case, next(s for s in case.supports if s.name == quantity.support))
-    except InputError as error:
-        return str(error)
+    for quantity in case.quantities:
+        if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+            asked = next(s for s in case.supports if s.name == quantity.support)
+            if reason := Virtual.from_support(case, asked).why_not_told(case, quantity):
+                return reason
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _probe(case, spec or FieldSpec())

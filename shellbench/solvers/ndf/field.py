@@ -22,6 +22,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.ndf.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.corners import CornerPowers
+from shellbench.solvers.ndf.creases import Creases
 from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns
 from shellbench.solvers.ndf.jets import (
     D1,
@@ -206,7 +207,7 @@ ODD = 1e-9  # slope at an edge, in units of the feature over the side's length, 
 
 @dataclass(frozen=True)
 class FixedFeatures:
-    """A constant, r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus, and powers of r about corners.
+    """A constant, r^2 log r^2 times {1, t1, t2, r^2, ...} for each focus, powers of r about corners, and creases.
 
     Attributes
     ----------
@@ -218,8 +219,8 @@ class FixedFeatures:
         How many functions multiply r^2 log r^2.
     kept
         Which of these features are used: all, unless an edge asks for even ones.
-    corners
-        Powers about corners; they come last.
+    corners, creases
+        Powers about corners, and about edges of contact; they come last.
     """
 
     case: Case
@@ -227,6 +228,7 @@ class FixedFeatures:
     multipliers: int
     kept: tuple[int, ...]
     corners: CornerPowers | None = None
+    creases: Creases | None = None
 
     @classmethod
     def from_case(
@@ -237,10 +239,11 @@ class FixedFeatures:
         mirrored: tuple[int, ...] = (),
         corners: CornerPowers | None = None,
         slopes: Slopes = "even",
+        creases: Creases | None = None,
     ) -> FixedFeatures:
         """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`."""
-        total = 1 + multipliers * len(around) + (corners.count if corners else 0)
-        everything = cls(case, around, multipliers, tuple(range(total)), corners)
+        total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases) if part)
+        everything = cls(case, around, multipliers, tuple(range(total)), corners, creases)
         even = torch.ones(everything.count, dtype=torch.bool)
         for support in edge_supports(case):
             if support.free and slopes == "even":
@@ -249,7 +252,7 @@ class FixedFeatures:
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
-        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()), corners)
+        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()), corners, creases)
 
     @property
     def count(self) -> int:
@@ -259,12 +262,16 @@ class FixedFeatures:
     def former(self) -> Array:
         """Return (count,): whether each feature is there with one detail less: all but new powers about corners."""
         first = np.ones(1 + self.multipliers * len(self.foci), dtype=bool)
-        return np.asarray(np.concatenate([first, *([self.corners.former()] if self.corners else [])])[list(self.kept)])
+        powers = [self.corners.former()] if self.corners else []
+        cut = [np.ones(self.creases.count, dtype=bool)] if self.creases else []
+        return np.asarray(np.concatenate([first, *powers, *cut])[list(self.kept)])
 
     def allowed(self) -> Array:
         """Return (3, count): whether each component of F has each feature."""
         first = np.ones((3, 1 + self.multipliers * len(self.foci)), dtype=bool)
-        everything = np.concatenate([first, *([self.corners.allowed()] if self.corners else [])], axis=1)
+        powers = [self.corners.allowed()] if self.corners else []
+        cut = [np.ones((3, self.creases.count), dtype=bool)] if self.creases else []
+        everything = np.concatenate([first, *powers, *cut], axis=1)
         return np.asarray(everything[:, list(self.kept)])
 
     def jets(self, points: Array, placement: Placement) -> Tensor:
@@ -278,6 +285,8 @@ class FixedFeatures:
                 columns += self._around(focus, x, placement)
         if self.corners:
             columns += self.corners.columns(points, placement)
+        if self.creases:
+            columns += self.creases.columns(points, placement)
         return torch.stack([columns[k] for k in self.kept], dim=-1)
 
     def _around(self, focus: Focus, x: Tensor, placement: Placement) -> list[Tensor]:

@@ -12,17 +12,18 @@ order in that of the field.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Support
+from shellbench.problems.shell.contact import Touch
 from shellbench.problems.shell.places import Edge, Whole
+from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.energy import BATCH
 from shellbench.solvers.ndf.factors import edge_weight
@@ -131,38 +132,73 @@ def edge_moments(
                     yield EdgeMoment(case, load, Sampled.at_points(ansatz, features, rule.points), lengths, finite)
 
 
-def virtual_edges(case: Case, support: Support) -> list[tuple[set[Edge], set[Edge]]]:
-    """Return, for each component, the edges where a support's virtual motion is one and those where it is zero.
+Sides = tuple[set[Edge], set[Edge]]
 
-    Raises
-    ------
-    InputError
-        If both kinds meet at a corner: the reaction there belongs to both supports.
+
+@dataclass(frozen=True)
+class Virtual:
+    """The virtual motions that tell of a support.
+
+    Attributes
+    ----------
+    edges
+        For each component, the edges where the motion is one and those where it is zero.
+    told
+        Whether each component of the force is told: not where both kinds of edges meet at a corner, whose reaction
+        belongs to both supports.
+    turns
+        Whether moments are: not where a motion turns planes of symmetry as well.
     """
-    edges = {place for place in case.places.values() if isinstance(place, Edge) and place.whole}
-    everywhere = any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name)
-    held = {"xyz".index(c) for c in support.held} if everywhere else set()
-    result: list[tuple[set[Edge], set[Edge]]] = []
-    for c in range(3):
-        own: set[Edge] = set(edges) if c in held else set()
-        others: set[Edge] = set()
-        if c in held:
-            result.append((own, others))
-            continue
-        for s in edge_supports(case):
-            holder = s.held.get(c)
-            turns = s.slope is not None and holder is None and c not in case.held_everywhere
-            if (holder is not None and holder.name == support.name) or (turns and s.slope.name == support.name):  # type: ignore[union-attr]
-                own.add(s.edge)
-            elif holder is not None or turns:
-                others.add(s.edge)
-        if own and others and len({e.axis for e in own | others}) > 1:
-            raise InputError(
-                f"case '{case.name}': the reaction of support '{support.name}' can't be told from that of"
-                " another support which it meets at a corner"
-            )
-        result.append((own, others))
-    return result
+
+    edges: tuple[Sides, Sides, Sides]
+    told: tuple[bool, bool, bool]
+    turns: bool
+
+    @classmethod
+    def from_support(cls, case: Case, support: Support) -> Virtual:
+        """Choose the motions of a support."""
+        whole = {place for place in case.places.values() if isinstance(place, Edge) and place.whole}
+        everywhere = any(isinstance(place, Whole) for s, place in case.supported_places() if s.name == support.name)
+        held = {"xyz".index(c) for c in support.held} if everywhere else set()
+        edges: list[Sides] = []
+        told, turning = [True] * 3, True
+        for c in range(3):
+            own: set[Edge] = set(whole) if c in held else set()
+            others: set[Edge] = set()
+            mirrors: set[Edge] = set()  # they let a translation pass, but no rotation
+            for s in edge_supports(case) if c not in held else ():
+                holder = s.held.get(c)
+                turns = s.slope is not None and holder is None and c not in case.held_everywhere
+                if (holder is not None and holder.name == support.name) or (turns and s.slope.name == support.name):  # type: ignore[union-attr]
+                    own.add(s.edge)
+                elif turns and s.slope.symmetry:  # type: ignore[union-attr]
+                    mirrors.add(s.edge)
+                elif holder is not None or turns:
+                    others.add(s.edge)
+            if own and _meet(own | others | mirrors) and (others or mirrors):
+                told[c] = not others
+                turning = False
+            else:
+                others |= mirrors
+            edges.append((own, others))
+        return cls((edges[0], edges[1], edges[2]), (told[0], told[1], told[2]), turning and all(told))
+
+    def why_not_told(self, case: Case, quantity: ReactionQuantity | TorqueQuantity) -> str | None:
+        """Return why a quantity can't be told, as one clause, or None if it can."""
+        if isinstance(quantity, ReactionQuantity):
+            known = all(told or not part for told, part in zip(self.told, quantity.direction, strict=True))
+        else:
+            known = self.turns
+        if known:
+            return None
+        return (
+            f"case '{case.name}': the reaction of support '{quantity.support}' can't be told from that of another"
+            " support which it meets at a corner"
+        )
+
+
+def _meet(edges: set[Edge]) -> bool:
+    return len({edge.axis for edge in edges}) > 1
 
 
 def edge_reaction(
@@ -174,15 +210,17 @@ def edge_reaction(
     held: Array,
     measure: StrainName = "linear",
     body: Callable[[Array], Array] | None = None,
+    touch: Touch | None = None,
 ) -> Array:
     """Return force and moment (6,), N and N m, that a support exerts through its edges.
 
     `held` (k,) are the forces of the point supports, in the order of `point_supports`; they work on v as well. `body`
-    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia. At finite strain the arms
-    of forces are those of the deformed shell.
+    gives forces per area (N, 3) at points (N, 2) beside the loads, such as those of inertia; `touch` what obstacles
+    exert. At finite strain the arms of forces are those of the deformed shell.
     """
     case, placement, t = field.ansatz.case, field.features.placement, field.ansatz.t
-    edges = virtual_edges(case, support)
+    virtual = Virtual.from_support(case, support)
+    edges = virtual.edges
     if not any(own for own, _ in edges):
         return np.zeros(6)
 
@@ -210,6 +248,8 @@ def edge_reaction(
         for k, v in enumerate(virtual_motions(case, edges, points, centre, placement, moved(u))):
             total[k] += (conjugate * surface.gradients(v).flatten(1)).sum() - (force * v[VALUE]).sum()
     points, forces = concentrated_forces(case, spec, focal, t)
+    if touch is not None:
+        points, forces = np.concatenate([points, touch.points]), np.concatenate([forces, touch.forces])
     at = point_supports(case, t)
     points = np.concatenate([points, np.array([p.point.xi for p in at]).reshape(-1, 2)])
     fixed = np.zeros((len(at), 3))
@@ -224,12 +264,13 @@ def edge_reaction(
         rows = moment.rows(moment.sampled.undeformed.gradients(u)) * moment.moments(t)[:, None]
         for k, v in enumerate(virtual_motions(case, edges, moment.sampled.points, centre, placement, moved(u))):
             total[k] -= (rows * moment.sampled.undeformed.gradients(v)[:, :2].flatten(1)).sum()
-    return np.asarray(total.cpu().numpy())
+    known = np.array([*virtual.told, *[virtual.turns] * 3])
+    return np.where(known, total.cpu().numpy(), np.nan)
 
 
 def virtual_motions(
     case: Case,
-    edges: list[tuple[set[Edge], set[Edge]]],
+    edges: Sequence[Sides],
     points: Array,
     centre: Array,
     placement: Placement,

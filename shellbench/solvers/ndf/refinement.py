@@ -124,7 +124,7 @@ def _seed(seed: int, level: int, kind: int) -> int:
 
 def first_level(case: Case, usual: Resolution, given_width: bool = False, given_rule: bool = False) -> Level:
     """Return the level that a case begins with, from its usual resolution, of which a part may have to stay."""
-    neurons = usual.neurons * (2 if not given_width and _is_slender(case) else 1)
+    neurons = usual.neurons * (2 if not given_width and is_slender(case) else 1)
     usual = replace(usual, neurons=neurons, edge_scale=_edge_scale(case))
     chosen = usual if given_rule else _with_layers(case, usual)
     return Level(chosen, _challengers(usual.neurons), detail=1, kinds=AROUND_POINTS if foci(case) else KINDS)
@@ -160,10 +160,11 @@ def _edge_scale(case: Case) -> float:
     """Return the scale of inputs stretched toward edges in a first answer; zero where it leaves them out."""
     if foci(case):
         return 0.0
-    return EDGE_SCALE if not is_flat(case) or _is_slender(case) else 0.0
+    return EDGE_SCALE if not is_flat(case) or is_slender(case) else 0.0
 
 
-def _is_slender(case: Case) -> bool:
+def is_slender(case: Case) -> bool:
+    """Tell whether a shell is flat, and much longer than wide."""
     lengths = side_lengths(case)
     return is_flat(case) and max(lengths) > SLENDER * min(lengths)
 
@@ -177,7 +178,7 @@ def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
 def _with_layers(case: Case, usual: Resolution) -> Resolution:
     """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
     rule, fine = usual.rule, usual.fine
-    if not foci(case) and _is_slender(case):
+    if not foci(case) and is_slender(case):
         rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
     return replace(usual, rule=layered(case, rule), fine=layered(case, fine, CORNER_CUTS + 1))
 

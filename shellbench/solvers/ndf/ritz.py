@@ -16,7 +16,7 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import large_displacement, modes, motion, static
+from shellbench.solvers.ndf import contact, large_displacement, modes, motion, static
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     Resolution,
@@ -56,6 +56,8 @@ def solve(
             return modes.solve(case, spec, settings, progress)
         if large_displacement.is_path(case):
             return _follow(case, spec, settings, begin, progress)
+        if case.obstacles:
+            return contact.solve(case, spec, settings, progress)
         return static.solve(case, spec, settings, progress)
 
 

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import ShellSolution, state_number
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points
 from shellbench.solvers.ndf.choices import StrainName
@@ -97,6 +98,8 @@ class NdfSolution(FieldSolution):
         Parts of the strain energy on that quadrature, J; NaN where they are integrated only when they are asked for.
     point_forces
         (k,) forces of the point supports, N, in the order of `shellbench.solvers.ndf.supports.point_supports`.
+    touching
+        What obstacles exert, if there are any.
     """
 
     case: Case
@@ -108,6 +111,11 @@ class NdfSolution(FieldSolution):
     bending: float
     parameters: int
     point_forces: tuple[float, ...] = ()
+    touching: Touch | None = None
+
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the shell."""
+        return super().touch(at) if self.touching is None else self.touching
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2)."""
@@ -150,7 +158,7 @@ class NdfSolution(FieldSolution):
         `focal` (k, 2) are points toward which quadrature is graded, `lag` is what else acts on an area, N/m^2.
         """
         support, held = self.case.supports[number], np.asarray(self.point_forces)
-        total = edge_reaction(self.field, support, centre, self.rule, focal, held, self.spec.strain, lag)
+        total = edge_reaction(self.field, support, centre, self.rule, focal, held, self.spec.strain, lag, self.touching)
         force, moment = total[:3], total[3:]
         for at_point, magnitude in zip(point_supports(self.case, self.spec.t), held, strict=True):
             if at_point.support.name == support.name:
@@ -197,7 +205,8 @@ class NdfSolution(FieldSolution):
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
-        return write(path, self.header, self.tensors())
+        touched = {} if self.touching is None else kept_touch([self.touching])
+        return write(path, self.header, {**self.tensors(), **{k: torch.as_tensor(v) for k, v in touched.items()}})
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors that the field is made of, by the names they have in a file."""
@@ -242,6 +251,7 @@ def read_states(
         expected = (*many, 3, features.count), (*many, 6)
         if output is None or rigid is None or (output.shape, rigid.shape) != expected:
             raise ValueError("its tensors do not fit each other")
+        touching = restored_touch({name: tensor.numpy() for name, tensor in tensors.items()})
     one = StateHeader(
         mark=header.spec.t,
         t=header.spec.t,
@@ -265,6 +275,7 @@ def read_states(
                 bending=state.bending,
                 parameters=header.parameters,
                 point_forces=state.point_forces,
+                touching=touching[0] if touching else None,
             )
         )
     return tuple(solutions)

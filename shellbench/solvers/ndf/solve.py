@@ -161,6 +161,68 @@ class OutputLayer:
     unbalanced: float
 
 
+@dataclass(frozen=True)
+class HeldInverse:
+    """The inverse of an energy's matrix among weights (n,) that hold constraints.
+
+    Attributes
+    ----------
+    matrix, load
+        (n, n) and (n,), the constraints' part included.
+    constraints, targets
+        (k, n) and (k,), metres.
+    inverse
+        Of the matrix.
+    response, inverted
+        (n, k) of the weights to forces of the constraints, and (k, k) from what these miss to their forces.
+    """
+
+    matrix: Tensor
+    load: Tensor
+    constraints: Tensor
+    targets: Tensor
+    inverse: RegularisedInverse
+    response: Tensor
+    inverted: Tensor
+
+    @classmethod
+    def from_equations(
+        cls, equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float = JITTER
+    ) -> HeldInverse:
+        """Factorise; see `solve_output`."""
+        matrix = equations.stiffness + equations.anchor.T @ equations.anchor + stiffness * constraints.T @ constraints
+        load = equations.load + stiffness * constraints.T @ targets
+        if not bool(torch.isfinite(matrix).all()):
+            raise SolveFailure("the energy of the features is not finite")
+        try:
+            inverse = RegularisedInverse.from_matrix(matrix, level)
+        except IndefiniteError:
+            raise SolveFailure("the normal matrix of the output layer is not positive definite") from None
+        response = inverse @ constraints.T
+        compliance = constraints @ response
+        inverted = compliance
+        if len(constraints):
+            inverted = torch.linalg.pinv((compliance + compliance.T) / 2, rtol=SAME_ROW, hermitian=True)
+        return cls(matrix, load, constraints, targets, inverse, response, inverted)
+
+    def solve(self, loads: Tensor, targets: Tensor) -> tuple[Tensor, Tensor]:
+        """Return the weights (n, m) under loads (n, m) that hold targets (k, m), and multipliers (k, m)."""
+        weights = self.inverse @ loads
+        multipliers = loads.new_zeros(targets.shape)
+        for _ in range(2 if len(self.constraints) else 0):  # once more for the rounding of large weights
+            change = self.inverted @ (self.constraints @ weights - targets)
+            weights, multipliers = weights - self.response @ change, multipliers + change
+        return weights, multipliers
+
+    def layer(self, forces: Tensor | None = None) -> OutputLayer:
+        """Return the weights under the load, and forces (n,) beside it."""
+        load = self.load if forces is None else self.load + forces
+        found, held = self.solve(load[:, None], self.targets[:, None])
+        weights, multipliers = found[:, 0], held[:, 0]
+        left = load - self.constraints.T @ multipliers - self.matrix @ weights
+        return OutputLayer(weights, -multipliers, 0.5 * abs(float(weights @ left)))
+
+
 def solve_output(
     equations: NormalEquations, constraints: Tensor, targets: Tensor, stiffness: float, level: float = JITTER
 ) -> OutputLayer:
@@ -182,25 +244,7 @@ def solve_output(
     # 4. The work of the residual: what regularisation has cost.
     # Textbooks solve the indefinite saddle system at once. Here K alone may be singular, as only C stops rigid motions.
     # With k C^T C it is definite, and the minimum under C w = targets is the same for any k.
-    matrix = equations.stiffness + equations.anchor.T @ equations.anchor + stiffness * constraints.T @ constraints
-    load = equations.load + stiffness * constraints.T @ targets
-    if not bool(torch.isfinite(matrix).all()):
-        raise SolveFailure("the energy of the features is not finite")
-    try:
-        inverse = RegularisedInverse.from_matrix(matrix, level)
-    except IndefiniteError:
-        raise SolveFailure("the normal matrix of the output layer is not positive definite") from None
-    weights = (inverse @ load[:, None])[:, 0]
-    multipliers = load.new_zeros(len(constraints))
-    if len(constraints):
-        response = inverse @ constraints.T
-        compliance = constraints @ response
-        inverted = torch.linalg.pinv((compliance + compliance.T) / 2, rtol=SAME_ROW, hermitian=True)
-        for _ in range(2):  # once more for the rounding of large weights
-            change = inverted @ (constraints @ weights - targets)
-            weights, multipliers = weights - response @ change, multipliers + change
-    left = load - constraints.T @ multipliers - matrix @ weights
-    return OutputLayer(weights, -multipliers, 0.5 * abs(float(weights @ left)))
+    return HeldInverse.from_equations(equations, constraints, targets, stiffness, level).layer()
 
 
 def potential_energy(equations: NormalEquations, weights: Tensor) -> float:
@@ -212,14 +256,27 @@ def solve_part(
     ansatz: Ansatz, features: Features, equations: NormalEquations, part: Integers, level: float = JITTER
 ) -> OutputLayer:
     """Solve for the weights of some features, by their numbers (n,); all others are zero."""
+    kept, held = held_part(ansatz, features, equations, part, level)
+    return spread(ansatz, features, kept, held.layer())
+
+
+def held_part(
+    ansatz: Ansatz, features: Features, equations: NormalEquations, part: Integers, level: float = JITTER
+) -> tuple[Tensor, HeldInverse]:
+    """Return the (component, feature) pairs (n,) of some features, and the inverse for their weights."""
     # One matrix serves all bases whose features are among its own.
     kept = torch.as_tensor(features.pairs(part), device=equations.load.device)
     constraints, targets = (torch.cat(both) for both in zip(*_constraints(ansatz, features), strict=True))
     within = NormalEquations(
         equations.stiffness[kept][:, kept], equations.load[kept], equations.anchor[:, kept], equations.constant
     )
-    solved = solve_output(within, constraints[:, kept], targets, ansatz.case.material.membrane_stiffness, level)
-    weights = torch.zeros_like(equations.load)
+    stiffness = ansatz.case.material.membrane_stiffness
+    return kept, HeldInverse.from_equations(within, constraints[:, kept], targets, stiffness, level)
+
+
+def spread(ansatz: Ansatz, features: Features, kept: Tensor, solved: OutputLayer) -> OutputLayer:
+    """Return the output layer of all pairs from that of some, with the forces of point supports alone."""
+    weights = solved.weights.new_zeros(3 * features.count)
     weights[kept] = solved.weights
     reactions = solved.reactions[: len(point_supports(ansatz.case, ansatz.t))]
     return replace(solved, weights=weights, reactions=reactions)

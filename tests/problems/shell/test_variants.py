@@ -11,10 +11,12 @@ from shellbench.errors import InputError
 from shellbench.problem import VARIANT
 from shellbench.problems.expression import Expression
 from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
+from shellbench.problems.shell.contact import gaps
 from shellbench.problems.shell.measure import area_rule, load_density
 from shellbench.problems.shell.placing import ABOUT, ASKEW, CYCLE, turning
 from shellbench.problems.shell.reparametrisation import flipped, helical, oblique, stretched, swapped, warped
 from shellbench.problems.shell.surface import COORDINATES
+from shellbench.problems.shell.units import MILLIMETRES_TONNES, converted_points
 from shellbench.problems.shell.variants import VARIANTS, size
 
 SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]
@@ -75,13 +77,13 @@ def invariants(case):
 def test_every_shell_can_be_asked_otherwise(name):
     """All variants are whole cases. Helices need a closed surface, units a path by loads; local loads, kinks stay on lines."""
     case = catalog.named_case(name)
-    if case.obstacles:
-        assert all("obstacle" in found for found in variants_of(case).values())
-        return
     if case.surface.kind == "mesh":
         assert all("mesh" in found or name == "helical" for name, found in variants_of(case).items())
         return
     refused = {name for name, found in variants_of(case).items() if isinstance(found, str)}
+    if case.obstacles:  # where contact begins is asked along coordinates
+        assert not refused & {"axes", "turned", "units", "kilometres"}
+        return
     local = any(getattr(load, "frame", "global") == "local" for load in case.loads)
     kinked = any(case.kinks)
     assert refused <= {"helical", "units", "kilometres"} | ({"swapped"} if local else set()) | (
@@ -92,6 +94,16 @@ def test_every_shell_can_be_asked_otherwise(name):
 def length_of(variant):
     """Units of length of a variant in a metre."""
     return {"units": 1000.0, "kilometres": 1e-3}.get(variant.name.partition("@")[2], 1.0)
+
+
+def test_obstacles_turn_and_are_converted_with_their_shell():
+    case = catalog.named_case("contact_hill")
+    grid = case.surface.domain.grid(4, 3).reshape(-1, 2)
+    gap, _ = gaps(case, grid, np.zeros((len(grid), 3)))
+    for name in ("axes", "turned", "units"):
+        variant = variants_of(case)[name]
+        points, length = (converted_points(case, MILLIMETRES_TONNES, grid), 1000) if name == "units" else (grid, 1)
+        assert gaps(variant, points, np.zeros((len(grid), 3)))[0] == pytest.approx(gap * length, abs=1e-10 * length)
 
 
 @pytest.mark.parametrize("name", CASES)
