@@ -181,7 +181,7 @@ def _unseen(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[str]:
     """Yield the scores that draws had before anybody had looked at them, where these are known."""
     first = [(f"{run['target']}, seed {run['seed']}", unseen(run, said)) for run in runs if run.get("unseen")]
     if first:
-        yield "\n**Unseen**, before a hole of these draws was closed:\n"
+        yield "\n**Unseen**, before anybody had looked at these draws:\n"
         yield from _table("draw", [*first, ("all of them", Score(*map(sum, zip(*(s for _, s in first), strict=True))))])
 
 
@@ -290,7 +290,9 @@ refusal, and about ten times the usual time are red too. The lock is not asked: 
 Cases are those of the suites `obstacle_course`, `verification`, `variants`, `shapes`, `nonlinear` and `cloth` that take less than the
 seconds given by `--longest`, or of these the ones that `--case` names.
 
-**The draw** is by a seed, spread over modules and rules. Seed 1 is the one on which holes are closed. Any other seed is unseen.
+**The draw** is by a seed, spread over modules and rules. Holes are closed on seeds that have been seen: all that stand below. What the exam
+found of a draw before that is its unseen score, which stays. Seed 3 was cut by the time there was, after the same first mutants of each target
+that a longer draw begins with. Excuses of seeds 1 and 2 were read twice, the second time to break them; those of seed 3 once.
 """
 
 
