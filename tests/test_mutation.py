@@ -13,7 +13,19 @@ from tests.bench.test_classes import figure
 from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
 from tests.mutation.exam import VALUE, finds_a_mistake
 from tests.mutation.operators import RULES
-from tests.mutation.report import PAGE, SCORE, Excuse, add, excuses, page, read_runs, scores, stale_excuses, summary
+from tests.mutation.report import (
+    PAGE,
+    SCORE,
+    Excuse,
+    add,
+    excuses,
+    page,
+    read_runs,
+    scores,
+    stale_excuses,
+    summary,
+    unseen,
+)
 from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
 from tests.mutation.targets import FEM, TARGETS, file_of, parts
 
@@ -207,6 +219,13 @@ def test_a_score_leaves_equivalent_mutants_out() -> None:
     assert name == "fem, seed 1"
     assert found == (4, 2, 1, 1)
     assert found.share == 2 / 3
+
+
+def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() -> None:
+    closed = {**RUN, "unseen": True, "results": [{**RUN["results"][0], "closed": True}, *RUN["results"][1:]]}
+    assert unseen(closed, SAID) == (4, 1, 1, 2)
+    assert "**Unseen**" in page([closed], SAID)
+    assert '"red": 1' in scores([closed], SAID)
 
 
 def test_the_page_names_holes_and_excuses() -> None:

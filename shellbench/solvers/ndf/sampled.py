@@ -254,12 +254,13 @@ def scales(case: Case, inputs: Inputs, degree: int) -> Array:
 def rule_of(case: Case, degree: int, points: float = POINTS) -> RuleSpec:
     """Return a rule of some points a degree that takes the springs in."""
     first, second = (math.ceil(points * along / ORDER) for along in degrees(case, degree))
-    exact = _stiffness(case, RuleSpec((MOST_PANELS, MOST_PANELS), ORDER))
-    while max(first, second) < MOST_PANELS:
-        if np.all(np.abs(_stiffness(case, RuleSpec((first, second), ORDER)) - exact) <= SPRING * exact):
+    spec = RuleSpec((first, second), ORDER, joints=case.kinks)
+    exact = _stiffness(case, replace(spec, panels=(MOST_PANELS, MOST_PANELS)))
+    while max(spec.panels) < MOST_PANELS:
+        if np.all(np.abs(_stiffness(case, spec) - exact) <= SPRING * exact):
             break
-        first, second = first + 1, second + 1
-    return RuleSpec((first, second), ORDER, joints=case.kinks)
+        spec = replace(spec, panels=(spec.panels[0] + 1, spec.panels[1] + 1))
+    return spec
 
 
 def finer(spec: RuleSpec) -> RuleSpec:
