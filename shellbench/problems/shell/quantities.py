@@ -41,6 +41,7 @@ from shellbench.problems.shell.path_quantities import (
     curve,
 )
 from shellbench.problems.shell.quantity import ShellQuantity
+from shellbench.problems.shell.resultant_quantities import ResultantQuantity
 
 __all__ = [
     "CentreOfMass",
@@ -62,6 +63,7 @@ __all__ = [
     "PotentialEnergy",
     "QuantityModel",
     "ReactionQuantity",
+    "ResultantQuantity",
     "SupportQuantity",
     "TorqueQuantity",
     "Unmarked",

@@ -67,7 +67,16 @@ class RitzSolver(ShellSolver):
     settings_type: ClassVar[type[RitzSettings]] = RitzSettings
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "foundation", "loaded parts", "local loads", "kinks", "modes"}
+        {
+            "varying stiffness",
+            "bending Poisson's ratio",
+            "foundation",
+            "loaded parts",
+            "local loads",
+            "kinks",
+            "modes",
+            "resultants",
+        }
     )
 
     def declines(self, case: Case) -> str | None:
