@@ -44,6 +44,7 @@ from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
 from .plate_modes import JUDGES as PLATES
+from .resultants import JUDGES as RESULTANTS
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 
@@ -91,6 +92,7 @@ CASES = {
     **CONTACT,
     **PLATES,
     **CYLINDERS,
+    **RESULTANTS,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

@@ -332,3 +332,5 @@ SECOND_FORMS: Mapping[str, Values] = {
     "resultants_roof": partial(_roof, "exponentials"),
     PARABOLOID: partial(_paraboloid, "varied metric"),
 }
+LONG = frozenset({"resultants_roof", "resultants_clamped_plate", "resultants_paraboloid"})
+"""Those whose values take seconds."""

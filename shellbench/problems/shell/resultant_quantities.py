@@ -105,7 +105,7 @@ class TensorResultant(ResultantQuantity):
             return np.asarray(values[:, COLUMNS[self.component]])
         first, second, shear = values.T
         radius = np.hypot((first - second) / 2, shear)
-        return (first + second) / 2 + (radius if self.component == "principal_1" else -radius)
+        return np.asarray((first + second) / 2 + (radius if self.component == "principal_1" else -radius))
 
 
 class MembraneForce(TensorResultant):

@@ -44,7 +44,7 @@ def resultants(solution: FemSolution, name: str, points: Array, at: float | None
     found = np.concatenate(portions) if portions else np.zeros((0, 3, 3))
     surface = Midsurface.at(solution.case.surface.derivatives(solution.mesh.domain.wrap(points), order=2))
     if name == "shear_force":
-        return np.einsum("na,nai->ni", _divergence(surface, found), _along_frame(surface))
+        return np.asarray(np.einsum("na,nai->ni", _divergence(surface, found), _along_frame(surface)))
     return in_frame(surface, found[:, 0])
 
 

@@ -18,8 +18,9 @@ from numpy.polynomial import chebyshev
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
+from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.strain_measures import StrainName, Undeformed, stresses
+from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
 
 NODES = 9  # moments on a line, through which the polynomial goes
 HALF_LINE = 0.02  # of a side: half the length of a line
