@@ -470,8 +470,8 @@ class Kind:
     sample
         Takes a solution, points a side, a mark (None: the last state) and a title; returns what is exported. None if
         solutions of this kind are no surfaces.
-    headline
-        What its headline quantities are, for the heading of their table.
+    headline, headlines
+        What its headline quantities are, for the heading of their table; other words by unit.
     exam, quick
         Suites by which a solver is graded, in minutes, and at a first look.
     """
@@ -484,6 +484,7 @@ class Kind:
     variants: Mapping[str, Variant] = field(default_factory=dict)
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
     headline: str = "Headline figures"
+    headlines: Mapping[str, str] = field(default_factory=dict)
     exam: tuple[str, ...] = ()
     quick: tuple[str, ...] = ()
 

@@ -128,7 +128,8 @@ class Shell:
     @property
     def words(self) -> str:
         """What can be said of the picture to those who can't see it."""
-        return f"displacement from {self.coloured.min():.3g} {self.unit} to {self.coloured.max():.3g} {self.unit}"
+        low, high = (f"{value:.3g} {self.unit}".rstrip() for value in (self.coloured.min(), self.coloured.max()))
+        return f"{'displacement' if self.unit else 'scaled displacement'} from {low} to {high}"
 
 
 def shell_figure(shell: Shell) -> Figure:
@@ -249,7 +250,8 @@ def colour_bar(
     bar = figure.colorbar(_colours(shells), ax=axes, **look)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    bar.set_label(f"{what_is_coloured(shells[0])} ({shells[0].unit})", fontsize=7.5)
+    unit = f"({shells[0].unit})" if shells[0].unit else "(scaled)"
+    bar.set_label(f"{what_is_coloured(shells[0])} {unit}", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
     bar.ax.ticklabel_format(scilimits=PLAIN_ORDERS, useMathText=True)
