@@ -65,6 +65,17 @@ class ResultantQuantity(ShellQuantity):
                         " and forces and moments are infinite there"
                     )
 
+    def corner_of(self, shell: Any) -> tuple[str, tuple[int, int]] | None:
+        """Return the first corner at which it is asked for, its name and the sides (0 or 1) of both coordinates."""
+        domain = shell.surface.domain
+        if any(domain.periodic):
+            return None
+        for place in (shell.places[name] for name in self.on):
+            share = (np.array(getattr(place, "xi", (np.nan, np.nan))) - domain.lower) / np.asarray(domain.size)
+            if np.all(np.minimum(np.abs(share), np.abs(share - 1)) <= NEAR):
+                return place.name, (round(share[0]), round(share[1]))
+        return None
+
     def check_motion(self, shell: Any, constant: bool) -> None:
         """Raise ValueError: it is asked of shells at rest."""
         raise ValueError(f"quantity '{self.name}' belongs to a case without [dynamics]")

@@ -22,6 +22,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.places import SIDES
+from shellbench.problems.shell.quantities import ResultantQuantity
+from shellbench.solvers.fem.corners import corner_exponents
 from shellbench.solvers.fem.kinematics import DERIVATIVES as GRADIENTS
 from shellbench.solvers.fem.kinematics import STRAINS, Midsurface, elasticities, stiffness_moduli, strain_operator
 from shellbench.solvers.fem.mesh import SAME, TensorMesh, break_coordinates
@@ -35,6 +39,22 @@ Integers = NDArray[np.int64]
 REACH = 3  # cells of a patch along each coordinate
 AT_ONCE = 64  # points whose patches are sampled together
 HALF = np.array([1.0, 1.0, 0.5])  # H counts the component 12 twice, for itself and for 21
+
+
+def why_infinite(case: Case) -> str | None:
+    """Return why a resultant that a case asks for has no value, as one clause, or None if all have one."""
+    for quantity in case.quantities:
+        corner = quantity.corner_of(case) if isinstance(quantity, ResultantQuantity) else None
+        if corner is None:
+            continue
+        name, (first, second) = corner
+        exponent = corner_exponents(case).get((SIDES[first], SIDES[second]))
+        if exponent is not None:
+            return (
+                f"forces or moments grow without bound toward the corner '{name}', as r^{exponent - 1:.2g} with the"
+                f" distance r, and quantity '{quantity.name}' asks for one there"
+            )
+    return None
 
 
 def resultants(solution: FemSolution, name: str, points: Array, at: float | None) -> Array:

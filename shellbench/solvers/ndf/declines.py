@@ -11,8 +11,9 @@ from torch import Tensor
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
-from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
+from shellbench.problems.shell.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
@@ -36,6 +37,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         for quantity in case.quantities:
             if isinstance(quantity, ReactionQuantity | TorqueQuantity):
                 virtual_edges(case, next(s for s in case.supports if s.name == quantity.support))
+            if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):
+                return f"its powers about corners have no second derivatives at the corner '{corner[0]}'"
     except InputError as error:
         return str(error)
     if spec is not None and spec.supports == "soft":
