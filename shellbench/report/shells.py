@@ -139,7 +139,8 @@ def shell_figure(shell: Shell) -> Figure:
     draw_deformed(axes, shell)
     colour_bar(figure, axes, shell)
     axes.set_title(plain(shell.title), loc="left", pad=14)
-    subtitle = f"{plain(shell.solver)}, displacement {times(shell.scale)}"
+    shown = f"displacement {times(shell.scale)}" if shell.unit else "shape, scaled"
+    subtitle = f"{plain(shell.solver)}, {shown}"
     axes.annotate(subtitle, (0, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", color="#444444")
     return figure
 
@@ -160,7 +161,7 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
         title = f"({LETTERS[place % len(LETTERS)]}) " + shell.title.replace(", ", ",\n", 1)
         title = plain(title if "\n" in title else textwrap.fill(title, COLUMN))
         above.set_title(title + ("" if "\n" in title else "\n"), loc="left")
-        below.set_title(times(shell.scale), fontsize=7.5, pad=2)
+        below.set_title(times(shell.scale) if shell.unit else "scaled", fontsize=7.5, pad=2)
     return figure
 
 
@@ -281,6 +282,8 @@ def times(scale: float) -> str:
 
 def scale_words(shell: Shell) -> str:
     """Say in words how the picture shows the displacement."""
+    if not shell.unit:
+        return "its size without meaning"
     if shell.scale == 1:
         return "at its true scale"
     return f"displacement magnified {MARKDOWN.number(quoted(shell.scale))} times"
