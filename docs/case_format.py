@@ -197,7 +197,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
-       "Frequency", "BucklingLoad")),
+       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce")),
     ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip
