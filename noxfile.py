@@ -98,6 +98,12 @@ def buckling(session: nox.Session) -> None:
 
 
 @nox.session
+def resultants(session: nox.Session) -> None:
+    """Ask shells for membrane forces, moments and shear forces, and judge. `-- --quick` for one seed of `ndf-ritz`."""
+    run_and_judge(session, "resultants")
+
+
+@nox.session
 def variants(session: nox.Session) -> None:
     """Ask the shells of other suites otherwise (axes, frame, units, coordinates), and judge. `-- --quick`."""
     run_and_judge(session, "variants")

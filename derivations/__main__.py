@@ -46,6 +46,7 @@ from .fields import JUDGES as FIELDS
 from .naghdi import JUDGES as NAGHDI
 from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
+from .resultants import JUDGES as RESULTANTS
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
 
@@ -95,6 +96,7 @@ CASES = {
     **PLATES,
     **CYLINDERS,
     **NAGHDI,
+    **RESULTANTS,
 }
 TITLE = "case", "quantity", "value", "uncertainty", "unit"
 ROW = "{:<31} {:<21} {:>19} {:>11} {}"

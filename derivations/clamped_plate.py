@@ -97,8 +97,8 @@ def rim_coefficients(case: LoadedPlate, sides: tuple[Side, Side]) -> np.ndarray:
     return out
 
 
-def ritz(case: LoadedPlate, degree: int) -> tuple[np.ndarray, float]:
-    """Deflections at the plate's points, m, and strain energy, J, with polynomials of a degree each way."""
+def solve_clamped(case: LoadedPlate, degree: int) -> tuple[tuple[Side, Side], np.ndarray, list[np.ndarray]]:
+    """Functions of both directions, the coefficients (m, n) of their products, and the functions' integrals."""
     sides = Side(case.plate.a, degree), Side(case.plate.b, degree)
     products, integrals = [], []
     for side in sides:
@@ -120,6 +120,12 @@ def ritz(case: LoadedPlate, degree: int) -> tuple[np.ndarray, float]:
     scale = 1 / np.sqrt(np.diag(matrix))
     solved = cho_solve(cho_factor(scale[:, None] * matrix * scale), scale * right.ravel())
     coefficients[inner, inner] = (scale * solved).reshape(count, count)
+    return sides, coefficients, integrals
+
+
+def ritz(case: LoadedPlate, degree: int) -> tuple[np.ndarray, float]:
+    """Deflections at the plate's points, m, and strain energy, J, with polynomials of a degree each way."""
+    sides, coefficients, integrals = solve_clamped(case, degree)
 
     def deflection(points: np.ndarray) -> np.ndarray:
         shapes = [side.basis(points[:, k])[0] for k, side in enumerate(sides)]

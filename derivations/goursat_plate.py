@@ -70,26 +70,29 @@ class Goursat:
             q[:, k + 1] = v / h[k + 1, k]
         return h
 
-    def functions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Polynomials and poles at z, (N, F), and their derivatives."""
+    def functions(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Polynomials and poles at z, (N, F), and their first and second derivatives."""
         h = self._recurrence
-        value, slope = (np.zeros((len(z), self.degree + 1), complex) for _ in range(2))
+        value, slope, second = (np.zeros((len(z), self.degree + 1), complex) for _ in range(3))
         value[:, 0] = 1.0
         for k in range(self.degree):
             done = slice(0, k + 1)
             value[:, k + 1] = (z * value[:, k] - value[:, done] @ h[done, k]) / h[k + 1, k]
             slope[:, k + 1] = (z * slope[:, k] + value[:, k] - slope[:, done] @ h[done, k]) / h[k + 1, k]
+            second[:, k + 1] = (z * second[:, k] + 2 * slope[:, k] - second[:, done] @ h[done, k]) / h[k + 1, k]
         k = np.arange(1, self.poles + 1)
         distance = np.exp(-CLUSTERING * (np.sqrt(self.poles) - np.sqrt(k)))
         outward = self.corners / np.abs(self.corners)
         place = (self.corners[:, None] + outward[:, None] * distance).ravel()
         size = np.tile(distance, len(self.corners))
         inverse = 1 / (z[:, None] - place)
-        return np.hstack([value, size * inverse]), np.hstack([slope, -size * inverse**2])
+        poles = size * inverse, -size * inverse**2, 2 * size * inverse**3
+        value, slope, second = (np.hstack(pair) for pair in zip((value, slope, second), poles, strict=True))
+        return value, slope, second
 
     def biharmonic(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Real trial functions (N, J) and their gradients, complex w_x + i w_y (N, J)."""
-        f, slope = self.functions(z)
+        f, slope, _ = self.functions(z)
         bar = np.conj(z)[:, None]
         values, gradients = [], []
         for unit in (1.0, 1j):
@@ -114,8 +117,8 @@ def particular(case: LoadedPlate, points: np.ndarray) -> tuple[np.ndarray, np.nd
     return factor * np.abs(d) ** 4, factor * 4 * np.abs(d) ** 2 * d
 
 
-def goursat(case: LoadedPlate, degree: int, poles: int) -> tuple[np.ndarray, float]:
-    """Deflections at the plate's points, m, and strain energy, J."""
+def solve_goursat(case: LoadedPlate, degree: int, poles: int) -> tuple[Goursat, np.ndarray, float]:
+    """The trial functions, their coefficients, and the length, m, that is 1 in their coordinates."""
     a, b = case.plate.a, case.plate.b
     unit = np.hypot(a, b) / 2
     trial = Goursat((a / 2 / unit, b / 2 / unit), degree, poles)
@@ -128,7 +131,14 @@ def goursat(case: LoadedPlate, degree: int, poles: int) -> tuple[np.ndarray, flo
     right = -np.concatenate([w, unit * (np.conj(normal) * gradient).real])
     size = np.linalg.norm(rows, axis=0)
     size[size == 0.0] = 1.0  # the imaginary constant of g
-    coefficients = np.linalg.lstsq(rows / size, right, rcond=1e-15)[0] / size
+    return trial, np.linalg.lstsq(rows / size, right, rcond=1e-15)[0] / size, unit
+
+
+def goursat(case: LoadedPlate, degree: int, poles: int) -> tuple[np.ndarray, float]:
+    """Deflections at the plate's points, m, and strain energy, J."""
+    trial, coefficients, unit = solve_goursat(case, degree, poles)
+    a, b = case.plate.a, case.plate.b
+    centre = complex(a, b) / 2
 
     def deflection(points: np.ndarray) -> np.ndarray:
         inside = (points @ np.array([1, 1j]) - centre) / unit

@@ -64,6 +64,7 @@ WHOLE["arc length"] = (
 )
 WHOLE["motion"] = WHOLE["linear"].replace("love-linear", "love-nonlinear") + "dynamics = { until = 1.0 }\n"
 WHOLE["modes"] = WHOLE["linear"].replace("largest_displacement", "frequency")
+WHOLE["forces"] = WHOLE["linear"] + 'edge_parts = { middle = { edge = "xi1_min", between = [0.2, 0.8] } }'
 WHOLE["buckling"] = (
     WHOLE["linear"]
     .replace("largest_displacement", "buckling_load")
@@ -167,6 +168,14 @@ EXAMPLES = {
     "LimitPoint": Example('[[quantities]]\nname = "limit_load"\nkind = "limit_point"\nturning = "load"\nnumber = 1\nscale = 4.0', "arc length"),
     "CriticalPoint": Example('[[quantities]]\nname = "critical_load"\nkind = "critical_point"\nscale = 4.0', "path"),
     "Frequency": Example('[[quantities]]\nname = "third_frequency"\nkind = "frequency"\nnumber = 3', "modes"),
+    "MembraneForce": Example(
+        '[[quantities]]\nname = "force_along"\nkind = "membrane_force"\ncomponent = "11"\non = ["tip"]'
+    ),
+    "Moment": Example(
+        '[[quantities]]\nname = "wall_moment"\nkind = "moment"\ncomponent = "principal_1"\non = ["middle"]  # its mean along it',
+        "forces",
+    ),
+    "ShearForce": Example('[[quantities]]\nname = "wall_shear"\nkind = "shear_force"\ncomponent = "1"\non = ["xi1_min"]'),
     "BucklingLoad": Example('[[quantities]]\nname = "second_load"\nkind = "buckling_load"\nnumber = 2', "buckling"),
     "Known": Example(
         '[[known]]\nquantity = "headline"\nvalue = 0.0125\nuncertainty = 1e-5\nsource = "Timoshenko & Woinowsky-Krieger, article 45"\n'
@@ -192,7 +201,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Quantities", "Quantity", "`[[quantities]]`: at least one. All have the fields of the first table.", quantities.ShellQuantity,
      ("DisplacementQuantity", "PositionQuantity", "CentreOfMass", "LargestDisplacement", "FieldError", "EnergyQuantity", "MotionEnergy", "PotentialEnergy",
        "ReactionQuantity", "TorqueQuantity", "ContactForce", "LargestPenetration", "ContactPoint", "LoadQuantity", "LimitPoint", "CriticalPoint",
-       "Frequency", "BucklingLoad")),
+       "Frequency", "BucklingLoad", "MembraneForce", "Moment", "ShearForce")),
     ("Known values", "", "`[[known]]`: any number. They stand in your own case alone, and `shellbench gate FILE` judges by them.", None, ("Known",)),
     ("Picture", "", "`[picture]`: how the report draws the shell.", None, ("Picture",)),
 )  # fmt: skip

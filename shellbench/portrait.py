@@ -257,6 +257,11 @@ class Portrait:
         return "m"
 
     @property
+    def unit_of_shape(self) -> str:
+        """Unit of the displacements in pictures; empty where their size means nothing."""
+        return self.unit_of_length
+
+    @property
     def extent(self) -> float | None:
         """Largest extent along an axis; None of what has none."""
         return None

@@ -484,8 +484,8 @@ class Kind:
     from_file
         Takes a file with data of a user's own, such as a mesh, and the path of a case file; returns the text of a case
         to begin with. It may raise InputError with the reason, as a clause. None if there are no such files.
-    headline
-        What its headline quantities are, for the heading of their table.
+    headline, headlines
+        What its headline quantities are, for the heading of their table; other words by unit.
     exam, quick
         Suites by which a solver is graded, in minutes, and at a first look.
     """
@@ -499,6 +499,7 @@ class Kind:
     sample: Callable[[Any, int, float | None, str], Sample] | None = None
     from_file: Callable[[Path, Path], str] | None = None
     headline: str = "Headline figures"
+    headlines: Mapping[str, str] = field(default_factory=dict)
     exam: tuple[str, ...] = ()
     quick: tuple[str, ...] = ()
 

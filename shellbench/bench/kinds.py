@@ -52,10 +52,11 @@ def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in kind_targets() if asked & set(find_kind(name).theories)) or (DEFAULT,)
 
 
-def headline_of(name: str) -> str:
-    """Return what the headline quantities of a kind are; in general words if it is not known here."""
+def headline_of(name: str, unit: str) -> str:
+    """Return what the headline quantities of a kind in this unit are; in general words if it is not known here."""
     try:
-        return find_kind(name or DEFAULT).headline
+        kind = find_kind(name or DEFAULT)
+        return kind.headlines.get(unit, kind.headline)
     except InputError:
         return Kind.headline
 

@@ -290,7 +290,7 @@ def drawn(
         held=held_lines(scene, fields.xi, fields.position),
         forces=point_forces(scene, fields.xi, fields.position),
         run_id=record.run_id if record else "",
-        unit=case.unit_of_length,
+        unit=case.unit_of_shape,
         obstacles=near_obstacles(case, fields.position, states),
     )
 

@@ -139,7 +139,8 @@ class Shell:
     @property
     def words(self) -> str:
         """What can be said of the picture to those who can't see it."""
-        return f"displacement from {self.coloured.min():.3g} {self.unit} to {self.coloured.max():.3g} {self.unit}"
+        low, high = (f"{value:.3g} {self.unit}".rstrip() for value in (self.coloured.min(), self.coloured.max()))
+        return f"{'displacement' if self.unit else 'scaled displacement'} from {low} to {high}"
 
 
 def shell_figure(shell: Shell) -> Figure:
@@ -149,7 +150,8 @@ def shell_figure(shell: Shell) -> Figure:
     draw_deformed(axes, shell)
     colour_bar(figure, axes, shell)
     axes.set_title(plain(shell.title), loc="left", pad=14)
-    subtitle = ", ".join(filter(None, (plain(shell.solver), f"displacement {times(shell.scale)}")))
+    shown = f"displacement {times(shell.scale)}" if shell.unit else "shape, scaled"
+    subtitle = ", ".join(filter(None, (plain(shell.solver), shown)))
     axes.annotate(subtitle, (0, 1), (0, 4), xycoords="axes fraction", textcoords="offset points", color="#444444")
     return figure
 
@@ -170,7 +172,7 @@ def course_figure(shells: Sequence[Shell]) -> Figure:
         title = f"({LETTERS[place % len(LETTERS)]}) " + shell.title.replace(", ", ",\n", 1)
         title = plain(title if "\n" in title else textwrap.fill(title, COLUMN))
         above.set_title(title + ("" if "\n" in title else "\n"), loc="left")
-        below.set_title(times(shell.scale), fontsize=7.5, pad=2)
+        below.set_title(times(shell.scale) if shell.unit else "scaled", fontsize=7.5, pad=2)
     return figure
 
 
@@ -261,7 +263,8 @@ def colour_bar(
     bar = figure.colorbar(_colours(shells), ax=axes, **look)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    bar.set_label(f"{what_is_coloured(shells[0])} ({shells[0].unit})", fontsize=7.5)
+    unit = f"({shells[0].unit})" if shells[0].unit else "(scaled)"
+    bar.set_label(f"{what_is_coloured(shells[0])} {unit}", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
     bar.ax.ticklabel_format(scilimits=PLAIN_ORDERS, useMathText=True)
@@ -293,6 +296,8 @@ def times(scale: float) -> str:
 
 def scale_words(shell: Shell) -> str:
     """Say in words how the picture shows the displacement."""
+    if not shell.unit:
+        return "its size without meaning"
     if shell.scale == 1:
         return "at its true scale"
     return f"displacement magnified {MARKDOWN.number(quoted(shell.scale))} times"

@@ -97,7 +97,7 @@ def displacement_tables(
     shown = {suite: rows_of(headline, suite) for suite in suites_of(headline)} if whole else rows_at_home(headline)
     tables = []
     for suite, of_suite in shown.items():
-        heading = AND.join(dict.fromkeys(headline_of(row.kind) for row in of_suite))
+        heading = AND.join(dict.fromkeys(headline_of(row.kind, row.unit) for row in of_suite))
         tables.append(replace(comparison_table(DISPLACEMENTS, suite, "", of_suite, known), heading=heading))
     return tables
 

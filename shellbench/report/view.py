@@ -119,7 +119,8 @@ def view(records: Sequence[Record], folder: Path) -> View | None:
         "title": case.title,
         "what": "chain that moves" if case.frames else "deformed shell",
         "unit": case.unit_of_length,
-        "density_unit": "J/m²" if case.unit_of_length == "m" else f"N {case.unit_of_length}/{case.unit_of_length}²",
+        "shape_unit": case.unit_of_shape or "scaled",
+        "density_unit": _density_unit(case.unit_of_shape),
         "shape": position.shape[:2],
         "centre": centre.tolist(),
         "position": _kept(position - centre, planes),
@@ -257,3 +258,8 @@ def plotly() -> str:
     if spec is None or not spec.submodule_search_locations:
         raise ShellbenchError("plotly, which draws in three dimensions, is not installed")
     return (Path(spec.submodule_search_locations[0]) / "package_data" / "plotly.min.js").read_text(encoding="utf-8")
+
+
+def _density_unit(unit: str) -> str:
+    """Return the unit of energy per area where displacements are in this unit; none where these are only scaled."""
+    return {"m": "J/m²", "": "scaled"}.get(unit, f"N {unit}/{unit}²")

@@ -19,6 +19,7 @@ from derivations import (
     plane_strip,
     plate_modes,
     plate_modes_by_splines,
+    resultants,
     roll_up,
     ropes,
     shapes_by_series,
@@ -85,8 +86,9 @@ ORIGINS = {
     **plate_modes.JUDGES,
     **cylinder_modes.JUDGES,
     **naghdi.JUDGES,
+    **resultants.JUDGES,
 }
-MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS}
+MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS, **resultants.SECOND_FORMS}
 LONG = {
     "heavy_cantilever",
     "rhombic_plate_modes",
@@ -104,6 +106,7 @@ LONG = {
     "scordelis_lo_nonlinear",
     "hemisphere_hole_nonlinear",
     *origins.HYPARS,
+    *resultants.LONG,
 }
 SECOND_FORMS = {
     "Levy's single series": square_plate_by_levy,

@@ -13,6 +13,9 @@ from shellbench.problems.shell.contact import Touch
 
 Array = NDArray[np.float64]
 
+RESULTANTS = ("membrane_force", "moment", "shear_force")
+"""Stress resultants that `DisplacementField.evaluate` may give beside `FIELDS`, in the shell's orthonormal frame."""
+
 
 class DisplacementField(Solution, Protocol):
     """A continuous displacement field and how it came about."""
@@ -33,7 +36,11 @@ class DisplacementField(Solution, Protocol):
         ...
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `FIELDS` at points (..., 2); KeyError for an unknown name."""
+        """Return one of `FIELDS` or `RESULTANTS` at points (..., 2); KeyError for an unknown name.
+
+        Resultants are components 11, 22, 12 (..., 3), of shear forces 1, 2 (..., 2), N/m and N; see
+        `shellbench.problems.shell.resultant_quantities`. Plug-ins may lack them.
+        """
         ...
 
     def energies(self, at: float | None = None) -> tuple[float, float]:

@@ -33,6 +33,17 @@ COMPONENTS = {
     "membrane_strain": STRAIN_COMPONENTS,
     "bending_strain": STRAIN_COMPONENTS,
 }
+HEADLINES = {
+    "Hz": "Frequencies",
+    "": "Load factors",
+    "N": "Forces and moments",
+    "N/m": "Forces and moments",
+    "N m": "Forces and moments",
+    "kN": "Forces and moments",
+    "J": "Energies",
+    "rad": "Angles",
+}
+"""What headline figures that are no displacements are, by unit."""
 ENERGY_DENSITY = "strain_energy_density"
 ENERGY_PARTS = ("membrane_energy_density", "bending_energy_density")
 
@@ -99,6 +110,7 @@ SHELL = Kind(
     studies={"frame_rates": frame_rates, "precision": precision},
     portrait=ShellPortrait,
     headline="Displacements",
+    headlines=HEADLINES,
     variants=VARIANTS,
     sample=sample,
     from_file=case_of_mesh,

@@ -49,6 +49,11 @@ class ShellPortrait(Portrait):
         return next((q.unit for q in self.case.quantities if isinstance(q, DisplacementQuantity)), "m")
 
     @property
+    def unit_of_shape(self) -> str:
+        """Unit of the displacements in pictures; empty for modes, whose size means nothing."""
+        return "" if self.case.modal else self.unit_of_length
+
+    @property
     def extent(self) -> float:
         """Largest extent of the surface along x, y or z, m."""
         surface = self.case.surface

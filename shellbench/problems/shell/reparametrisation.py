@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from shellbench.errors import InputError
 from shellbench.problems.formula_text import Formula, substituted, times
 from shellbench.problems.shell.places import Edge
@@ -23,6 +25,7 @@ DIGITS = 12  # of a point's coordinates; sines of other libraries differ in late
 HALVINGS = 200  # at most, of the interval in which a coordinate is sought
 GRADED = 0.4  # how much a graded coordinate departs from an even one; below 1, or it would fold
 OBLIQUE = 0.3  # the same of oblique ones; below 1/2
+ANGLES, RIGHT = 9, 1e-9  # points a side at which coordinate lines are compared, and the cosine of a right angle
 PITCH = 0.8  # radians that a helix turns by along the shell
 STRETCH: tuple[Pair, Pair] = ((0.4, -1.3), (2.5, 0.7))  # factor and offset of each coordinate
 
@@ -256,9 +259,38 @@ class _Reparametrisation:
         for quantity in data["quantities"]:
             if "points" in quantity:
                 quantity["points"] = [self.place(name) for name in quantity["points"]]
+            if "on" in quantity:
+                quantity |= self._resultant(quantity) | {"on": [self.place(name) for name in quantity["on"]]}
             if "exact" in quantity:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
+
+    def _resultant(self, quantity: dict[str, Any]) -> dict[str, Any]:
+        """Return the component of a resultant in the frame that belongs to the chart."""
+        # e_1 goes along xi1, e_3 along the normal, and e_2 = e_3 x e_1. Moments change their sign with the normal, and
+        # shear forces with it and with the direction that they belong to. Factors of quantities have no sign.
+        chart, component = self.chart, quantity["component"]
+        exchanged = chart.formulas == COORDINATES[::-1]
+        if exchanged and not self._orthogonal():
+            raise InputError("a resultant's axes would turn, as the coordinate lines are oblique")
+        if not exchanged and re.search(r"\bxi1\b", chart.formulas[1]):
+            raise InputError("a resultant's axes go along xi1, which is another direction in these coordinates")
+        normal = -1.0 if chart.turned_over else 1.0
+        first = -1.0 if chart.formulas[0].startswith("-") else 1.0
+        signs = {"1": first, "2": 1.0 if exchanged else normal * first}
+        sign = 1.0 if component.startswith("principal") else math.prod(signs[index] for index in component)
+        sign *= 1.0 if quantity["kind"] == "membrane_force" else normal
+        if sign < 0:
+            raise InputError("a resultant changes its sign with the normal of these coordinates")
+        other = {"11": "22", "22": "11", "1": "2", "2": "1"} if exchanged else {}
+        return {"component": other.get(component, component)}
+
+    def _orthogonal(self) -> bool:
+        """Whether the coordinate lines of the case meet at right angles everywhere."""
+        surface = self.case.surface
+        x = surface.derivatives(surface.domain.grid(ANGLES, ANGLES).reshape(-1, 2), order=1)
+        lengths = np.linalg.norm(x[1, 0], axis=-1) * np.linalg.norm(x[0, 1], axis=-1)
+        return bool(np.all(np.abs(np.sum(x[1, 0] * x[0, 1], axis=-1)) <= RIGHT * lengths))
 
     def _edge_part(self, name: str) -> dict[str, Any]:
         part, edge = self.case.edge_parts[name], self.case.places[name]

@@ -32,8 +32,9 @@ from shellbench.problem import FIELDS, NumberFormat, ProgressCallback, Solution,
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, EdgeLoad, MomentLoad
 from shellbench.problems.shell.contact import Touch
+from shellbench.problems.shell.field import RESULTANTS
 from shellbench.problems.shell.places import Edge
-from shellbench.problems.shell.quantities import LoadQuantity, Unmarked
+from shellbench.problems.shell.quantities import LoadQuantity, ResultantQuantity, Unmarked
 from shellbench.problems.solving import CheckedSolver
 from shellbench.shown import solution_html
 
@@ -163,7 +164,9 @@ class ShellSolution:
         return _on_points(points, lambda xi: self.velocity_at(xi, at))
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
-        """Return one of `shellbench.problem.FIELDS` at points (..., 2); KeyError for an unknown name."""
+        """Return one of `shellbench.problem.FIELDS` or `RESULTANTS` at points (..., 2); KeyError for another name."""
+        if name in RESULTANTS:
+            return _on_points(points, lambda xi: self.resultant_at(name, xi, at))
         if name not in FIELDS:
             raise KeyError(name)
         return _on_points(points, lambda xi: self.field_at(name, xi, at))
@@ -194,6 +197,10 @@ class ShellSolution:
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         raise NotImplementedError
+
+    def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
+        raise InputError(f"{self.case.name}: this solution states no stress resultants")
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""
@@ -344,6 +351,7 @@ Beyond = Literal[
     "contact",
     "modes",
     "transverse shear",
+    "resultants",
 ]
 """What a case may have that not every solver of shells takes."""
 
@@ -416,6 +424,8 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "contact", "it touches obstacles, which this solver does not take"
     if case.modal:
         yield "modes", "it asks for modes, and this solver finds none"
+    if any(isinstance(q, ResultantQuantity) for q in case.quantities):
+        yield "resultants", "it asks for stress resultants, and this solver states none"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -146,7 +146,7 @@
     }
     const symbols = { magnitude: "|%|", picture: kept.along?.symbol };
     const symbol = symbols[choice.colour] || `%<sub>${choice.colour}</sub>`;
-    return `${symbol.replace("%", `${change}u`)} (${kept.unit})`;
+    return `${symbol.replace("%", `${change}u`)} (${kept.shape_unit})`;
   }
 
   /* What Plotly draws: the surface, the wire of the reference surface and held edges; axes, and the camera. */

@@ -38,6 +38,7 @@ from shellbench.problems.shell.quantities import (
     ModeQuantity,
     PotentialEnergy,
     QuantityModel,
+    ResultantQuantity,
 )
 from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
@@ -155,6 +156,7 @@ UNSTRAINED = 1e-6  # square of a strain that is none: it measures the energy of 
 IDLE_STRAIN = 1e-14  # strain, relative to the displacements, that rounding makes of a shell that is only moved
 ROUNDING = 4.0  # of the change by the last refinement, as the error that rounding leaves
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
+RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
 PROBES = 41  # points a side at which the fields of two meshes are compared
@@ -298,9 +300,12 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
     strain energy are compared with the whole, and with the leeway that they are given.
     """
-    value, domain = abs(quantities[quantity.name]), solution.mesh.domain
+    value = abs(quantities[quantity.name])
     tiny = float(np.finfo(float).tiny)
     match quantity:
+        case ResultantQuantity():
+            arm = 1.0 if quantity.kind == "moment" else 1 / _size(solution)
+            return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
         case EnergyQuantity():
             unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
             return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
@@ -313,9 +318,19 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
         case LargestDisplacement() | DisplacementQuantity():
             return max(value, NEGLIGIBLE * _largest_displacement(solution, quantity.at), tiny)
         case _:
-            forces = np.abs(solution.support_forces[..., 0, solution.state(quantity.at)]).sum()
-            size = np.ptp(solution.case.surface.position(domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)), axis=(0, 1)).max()
-            return max(value, NEGLIGIBLE * float(forces) * (float(size) if quantity.kind == "torque" else 1.0), tiny)
+            arm = _size(solution) if quantity.kind == "torque" else 1.0
+            return max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
+
+
+def _size(solution: FemSolution) -> float:
+    """Return the longest side of the box around the shell, m."""
+    grid = solution.mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES)
+    return float(np.ptp(solution.case.surface.position(grid), axis=(0, 1)).max())
+
+
+def _push(solution: FemSolution, at: float | None) -> float:
+    """Return the sum of the magnitudes of the supports' nodal forces, N."""
+    return float(np.abs(solution.support_forces[..., 0, solution.state(at)]).sum())
 
 
 def _largest_displacement(solution: FemSolution, at: float | None) -> float:

@@ -36,6 +36,7 @@ from shellbench.solvers.fem.kinematics import (
     strain_operator,
 )
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -116,6 +117,10 @@ class FemSolution(ShellSolution):
         strains, densities, _ = self._strains(xi, gradients)
         part = 0 if name.startswith("membrane") else 1
         return strains[:, part] if name.endswith("strain") else densities[:, part]
+
+    def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2), recovered on patches."""
+        return resultants(self, name, xi, at)
 
     def _strains(self, points: Array, gradients: Array) -> tuple[Array, Array, Array]:
         """Return strains (n, 2, 3), energy densities (n, 2) and areas (n,), membrane before bending.

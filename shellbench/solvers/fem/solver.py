@@ -84,7 +84,9 @@ class FemSolver(ShellSolver):
 
             return motion.declined(case)
         if case.linear:
-            return None
+            from shellbench.solvers.fem.resultants import why_infinite
+
+            return why_infinite(case)
         from shellbench.solvers.fem import large_displacement
 
         return large_displacement.declined(case)

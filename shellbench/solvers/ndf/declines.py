@@ -10,8 +10,9 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
-from shellbench.problems.shell.quantities import ReactionQuantity, TorqueQuantity
+from shellbench.problems.shell.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
+from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
@@ -36,6 +37,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
             asked = next(s for s in case.supports if s.name == quantity.support)
             if reason := Virtual.from_support(case, asked).why_not_told(case, quantity):
                 return reason
+        if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):
+            return f"its powers about corners have no second derivatives at the corner '{corner[0]}'"
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _probe(case, spec or FieldSpec())

@@ -112,6 +112,9 @@ class PathProblem:
     ----------
     spec, features, rule_spec, focal
         The field, and the rule that its energy is integrated with.
+    keep
+        Whether the features' jets at the rule's points are kept. Without them each use takes longer, and memory a
+        fraction.
     """
 
     spec: FieldSpec
@@ -119,6 +122,7 @@ class PathProblem:
     features: FeatureSet
     rule_spec: RuleSpec
     focal: Array
+    keep: bool = True
 
     def independent(self) -> PathProblem:
         """Return the problem with independent combinations of its features, the same for all components."""
@@ -143,7 +147,7 @@ class PathProblem:
     def sampled(self) -> Sampled:
         """The area rule's points."""
         rule = area_rule(self.ansatz.case.surface.domain, self.focal, self.rule_spec)
-        return Sampled.at_points(self.ansatz_at(0.0), self.features, rule.points)
+        return Sampled.at_points(self.ansatz_at(0.0), self.features, rule.points, self.keep)
 
     @cached_property
     def sampled_at(self) -> Callable[[float], Sampled]:

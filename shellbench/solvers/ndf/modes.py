@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.equilibrium import Basis, PathProblem
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.refinement import LEAST_TAIL, SAFETY, Level, first_level, next_level, unsettled
+from shellbench.solvers.ndf.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import elastic_form
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -85,23 +85,24 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         If there are not so many modes, or the shell is not stable about the state of which frequencies are asked.
     """
     # 1. A level has two answers on one basis: the usual features, and these with challengers of other kinds.
-    # 2. What challengers change is missed at least, and half of what the last level changed may still be missed. One
-    #    level is enough only where challengers change next to nothing.
+    # 2. What challengers change is missed at least. Of a second level on one knows how much more the level after them
+    #    changed than they did. One level is enough only where challengers change next to nothing.
     # 3. The values are Rayleigh's quotients on a finer rule. How the rule of the solve differs is uncertain besides.
     began, usual = time.perf_counter(), with_settings(resolution(case), settings)
     fixed = settings.neurons is not None or settings.panels is not None
     first = first_level(case, usual, settings.neurons is not None, settings.panels is not None)
     level: Level | None = first
     before: Array | None = None
+    told: Array | None = None  # what challengers changed at the level before
     steps: list[Step] = []
     answer: PathSolution | None = None
     while level is not None:
         progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
         one = _OneLevel(case, spec, settings, level)
         plain, whole = one.find(challenged=False), one.find(challenged=True)
-        missed = np.abs(plain.values - whole.values)
-        if before is not None:
-            missed = np.maximum(missed, LEAST_TAIL * np.abs(before - whole.values))
+        gained = missed = np.abs(plain.values - whole.values)
+        if before is not None and told is not None:
+            missed = still_missed(gained, told, np.abs(before - whole.values))
         sure = SAFETY * (missed + whole.gap * np.abs(whole.values))
         for found in (plain, whole):
             seconds = time.perf_counter() - began
@@ -115,10 +116,23 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         answer = one.solution(whole, sure, steps)
         if fixed or share <= (WANTED if before is None else SETTLED):
             break
-        before = whole.values
+        before, told = whole.values, gained
+        del one  # its matrices, before those of the next level are made
         level = next_level(first, level, FINER, settings.most_neurons)
     assert answer is not None  # there is a first level
     return answer
+
+
+def still_missed(gained: Array, told: Array, changed: Array) -> Array:
+    """Return what modes (m,) may miss still.
+
+    Challengers have changed them by `gained` at this level and by `told` at the level before; `changed` is what they
+    have changed by since. So what challengers change is to be multiplied by changed / told, 1 at least, and what later
+    levels would change is the tail of a geometric series with the ratio gained / told.
+    """
+    least = np.finfo(float).tiny
+    ratio = np.minimum(gained / np.maximum(told, least), SLOWEST)
+    return np.asarray(gained * np.maximum(changed / np.maximum(told, least), 1.0) / (1 - ratio))
 
 
 def _asked(case: Case, values: Array) -> list[float]:
@@ -136,10 +150,11 @@ class _OneLevel:
         placement, chosen = Placement.on(settings.device), level.resolution
         self.focal, inputs = graded_points(case, self.spec), build_inputs(case, self.spec)
         network = level.network(inputs, settings.seed, settings.activation, placement)
+        # The jets of all points would take gigabytes, and each matrix needs them once only: they are not kept.
         self.features = build_features(case, self.spec, network, placement, inputs)
         # A linear measure has no second variation: the exact one, which agrees with it at rest, gives K and G.
         exact = self.spec.model_copy(update={"strain": "exact"})
-        self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal)
+        self.problem = PathProblem(exact, build_ansatz(case, exact), self.features, chosen.rule, self.focal, False)
         rule = area_rule(case.surface.domain, self.focal, chosen.rule)
         check_balance(case, rule, chosen.rule, self.focal)
         weights = self.problem.weights.new_zeros(3 * self.features.count)
@@ -226,13 +241,11 @@ class _OneLevel:
         """Return the values of the modes (3 M, m) by Rayleigh and Ritz on the finer rule."""
         fine = replace(self.problem, rule_spec=self.level.resolution.fine)
         rest = fine.deform(torch.zeros_like(weights[:, 0]), 0.0)
-        shapes = [w.view(3, -1) for w in weights.T]
-        gradients = torch.stack([fine.sampled.gradients(shape).flatten(1) for shape in shapes], dim=-1)
+        gradients, moved = fine.sampled.of_several(weights.T.reshape(weights.shape[1], 3, -1))
         elastic = _form(elastic_form(fine.elasticity, rest.strained.variation), gradients)
         geometric = None
         if loaded is not None:
             geometric = _form(rest.strained.second_variation(fine.predicted(rest, loaded)), gradients)
-        moved = torch.stack([fine.sampled.displacements(shape) for shape in shapes], dim=-1)
         share = self.case.material.areal_density * fine.share
         mass = torch.einsum("nci,n,ncj->ij", moved, share, moved)
         found = eigh(*(_symmetric(m) for m in self._pair(elastic, mass, geometric)), eigvals_only=True)

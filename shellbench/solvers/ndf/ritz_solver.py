@@ -76,6 +76,7 @@ class RitzSolver(ShellSolver):
             "kinks",
             "modes",
             "contact",
+            "resultants",
         }
     )
 

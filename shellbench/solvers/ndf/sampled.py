@@ -17,6 +17,7 @@ al., Spectral Methods, 2006, section 2.3). A periodic side has the weight 1/4, w
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -109,6 +110,7 @@ def independent(stiffness: Tensor) -> Tensor:
 
 COMPONENTS = 3
 COLUMNS = 6 * COMPONENTS  # components of F by planes of its jet
+PORTION = 1024  # points whose jets are held at once where they are not kept
 
 
 @dataclass(frozen=True)
@@ -119,8 +121,10 @@ class Sampled:
     ----------
     points
         (N, 2).
-    jets
-        (N, 6, M) of the features.
+    features
+        The features.
+    kept
+        (N, 6, M) jets of the features; None where each use computes them anew, a portion of the points at a time.
     through
         (N, 15, 18) from the jet of F to displacement gradients (`strain_measures.gradients_through`).
     matrix
@@ -130,73 +134,108 @@ class Sampled:
     """
 
     points: Array
-    jets: Tensor
+    features: FeatureSet
+    kept: Tensor | None
     through: Tensor
     matrix: Tensor
     undeformed: Undeformed
 
     @classmethod
-    def at_points(cls, ansatz: Ansatz, features: FeatureSet, points: Array) -> Sampled:
-        """Tabulate points (N, 2)."""
+    def at_points(cls, ansatz: Ansatz, features: FeatureSet, points: Array, keep: bool = True) -> Sampled:
+        """Tabulate points (N, 2), and keep the jets there or not."""
         placement, surface = features.placement, ansatz.case.surface
         undeformed = Undeformed.at_points(surface, points, placement)
         matrix = ansatz.factors.matrix(points, placement)
         through = gradients_through(undeformed.geometry, matrix)
-        jets = features.jets(points).permute(1, 0, 2).contiguous()
-        return cls(points, jets, through, matrix[VALUE], undeformed)
+        kept = features.jets(points).permute(1, 0, 2).contiguous() if keep else None
+        return cls(points, features, kept, through, matrix[VALUE], undeformed)
+
+    @property
+    def jets(self) -> Tensor:
+        """(N, 6, M) jets of the features."""
+        return torch.cat([jets for _, jets in self._portions()]) if self.kept is None else self.kept
+
+    def _portions(self) -> Iterator[tuple[slice, Tensor]]:
+        """Yield jets (n, 6, M), and which points they belong to."""
+        if self.kept is not None:
+            yield slice(None), self.kept
+            return
+        for start in range(0, len(self.points), PORTION):
+            some = slice(start, start + PORTION)
+            yield some, self.features.jets(self.points[some]).permute(1, 0, 2).contiguous()
 
     def carried(self, ansatz: Ansatz) -> Sampled:
         """Return the same points and features with other boundary factors."""
-        matrix = ansatz.factors.matrix(self.points, Placement(self.jets.device, self.jets.dtype))
+        matrix = ansatz.factors.matrix(self.points, self.features.placement)
         return replace(self, through=gradients_through(self.undeformed.geometry, matrix), matrix=matrix[VALUE])
 
     def lift_gradients(self, ansatz: Ansatz) -> Tensor | None:
         """Return the gradients (N, 5, 3) of the lift, None where it is zero."""
         if not ansatz.lift.moves:
             return None
-        jet = ansatz.lift.jet(self.points, Placement(self.jets.device, self.jets.dtype))
+        jet = ansatz.lift.jet(self.points, self.features.placement)
         return self.undeformed.gradients(jet)
 
     def gradients(self, output: Tensor, lift: Tensor | None = None) -> Tensor:
         """Return u,1, u,2, d_11, d_22, d_12 (N, 5, 3) for output weights (3, M), those of the lift added."""
-        free = (output @ self.jets.mT).reshape(-1, COLUMNS, 1)
+        free = torch.cat([output @ jets.mT for _, jets in self._portions()]).reshape(-1, COLUMNS, 1)
         gradients = (self.through @ free).view(-1, 5, COMPONENTS)
         return gradients if lift is None else gradients + lift
+
+    def of_several(self, outputs: Tensor) -> tuple[Tensor, Tensor]:
+        """Return gradients (N, 15, m) and displacements (N, 3, m) less the lift for output weights (m, 3, M)."""
+        flat = outputs.flatten(0, 1)
+        free = torch.cat([flat @ jets.mT for _, jets in self._portions()]).view(-1, len(outputs), COMPONENTS, 6)
+        gradients = self.through @ free.reshape(-1, len(outputs), COLUMNS).mT
+        return gradients, self.matrix @ free[..., VALUE].mT
 
     def pulled_back(self, conjugate: Tensor) -> Tensor:
         """Return the vector (3 M,) on the output weights from what is conjugate (N, 15) to the gradients."""
         on_jet = (conjugate[:, None] @ self.through).view(-1, COMPONENTS, 6)
-        width = self.jets.shape[-1]
-        flat = self.jets.reshape(-1, width)
-        return (on_jet.permute(1, 0, 2).reshape(COMPONENTS, -1) @ flat).reshape(-1)
+        total = conjugate.new_zeros((COMPONENTS, self.features.count))
+        for some, jets in self._portions():
+            total += on_jet[some].permute(1, 0, 2).reshape(COMPONENTS, -1) @ jets.flatten(0, 1)
+        return total.reshape(-1)
 
     def forces(self, force: Tensor) -> Tensor:
         """Return the vector (3 M,) of forces (N, 3) on u."""
         on_free = (self.matrix.mT @ force[..., None])[..., 0]
-        return (on_free.T @ self.jets[:, VALUE]).reshape(-1)
+        total = force.new_zeros((COMPONENTS, self.features.count))
+        for some, jets in self._portions():
+            total += on_free[some].T @ jets[:, VALUE]
+        return total.reshape(-1)
 
     def displacements(self, output: Tensor) -> Tensor:
         """Return M F (N, 3), the displacement less the lift, for output weights (3, M)."""
-        free = self.jets[:, VALUE] @ output.mT
+        free = torch.cat([jets[:, VALUE] @ output.mT for _, jets in self._portions()])
         return (self.matrix @ free[..., None])[..., 0]
 
     def products(self, share: Tensor) -> Tensor:
         """Return the matrix (3 M, 3 M) of sums over points of products of displacements, weighted by `share` (N,)."""
         # (M phi_i, M phi_j) by blocks of components: the boundary matrix M may couple them.
-        values, metric = self.jets[:, VALUE], (self.matrix.mT @ self.matrix) * share[:, None, None]
-        blocks = [[values.T @ (metric[:, c, d, None] * values) for d in range(COMPONENTS)] for c in range(COMPONENTS)]
-        return torch.cat([torch.cat(row, dim=1) for row in blocks])
+        metric = (self.matrix.mT @ self.matrix) * share[:, None, None]
+        total = share.new_zeros((COMPONENTS * self.features.count,) * 2)
+        for some, jets in self._portions():
+            values = jets[:, VALUE]
+            for c in range(COMPONENTS):
+                for d in range(COMPONENTS):
+                    self._block(total, c, d).addmm_(values.T, metric[some, c, d, None] * values)
+        return total
+
+    def _block(self, matrix: Tensor, c: int, d: int) -> Tensor:
+        """Return a block of components of a matrix (3 M, 3 M) to write into."""
+        width = self.features.count
+        return matrix[c * width : (c + 1) * width, d * width : (d + 1) * width]
 
     def values_by_slopes(self, form: Tensor) -> Tensor:
         """Return the matrix (3 M, 3 M) of a form (N, 3, 6) that pairs values of u with its slopes u,1 and u,2."""
-        width, count = self.jets.shape[-1], COMPONENTS * self.jets.shape[-1]
         on_jets = (self.matrix.mT @ form @ self.through[:, : form.shape[-1]]).view(-1, COMPONENTS, COMPONENTS, 6)
-        total = form.new_empty((count, count))
-        for c in range(COMPONENTS):
-            for d in range(COMPONENTS):
-                half = (on_jets[:, c, None, d] @ self.jets)[:, 0]
-                block = total[c * width : (c + 1) * width, d * width : (d + 1) * width]
-                block.copy_(self.jets[:, VALUE].T @ half)
+        total = form.new_zeros((COMPONENTS * self.features.count,) * 2)
+        for some, jets in self._portions():
+            for c in range(COMPONENTS):
+                for d in range(COMPONENTS):
+                    half = (on_jets[some, c, None, d] @ jets)[:, 0]
+                    self._block(total, c, d).addmm_(jets[:, VALUE].T, half)
         return total
 
     def add_form(self, total: Tensor, form: Tensor) -> None:
@@ -204,14 +243,13 @@ class Sampled:
 
         Only its blocks of components on and above the diagonal; `mirrored` completes them.
         """
-        width = self.jets.shape[-1]
-        flat = self.jets.reshape(-1, width)
         on_jets = (self.through.mT @ form @ self.through).view(-1, COMPONENTS, 6, COMPONENTS, 6)
-        for d in range(COMPONENTS):
-            for c in range(d + 1):
-                half = (on_jets[:, c, :, d] @ self.jets).reshape(-1, width)
-                block = total[c * width : (c + 1) * width, d * width : (d + 1) * width]
-                block.addmm_(flat.T, half)
+        for some, jets in self._portions():
+            flat = jets.flatten(0, 1)
+            for d in range(COMPONENTS):
+                for c in range(d + 1):
+                    half = (on_jets[some, c, :, d] @ jets).flatten(0, 1)
+                    self._block(total, c, d).addmm_(flat.T, half)
 
 
 def elastic_form(elasticity: Tensor, variation: Tensor) -> Tensor:

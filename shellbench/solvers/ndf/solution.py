@@ -25,6 +25,7 @@ from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
+from shellbench.solvers.ndf.resultants import resultants
 from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.weights import (
@@ -124,6 +125,11 @@ class NdfSolution(FieldSolution):
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         return self.in_portions(xi, lambda part: one_of_fields(name, *self._strained(part)), JETS)
+
+    def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
+        with torch.no_grad():
+            return resultants(self.case, self.spec.strain, self.field.jet, name, self.case.surface.domain.wrap(xi))
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""
@@ -317,6 +323,10 @@ class PathSolution(FieldSolution):
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
         return self.state(at).field_at(name, xi, None)
+
+    def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
+        """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
+        return self.state(at).resultant_at(name, xi, None)
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy of the whole shell, J."""

@@ -18,7 +18,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure, measure_all
-from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.quantities import DisplacementQuantity, ResultantQuantity
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     Resolution,
@@ -177,14 +177,14 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             since = before.missed(last)
             left = still_missed(since.energy, former.energy)
             missed = missed.times(max(1.0, left)).or_larger(since.times(left))
-        answer = _stated(last, solved, tuple(steps), missed)
+        answer, wider = _stated(last, solved, tuple(steps), missed)
         exploited = replace(
             last.signs, gap=0.0, jitter_share=last.signs.jitter_share if spec.supports == "soft" else 0.0
         )
         curable = refusal(exploited, last.solution.spec, settings.largest_gap) is None
         if reason is not None and (fixed or not curable):
             break
-        if fixed or (reason is None and answer.unsettled is None):
+        if fixed or (reason is None and wider is None):
             break
         winner = KINDS[0].name
         if reason is None:
@@ -209,20 +209,23 @@ def _without_challengers(solution: NdfSolution, width: int) -> NdfSolution:
     return replace(solution, field=Field(field.ansatz, features, output, field.rigid))
 
 
-def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss) -> NdfSolution:
-    """Return an answer with its history and with what is known of its uncertainty."""
+def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss) -> tuple[NdfSolution, str | None]:
+    """Return an answer with its history and with what is known of its uncertainty, and why a wider field is needed."""
+    # Stress resultants are derivatives, and the last to settle: they ask for wider fields. But a field whose
+    # displacements have settled is an answer, and each resultant states how sure it is.
     solution = last.solution
     area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
     gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
     uncertainty = uncertainties(missed, gap, last.values, scales)
+    others = {q.name for q in solution.case.quantities if not isinstance(q, ResultantQuantity)}
     numbered = tuple(replace(step, iteration=k) for k, step in enumerate(steps))
-    return replace(
+    stated = replace(
         solution,
         history=numbered,
         uncertainty=uncertainty,
-        unsettled=unsettled(uncertainty, scales),
+        unsettled=unsettled({name: value for name, value in uncertainty.items() if name in others}, scales),
         diagnostics={
             **solution.diagnostics,
             "level": solved.level.number,
@@ -230,6 +233,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss)
             "challengers": len(solved.level.kinds) * solved.level.challengers,
         },
     )
+    return stated, unsettled(uncertainty, scales)
 
 
 def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float) -> Solved:

@@ -5,8 +5,10 @@ import copy
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.bench.kinds import headline_of
 from shellbench.errors import InputError
 from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.solvers.cst.solver import CstSolver
 
 
@@ -45,3 +47,15 @@ def test_the_states_of_a_case_are_the_numbers_of_its_modes():
 
 def test_a_solver_without_modes_declines():
     assert "modes" in (CstSolver().declines(catalog.named_case("plate_modes")) or "")
+
+
+def test_a_page_says_what_is_shown():
+    units = {name: catalog.named_case(name).primary.unit for name in ("plate_modes", "plate_shear", "resultants_plate")}
+    assert [headline_of("shell", unit) for unit in units.values()] == [
+        "Frequencies",
+        "Load factors",
+        "Forces and moments",
+    ]
+    assert headline_of("shell", catalog.named_case("square_plate").primary.unit) == "Displacements"
+    assert ShellPortrait(catalog.named_case("plate_modes")).unit_of_shape == ""
+    assert ShellPortrait(catalog.named_case("resultants_plate")).unit_of_shape == "m"

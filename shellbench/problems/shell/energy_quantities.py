@@ -1,0 +1,86 @@
+"""Quantities of energy: of strain, of motion, and of a path."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar, Literal
+
+from shellbench.problems.shell.field import DisplacementField
+from shellbench.problems.shell.measure import kinetic_energy, total_energy
+from shellbench.problems.shell.quantity import ShellQuantity
+
+
+class EnergyQuantity(ShellQuantity):
+    """Strain energy of the whole shell, or its membrane or bending part, J."""
+
+    of_field: ClassVar[bool] = True
+    powers: ClassVar[tuple[int, int]] = (1, 1)
+    kind: Literal["strain_energy", "membrane_energy", "bending_energy"]
+    unit: str = "J"
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        membrane, bending = solution.energies(self.at)
+        return {"membrane_energy": membrane, "bending_energy": bending}.get(self.kind, membrane + bending)
+
+
+class MotionEnergy(ShellQuantity):
+    """Kinetic energy of the whole shell, or its total energy, J.
+
+    The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
+    are constant in time: what starts from rest keeps it at zero.
+    """
+
+    powers: ClassVar[tuple[int, int]] = (1, 1)
+    kind: Literal["kinetic_energy", "total_energy"]
+    unit: str = "J"
+
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError: what stands still has none."""
+        raise ValueError(f"quantity '{self.name}' needs a case with [dynamics]")
+
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError if the total energy is asked for where it is not kept."""
+        kept = constant and not shell.following and all(load.spread for load in shell.loads)
+        if self.kind == "total_energy" and not kept:
+            raise ValueError(
+                f"quantity '{self.name}' needs supports at rest, and loads that are dead, constant and spread out"
+            )
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        if self.kind == "kinetic_energy":
+            return kinetic_energy(solution, self.at)
+        return total_energy(solution, self.at)
+
+
+class PotentialEnergy(ShellQuantity):
+    """The potential energy of a state of a path, J: strain energy less the work of its loads, as the history states it.
+
+    Dead loads work on the displacement, a moment on the angle by which the normal has turned about its axis; each with
+    its value at that state. Supports that are moved are no loads.
+    """
+
+    series: ClassVar[Literal["motion", "path", ""]] = ""
+    powers: ClassVar[tuple[int, int]] = (1, 1)
+    kind: Literal["potential_energy"]
+    unit: str = "J"
+
+    def check_path(self, shell: Any) -> None:
+        """Raise ValueError if the path is not controlled by loads that have a potential."""
+        if shell.linear or shell.path.control != "load" or shell.following:
+            raise ValueError(
+                f"quantity '{self.name}' needs the non-linear theory, a path with control = 'load', and loads that do"
+                " not follow the shell"
+            )
+
+    def check_motion(self, shell: Any, constant: bool) -> None:
+        """Raise ValueError: what moves has a total energy."""
+        raise ValueError(f"quantity '{self.name}' belongs to a [path], not to [dynamics]")
+
+    def measure(self, solution: DisplacementField) -> float:
+        """Return the energy, J."""
+        there = [step.energy for step in solution.history if step.phase == "path" and math.isclose(step.at, self.at)]
+        if not there:
+            raise ValueError(f"the history has no state of the path at {self.at:g}")
+        return float(there[-1])

@@ -1,0 +1,71 @@
+"""The gate of stress resultants: mistakes of either mechanics must turn it red, and the same path without one is green."""
+
+import numpy as np
+import pytest
+
+from shellbench.bench.store import Store
+from shellbench.problems.shell.resultant_quantities import TensorResultant
+from shellbench.solvers.fem import resultants as fem
+from shellbench.solvers.fem.kinematics import elasticity
+from shellbench.solvers.ndf import resultants as ndf
+from tests.test_faults import Fault, findings, wrapped
+
+
+def uncoupled(patch):
+    patch.setattr(fem, "elasticities", lambda surface, _: np.stack([elasticity(surface, 0.0)] * 2, axis=1))
+
+
+def square_of_thickness(patch):
+    original = fem.stiffness_moduli
+    patch.setattr(
+        fem, "stiffness_moduli", lambda of, material, at: original(of, material, at) / [1.0, material.thickness]
+    )
+
+
+def exchanged(patch):
+    other = {"principal_1": "principal_2", "principal_2": "principal_1"}
+    original = TensorResultant.component_of
+    patch.setattr(
+        TensorResultant,
+        "component_of",
+        lambda self, values: original(self.model_copy(update={"component": other.get(self.component, self.component)}), values),
+    )  # fmt: skip
+
+
+def without_christoffel(surface, found):
+    full = found[:, :, [[0, 2], [2, 1]]]
+    return full[:, 1, :, 0] + full[:, 2, :, 1]
+
+
+def one_slope_alone(patch):
+    original = ndf._line
+    patch.setattr(
+        ndf, "_line", lambda case, axis, at: (original(case, axis, at)[0], original(case, axis, at)[1] * (1 - axis))
+    )
+
+
+FAULTS = (
+    Fault("a moment's sign", "fem", "resultants_plate", wrapped(fem, "contravariant", np.negative)),
+    Fault("nu's coupling dropped", "fem", "resultants_plate", uncoupled),
+    Fault("moments with the square of the thickness", "fem", "resultants_plate", square_of_thickness),
+    Fault("twisting moment counted twice", "fem", "resultants_plate", lambda patch: patch.setattr(fem, "HALF", np.ones(3))),
+    Fault("principal values exchanged", "fem", "resultants_plate", exchanged),
+    Fault("in the frame of the coordinates", "fem", "resultants_roof", lambda patch: patch.setattr(fem, "_along_frame", lambda surface: np.tile(np.eye(2), (len(surface.area), 1, 1)))),
+    Fault("shear without Christoffel's symbols", "fem", "resultants_paraboloid", lambda patch: patch.setattr(fem, "_divergence", lambda surface, found: without_christoffel(surface, found))),
+    Fault("a moment's sign", "ndf-ritz", "resultants_plate", wrapped(ndf, "_full", lambda tensors: -tensors)),
+    Fault("shear by one slope", "ndf-ritz", "resultants_plate", one_slope_alone),
+)  # fmt: skip
+CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.solver}: {fault.name}")
+def test_a_fault_is_red(fault, monkeypatch, tmp_path):
+    fault.inject(monkeypatch)
+    assert any(found.colour == "red" for found in findings(Store(tmp_path), fault.solver, fault.case))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("solver", "case"), CLEAN)
+def test_the_same_path_without_a_fault_is_green(solver, case, tmp_path):
+    assert all(found.colour == "green" for found in findings(Store(tmp_path), solver, case))
