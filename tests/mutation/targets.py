@@ -82,7 +82,7 @@ QUESTION = Target(
     ("fem", "ndf-ritz"),
     ("shellbench/problems", "shellbench/problems/shell"),
     (
-        ("__init__|formula_text|case|kind|field|history", SETTINGS),
+        ("__init__|formula_text|case|kind|field|history|surfaces|quantities", SETTINGS),
         ("course|path", CHECKS),
         ("portrait|sampling|series|solution", "what a record keeps beside its values, and no value is made of"),
         ("variants|placing|reparametrisation|units", "it asks the variants: it is the exam, not the examined"),

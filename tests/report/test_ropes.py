@@ -171,9 +171,9 @@ def test_a_section_is_called_as_what_it_is_about():
     one = both.with_each(lambda table: table if table.heading == "Displacements" else None, lambda _: True)
     assert one.title == "Displacements"
     assert headed("").title == "Figures"
-    assert headline_of("rope") == "Places and tensions"
-    assert headline_of("shell") == headline_of("") == "Displacements"
-    assert headline_of("unheard") == "Headline figures"
+    assert headline_of("rope", "m") == "Places and tensions"
+    assert headline_of("shell", "m") == headline_of("", "m") == "Displacements"
+    assert headline_of("unheard", "m") == "Headline figures"
 
 
 def test_loose_masses_and_chains_at_rest_have_no_frames():

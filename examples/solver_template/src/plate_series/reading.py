@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, PressureLoad
+from shellbench.problems.shell.solution import why_not_plain
 
 from plate_series.plate import Plate
 
@@ -16,6 +17,8 @@ EDGES = {"xi1_min", "xi1_max", "xi2_min", "xi2_max"}
 
 def declines(case: Case) -> str | None:
     """Return why the series can't take a case, as one clause, or None if it can."""
+    if reason := why_not_plain(case):  # modes, contact, stress resultants and what else only some solvers answer
+        return reason
     if case.dynamics is not None:
         return "it has no motion in time"
     if case.surface.kind != "plane":
