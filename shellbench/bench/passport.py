@@ -43,18 +43,18 @@ def _stretching(material: Any) -> float:
 
 
 PROPERTIES = (
-    Property("stretch", "Stretching stiffness E h", "N/m", "swatch", ("stretch",), "inverse", _stretching),
-    Property("poisson", "Poisson's ratio, stretched", "", "swatch", ("contraction", "stretch"), "quotient",
+    Property("stretch", "Stretch, E h", "N/m", "swatch", ("stretch",), "inverse", _stretching),
+    Property("poisson", "Poisson's ratio", "", "swatch", ("contraction", "stretch"), "quotient",
              lambda m: m.poissons_ratio),
-    Property("shear", "Shear stiffness G h", "N/m", "swatch", ("shear",), "inverse",
+    Property("shear", "Shear, G h", "N/m", "swatch", ("shear",), "inverse",
              lambda m: _stretching(m) / 2 / (1 + m.poissons_ratio)),
-    Property("twist", "Twisting stiffness B (1 - nu)", "N m", "swatch", ("twist",), "inverse",
+    Property("twist", "Twist, B (1 - nu)", "N m", "swatch", ("twist",), "inverse",
              lambda m: m.bending_stiffness * (1 - m.poissons_ratio)),
     *(
-        Property(f"bending_{gamma}", f"Bending stiffness B, hanging at Gamma = {gamma}", "N m", "heavy_cantilever",
+        Property(f"bending_{gamma}", f"Bending, B, at Gamma {gamma}", "N m", "heavy_cantilever",
                  (f"drop_{gamma}", f"shortening_{gamma}"), "hanging", lambda m: m.bending_stiffness)
         for gamma in (1, 10, 100, 1000)
     ),
-    Property("fall", "Acceleration of a free fall", "m/s^2", "free_fall", ("fall_1000ms",), "proportional",
+    Property("fall", "Free fall, g", "m/s^2", "free_fall", ("fall_1000ms",), "proportional",
              lambda m: GRAVITY),
 )  # fmt: skip

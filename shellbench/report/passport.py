@@ -23,7 +23,7 @@ CURVE = "master_curve"
 LEAST, ROUNDING = 1e-5, 1e-9  # of a ratio: the last digit that is shown, and a doubt that says nothing
 HANGING = [one for one in PROPERTIES if one.rule == "hanging"]
 SIZE = (4.6, 3.4)  # inches
-TIPS = [0.44 - 0.02 * 1.33**k for k in range(24)]  # logarithms of the tip's angle along the curve
+TIPS = [0.44 - 0.02 * 1.36**k for k in range(24)]  # logarithms of the tip's angle along the curve
 
 
 def section(found: Evidence) -> Section | None:
@@ -47,6 +47,7 @@ def table(rows: Sequence[Row]) -> Table:
         line(solver, entry)
         for solver, of_solver in grouped(rows, lambda row: row.solver).items()
         for entry in passport(of_solver)
+        if entry.ratio is not None or entry.others or entry.reason
     ]
     return Table(
         name=SUITE,

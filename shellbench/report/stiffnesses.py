@@ -59,7 +59,7 @@ class Entry:
     others
         Ratios under other settings, by these.
     reason
-        Why there is no ratio.
+        Why there is no ratio; nothing where nothing was run.
     """
 
     of: Property
@@ -88,10 +88,10 @@ def _entry(one: Property, rows: Sequence[Row]) -> Entry:
     nominal = one.nominal(case.material)
     runs = sorted(_runs(one, rows), key=lambda run: run.unknowns)
     meshes = [run for run in runs if set(run.overrides) <= {MESH}]
-    others = {_said(run.overrides): run.ratio for run in runs if run not in meshes}
+    others = {_said(run.overrides): run.ratio for run in runs if run not in meshes}  # the finest mesh of each
     if not meshes:
         reasons = [row.reason for row in rows if row.reason]
-        return Entry(one, nominal, None, None, others, reasons[0] if reasons else "it was not run")
+        return Entry(one, nominal, None, None, others, reasons[0] if reasons else "")
     last = meshes[-1]
     before = [run.ratio for run in meshes if run.unknowns < last.unknowns]
     doubt = last.stated if last.stated is not None or not before else abs(last.ratio - before[-1])
@@ -123,7 +123,7 @@ def _runs(one: Property, rows: Sequence[Row]) -> list[_Run]:
 
 
 def _said(overrides: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in overrides.items())
+    return ", ".join(f"{name}={value}" for name, value in overrides.items() if name != MESH)
 
 
 def elastica(logarithm: float) -> tuple[float, float]:
