@@ -206,7 +206,7 @@ def test_a_fault_that_an_earlier_exam_let_through_turns_the_gate_red(fault, tmp_
 @pytest.mark.parametrize(
     ("solver", "inject"),
     [
-        ("fem", metric_without_shear),
+        pytest.param("fem", metric_without_shear, marks=pytest.mark.long),
         ("fem", normal_part_left(1)),
         pytest.param("ndf-ritz", field_metric_without_shear, marks=pytest.mark.long),
     ],

@@ -146,6 +146,7 @@ FAULTS = [
 
 
 LONG_GREEN = {
+    ("fem", ROLLED),
     ("fem", PRESSED),
     ("ndf-ritz", PRESSED),
     ("fem", PLATE),

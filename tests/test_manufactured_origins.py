@@ -220,7 +220,7 @@ def test_the_prescribed_displacement_meets_the_supports(name):
 # --- solvers -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [*NAMES, FINITE])
+@pytest.mark.parametrize("name", [*NAMES, pytest.param(FINITE, marks=pytest.mark.long)])
 def test_the_error_of_the_field_falls_with_the_fourth_power_of_the_mesh(name):
     case = catalog.named_case(name)
     errors = [

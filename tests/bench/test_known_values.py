@@ -90,6 +90,7 @@ ORIGINS = {
 }
 MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS, **resultants.SECOND_FORMS}
 LONG = {
+    "field_drape",
     "heavy_cantilever",
     "rhombic_plate_modes",
     "pendulum_strip",

@@ -477,6 +477,7 @@ def test_without_scripts_the_pictures_and_tables_are_there(browser, course_page)
     opened.context.close()
 
 
+@pytest.mark.long
 def test_without_webgl_the_page_says_so(playwright, course_page):
     with launched(playwright, *WITHOUT_WEBGL) as browser:
         opened = Open(browser, course_page)

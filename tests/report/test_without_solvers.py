@@ -26,6 +26,7 @@ PACKAGES = ("torch", "skfem", "pypardiso", "shellbench.solvers.fem", "shellbench
 SOLVERS = ("fem", "ndf-ritz", "ndf")
 TEXT = (".md", ".csv", ".tex", ".json", ".html")
 END = "--- end of a command"
+pytestmark = pytest.mark.long
 PROGRAM = f"""
 import sys
 from importlib.abc import MetaPathFinder

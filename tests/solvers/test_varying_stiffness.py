@@ -126,7 +126,9 @@ def test_constant_factors_are_another_shell(solver, name):
         assert one == pytest.approx(other, rel=1e-6)
 
 
-@pytest.mark.parametrize("variant", ["swapped", "units", "warped", "turned"])
+@pytest.mark.parametrize(
+    "variant", [*(pytest.param(name, marks=pytest.mark.long) for name in ("swapped", "units", "warped")), "turned"]
+)
 def test_variants_carry_the_factors_along(variant):
     case = strip(
         {"kind": "edge", "vector": [0, 0, -0.01]}, [moved([0, 0, -1])], thickness_factor="1 - xi1/4 + 0.1*sin(xi2)"

@@ -106,6 +106,7 @@ def test_a_solution_survives_its_file(tmp_path):
     assert np.array_equal(again.tensions, solution.tensions)
 
 
+@pytest.mark.long
 def test_a_chain_goes_from_its_file_to_the_gate_and_the_page(tmp_path, capsys, monkeypatch):
     store = tmp_path / "runs"
 

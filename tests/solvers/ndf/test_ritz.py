@@ -164,6 +164,7 @@ def test_a_symmetric_load_gives_a_symmetric_answer(roof):
         assert np.abs(here - there * mirror).max() < 1e-4 * np.abs(here).max()
 
 
+@pytest.mark.long
 def test_consistent_units_give_the_same_answer():
     """Metres to millimetres and newtons to kilonewtons: displacements scale with the length, energies with both."""
     surface = {"kind": "cylinder", "axis": "z", "radius": 3000, "xi1": [50, 130], "xi2": [0, 5000]}
@@ -183,6 +184,7 @@ def test_consistent_units_give_the_same_answer():
     np.testing.assert_allclose(second.energies(), np.array(first.energies()), rtol=1e-7)
 
 
+@pytest.mark.long
 def test_certified_energy_is_a_lower_bound_that_rises_with_the_width(roof):
     """Nested spaces: each wider field stores at least as much, and none more than the true 4826.577 J."""
     wider = solve(roof.case, neurons=320)

@@ -17,6 +17,7 @@ STEPS = 5
 ROUNDING = 1e-10  # of the lengths, and of the speeds: a few steps of a motion that may jerk
 
 
+@pytest.mark.long
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(1, 7),
