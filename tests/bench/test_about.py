@@ -59,7 +59,10 @@ def test_a_case_of_ones_own_is_judged_by_nothing(tmp_path: Path) -> None:
     assert about(data["variants"][0]["name"])["name"] == "scordelis_lo@axes"
 
 
-@pytest.mark.parametrize("name", catalog.suite_names())
+BUT_FOR_VARIANTS = [name for name in catalog.suite_names() if name != "shape_variants"]  # hundreds: long
+
+
+@pytest.mark.parametrize("name", [*BUT_FOR_VARIANTS, pytest.param("shape_variants", marks=pytest.mark.long)])
 def test_a_suite_says_what_it_gates(name: str) -> None:
     data, suite = about(name), catalog.find_suite(name)
     assert len(data["runs"]) == len(suite.runs)

@@ -266,6 +266,7 @@ def test_the_committed_lock_is_that_of_the_committed_files() -> None:
     assert locked == todays_lock().model_copy(update={"version": locked.version})
 
 
+@pytest.mark.long
 def test_the_lock_needs_no_solver() -> None:
     program = (
         "import sys; from shellbench.bench.lock import check_lock; check_lock();"

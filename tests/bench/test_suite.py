@@ -54,7 +54,10 @@ def test_an_unknown_study_is_refused(tmp_path):
         read_suite(write(tmp_path, 'study = "taste"\n[[runs]]\nsolver = "a"\n'))
 
 
-@pytest.mark.parametrize("name", catalog.suite_names())
+BUT_FOR_VARIANTS = [name for name in catalog.suite_names() if name != "shape_variants"]  # hundreds: long
+
+
+@pytest.mark.parametrize("name", [*BUT_FOR_VARIANTS, pytest.param("shape_variants", marks=pytest.mark.long)])
 def test_a_suite_names_cases_that_belong_to_it(name):
     suite = catalog.find_suite(name)
     members = {case.base for case in catalog.cases_of(name)}
