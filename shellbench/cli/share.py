@@ -46,8 +46,9 @@ def pack(
         raise InputError(f"--out: found {str(file)!r}, but a pack is a file *{SUFFIX}")
     manifest, notes = write_pack(Store(store), solver, file, tuple(suite or ()), install)
     warn(notes)
+    runs = len(manifest.runs)
     typer.echo(
-        f"written to {file}: {len(manifest.runs)} runs of {solver} {manifest.version}\n"
+        f"written to {file}: {runs} run{'' if runs == 1 else 's'} of {solver} {manifest.version}\n"
         f"install:  {manifest.install}\n"
         f"checksum: {manifest.checksum}"
     )

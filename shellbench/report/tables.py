@@ -126,7 +126,6 @@ def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], k
         title=f"{suite_title(suite)}{title}",
         caption=caption(
             list(theories),
-            marked=any(map(within_doubt, data.to_dict("records"))),
             stated=any(line["kind"] == "solver" and present(line["uncertainty"]) for line in data.to_dict("records")),
         ),
         data=data,
@@ -138,7 +137,7 @@ def comparison_table(begins: str, suite: str, title: str, rows: Sequence[Row], k
     )
 
 
-def caption(theories: Sequence[str], marked: bool, stated: bool = False) -> str:
+def caption(theories: Sequence[str], stated: bool = False) -> str:
     """Say what judges, and how the errors are to be read."""
     sentences = {
         f"Errors are relative to the converged value of {' and '.join(theories)} theory.": bool(theories),
@@ -146,7 +145,6 @@ def caption(theories: Sequence[str], marked: bool, stated: bool = False) -> str:
         " differs. A solver's value and error are means over its seeds, beside the error of its worst seed. Digits in"
         " brackets are the uncertainty of the last digits.": True,
         "The own uncertainty is what a solver states of its answer itself, the largest over its seeds.": stated,
-        "An error marked * is smaller than the uncertainty of the known value.": marked,
         "Unknowns are free parameters or degrees of freedom; time is wall time of the solve and memory the largest"
         " of the solving process.": True,
     }
@@ -167,7 +165,12 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
                 theory = f"{theory_words(value.theory)}; " if differs else ""
                 text = f"{theory}{value.origin}. {value.note}".strip()
                 about.setdefault((name, text, value.source), {})[titles[case]] = None
-    remarks = [
+    remarks = []
+    if any(map(within_doubt, lines)):
+        remarks.append(Note("*", "the error is smaller than the uncertainty of the known value"))
+    if any(map(fell_short, lines)):
+        remarks.append(Note(NOT_CONVERGED, "the solver stopped before it was as sure as it asks of itself"))
+    remarks += [
         Note(f"{name} ({'; '.join(dict.fromkeys(of))})", text, source) for (name, text, source), of in about.items()
     ]
     for line in lines:
@@ -231,14 +234,19 @@ def within_doubt(line: Line, which: str = "mean") -> bool:
     return bool(abs(error * line["reference"]) < uncertainty)
 
 
+def fell_short(line: Line) -> bool:
+    """Tell whether a solver says of its own answer that it did not converge."""
+    return bool(line["kind"] == "solver" and present(line["converged"]) and not line["converged"])
+
+
 def _own_uncertainty(line: Line, notation: Notation) -> str:
     """Write what a solver says of its own error; that it did not converge, if it says so."""
     if line["kind"] != "solver":
         return ""
     stated = line["uncertainty"]
     number = GLANCE(stated, line, notation) if present(stated) and stated > 0 else ""
-    failed = present(line["converged"]) and not line["converged"]
-    return " ".join(filter(None, (number, notation.escape(NOT_CONVERGED) if failed else ""))) or notation.missing
+    short = notation.escape(NOT_CONVERGED) if fell_short(line) else ""
+    return " ".join(filter(None, (number, short))) or notation.missing
 
 
 def _error(which: str, heading: str) -> Column:
