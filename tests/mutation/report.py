@@ -147,8 +147,8 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             "## The score\n",
             *_table("draw", summary(runs, said)),
             *_unseen(runs, said),
-            *_limits(runs),
-            "\nA score is the share of red mutants among those that are not equivalent. A survivor without a verdict counts as a hole.\n",
+            "\nA score is the share of red mutants among those that are not equivalent. A survivor without a verdict counts as a hole."
+            " Below is said [what each draw was asked](#what-each-draw-was-asked).\n",
             "## Why mutants are red\n",
             *_why_red(runs),
             "\n## By module\n",
@@ -164,6 +164,8 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             "\n## Not reached by the exam\n",
             "No case that is asked runs these statements: no mutants of them are drawn, and the score says nothing of them.\n",
             *_not_reached(runs),
+            "\n## What each draw was asked",
+            *_limits(runs),
             "",
         ]
     )
