@@ -1,7 +1,8 @@
 """Ask axe-core about the built site: `python docs/accessibility.py [site] [--page NAME ...]`; `nox -s accessibility`.
 
-Each page is opened from disk in Chromium, as wide as a screen and as a phone, light and dark, and held against the
-rules of WCAG 2.1, levels A and AA, and axe's best practices. It exits 1 if a rule is broken, and names where.
+Each page is opened in Chromium, as wide as a screen and as a phone, light and dark, and held against the rules of WCAG
+2.1, levels A and AA, and axe's best practices. It exits 1 if a rule is broken, and names where. A server of files hands
+the pages out: that of "not found" takes its style and its scripts from the root.
 """
 
 from __future__ import annotations
@@ -10,7 +11,11 @@ import argparse
 import shutil
 from collections import defaultdict
 from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
@@ -23,16 +28,32 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SHOWN = 3  # places that are named of a broken rule
 
 
-def broken(browser: Browser, pages: list[Path]) -> Iterator[tuple[str, dict[str, Any]]]:
+class Quiet(SimpleHTTPRequestHandler):
+    """Hands files out, and says nothing of it."""
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def served(site: Path) -> Iterator[str]:
+    """Serve a folder on this machine alone, at the address that is yielded."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(site))) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}"
+        server.shutdown()
+
+
+def broken(browser: Browser, pages: list[str], address: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield a page in a view with each rule that it breaks there."""
     axe = Axe()
     for width, scheme in VIEWS:
         with browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme) as context:
             tab = context.new_page()
-            for path in pages:
-                tab.goto(path.resolve().as_uri())
+            for page in pages:
+                tab.goto(f"{address}/{page}")
                 found = axe.run(tab, context=WHERE, options=RULES).response["violations"]
-                yield from ((f"{path} at {width} pixels, {scheme}", rule) for rule in found)
+                yield from ((f"{page} at {width} pixels, {scheme}", rule) for rule in found)
 
 
 def main() -> int:
@@ -41,11 +62,11 @@ def main() -> int:
     parser.add_argument("site", nargs="?", type=Path, default=Path("site"))
     parser.add_argument("--page", action="append", help="such as findings/course.html; all if none")
     options = parser.parse_args()
-    pages = [options.site / name for name in options.page or ()] or sorted(options.site.rglob("*.html"))
+    pages = options.page or sorted(path.relative_to(options.site).as_posix() for path in options.site.rglob("*.html"))
     installed = next(filter(None, map(shutil.which, BROWSERS)), None)
-    with sync_playwright() as play:
+    with served(options.site) as address, sync_playwright() as play:
         browser = play.chromium.launch(executable_path=installed, args=["--no-sandbox"])
-        found = list(broken(browser, pages))
+        found = list(broken(browser, pages, address))
     rules: dict[str, list[str]] = defaultdict(list)
     for where, rule in found:
         places = [str(node["target"][0]) for node in rule["nodes"]]
