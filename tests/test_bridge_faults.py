@@ -6,11 +6,10 @@ As in tests/test_faults.py: the fault is injected, the case is solved and judged
 import numpy as np
 import pytest
 
-from shellbench.bench.store import Store
 from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import kinematics
 from shellbench.solvers.ndf import bspline, bspline_solution, energy, splines
-from tests.test_faults import Fault, findings, must_be_red, stop_early, wrapped
+from tests.test_faults import Fault, must_be_green, must_be_red, stop_early, wrapped
 
 BRIDGE, PLATE, ROOF = "bridge_plate", "square_plate", "scordelis_lo"
 
@@ -108,9 +107,7 @@ CASES = sorted({(fault.solver, fault.case) for fault in FAULTS})
 @pytest.mark.parametrize(("solver", "case"), CASES)
 def test_without_a_fault_the_gate_is_green(solver, case, tmp_path, monkeypatch):
     stop_early(monkeypatch)
-    found = findings(Store(tmp_path), solver, case)
-    assert found
-    assert all(finding.colour == "green" for finding in found), [finding.sentence for finding in found]
+    must_be_green(solver, case, tmp_path)
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda f: f"{f.solver}: {f.name}")

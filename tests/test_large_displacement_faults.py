@@ -11,10 +11,9 @@ from shellbench.solvers.fem import kinematics, loads, problem
 from shellbench.solvers.ndf import equilibrium, reaction, strain_measures
 from tests.test_faults import (
     Fault,
-    Store,
-    findings,
     leaking_factor,
     more_poisson,
+    must_be_green,
     must_be_red,
     only_three_edges,
     stiffness,
@@ -182,7 +181,7 @@ CASES_SOLVED = [
 
 @pytest.mark.parametrize(("solver", "case"), marked(CASES_SOLVED, lambda *pair: pair in LONG_GREEN))
 def test_without_a_fault_the_gate_is_green(solver, case, tmp_path):
-    assert all(finding.colour == "green" for finding in findings(Store(tmp_path), solver, case))
+    must_be_green(solver, case, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from shellbench.bench.store import Store
 from shellbench.problems.shell.resultant_quantities import TensorResultant
 from shellbench.solvers.fem import resultants as fem
 from shellbench.solvers.fem.kinematics import elasticity
 from shellbench.solvers.ndf import resultants as ndf
-from tests.test_faults import Fault, findings, wrapped
+from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
 
 
 def uncoupled(patch):
@@ -61,11 +60,10 @@ CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
 @pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.solver}: {fault.name}")
 def test_a_fault_is_red(fault, monkeypatch, tmp_path):
-    fault.inject(monkeypatch)
-    assert any(found.colour == "red" for found in findings(Store(tmp_path), fault.solver, fault.case))
+    must_be_red(fault, tmp_path, monkeypatch)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize(("solver", "case"), CLEAN)
 def test_the_same_path_without_a_fault_is_green(solver, case, tmp_path):
-    assert all(found.colour == "green" for found in findings(Store(tmp_path), solver, case))
+    must_be_green(solver, case, tmp_path)

@@ -125,7 +125,9 @@ def test_second_origins_are_what_the_exponentials_give_and_agree(name):
         assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty
 
 
-@pytest.mark.parametrize("name", RATIOS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.long]) for name in RATIOS]
+)
 def test_the_split_of_the_energy_is_how_the_energy_depends_on_the_thickness(name):
     """At a fixed load dW / d ln h = -(W_m + 3 W_b), W the strain energy: D grows like h, B like h^3."""
     step, offsets, weights = 0.005, np.array([-2, -1, 1, 2]), np.array([1, -8, 8, -1]) / 12

@@ -17,7 +17,9 @@ import ast
 import math
 import sys
 from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -124,13 +126,7 @@ class Expression:
         self._variables = variables
         self._piecewise = piecewise
         self._constants = {**CONSTANTS, **(constants or {})}
-        if len(self.text) > MAX_LENGTH:
-            raise InputError(f"a formula of {len(self.text)} characters is longer than the {MAX_LENGTH} allowed")
-        try:
-            self._tree = ast.parse(self.text.strip(), mode="eval").body
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise InputError(f"'{self.text}' is not a formula") from None
-        self._check(self._tree, depth=0)
+        self._tree, self._evaluate = _read(self.text, variables, tuple(sorted(self._constants)), piecewise)
 
     def depends_on(self, variable: str) -> bool:
         """Tell whether a variable stands in the formula."""
@@ -151,85 +147,11 @@ class Expression:
         trees = (left if right is None else ast.BinOp(left, ast.Sub(), right) for left, right in pairs)
         return tuple(Expression(ast.unparse(tree), self._variables, self._constants, piecewise=True) for tree in trees)
 
-    def _check(self, node: ast.AST, depth: int) -> None:
-        if depth > MAX_DEPTH:
-            raise InputError(f"'{self.text[:40]}...' is nested more than {MAX_DEPTH} levels deep")
-        match node:
-            case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
-                if abs(number) > sys.float_info.max:
-                    raise InputError(f"'{self.text}' holds a number that is too large")
-            case ast.Name(id=name):
-                if name not in self._variables and name not in self._constants:
-                    known = ", ".join([*self._variables, *sorted(self._constants)])
-                    raise InputError(f"'{self.text}' uses the unknown name '{name}'; known are {known}")
-            case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
-                self._check(operand, depth + 1)
-            case ast.BinOp(op=ast.BitXor()):
-                raise InputError(f"'{self.text}': write ** for a power, not ^")
-            case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
-                self._check(left, depth + 1)
-                self._check(right, depth + 1)
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
-                self._check(argument, depth + 1)
-            case ast.Call(func=ast.Name(id=name)) if name in {*PIECEWISE, "where"} and not self._piecewise:
-                raise InputError(
-                    f"'{self.text}' calls '{name}', which has kinks: it may stand in loads, springs and factors of the"
-                    " material alone"
-                )
-            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
-                name in PIECEWISE and _FEWEST[name] <= len(arguments) <= _MOST[name]
-            ):
-                for argument in arguments:
-                    self._check(argument, depth + 1)
-            case ast.Call(func=ast.Name(id="where"), args=[condition, first, second], keywords=[]):
-                if (
-                    not isinstance(condition, ast.Compare)
-                    or [*map(type, condition.ops)][1:]
-                    or (type(condition.ops[0]) not in _COMPARISONS)
-                ):
-                    raise InputError(f"'{self.text}': where takes one comparison by <, <=, > or >= and two values")
-                for argument in (condition.left, *condition.comparators, first, second):
-                    self._check(argument, depth + 1)
-            case ast.Call(func=ast.Name(id=name)):
-                raise InputError(
-                    f"'{self.text}' calls '{name}' in a way that is not allowed;"
-                    f" functions of one argument are {', '.join(FUNCTIONS)}"
-                )
-            case _:
-                raise InputError(
-                    f"'{self.text}' is not a formula:"
-                    " only numbers, names, + - * / **, parentheses and functions are allowed"
-                )
-
     def series(self, values: Mapping[str, Taylor], order: int) -> Taylor:
         """Return the Taylor series of the formula; variables without a value are an error."""
         with np.errstate(all="ignore"):
-            return self._evaluate(self._tree, values, order)
-
-    def _evaluate(self, node: ast.AST, values: Mapping[str, Taylor], order: int) -> Taylor:
-        match node:
-            case ast.Constant(value=number):
-                return Taylor.constant(float(number), order)  # type: ignore[arg-type]
-            case ast.Name(id=name):
-                if name in self._constants:
-                    return Taylor.constant(self._constants[name], order)
-                return values[name]
-            case ast.UnaryOp(op=operator, operand=operand):
-                inner = self._evaluate(operand, values, order)
-                return -inner if isinstance(operator, ast.USub) else inner
-            case ast.BinOp(left=left, op=operator, right=right):
-                operation = _OPERATORS[type(operator)]
-                return operation(self._evaluate(left, values, order), self._evaluate(right, values, order))
-            case ast.Call(func=ast.Name(id=name), args=[argument]):
-                inner = self._evaluate(argument, values, order)
-                return FUNCTIONS[name](inner) if name in FUNCTIONS else PIECEWISE[name]([inner])
-            case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [operator], [right]), first, second]):
-                sides = (self._evaluate(side, values, order).value for side in (left, right))
-                mask = _COMPARISONS[type(operator)](*sides)
-                return self._evaluate(first, values, order).chosen(self._evaluate(second, values, order), mask)
-            case ast.Call(func=ast.Name(id=name), args=arguments):
-                return PIECEWISE[name]([self._evaluate(argument, values, order) for argument in arguments])
-        raise AssertionError("unreachable: the tree was checked at construction")
+            constants = {name: Taylor.constant(value, order) for name, value in self._constants.items()}
+            return self._evaluate({**values, **constants}, order)
 
     def derivatives(self, points: ArrayLike, order: int, t: float = 1.0) -> dict[tuple[int, int], Array]:
         """Return all partial derivatives at the points.
@@ -258,11 +180,125 @@ class Expression:
             order,
         )
         shape = xi.shape[:-1]
-        return {
-            (i, total - i): np.broadcast_to(series.derivative(i, total - i), shape)
-            for total in range(order + 1)
-            for i in range(total, -1, -1)
-        }
+        keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
+        found = {key: series.derivative(*key) for key in keys}
+        return {key: value if value.shape == shape else np.broadcast_to(value, shape) for key, value in found.items()}
+
+    def __reduce__(self) -> tuple[type[Expression], tuple[object, ...]]:
+        return Expression, (self.text, self._variables, self._constants, self._piecewise)
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
+
+
+class _Formula(NamedTuple):
+    """What decides whether a formula is allowed: its text, and the names and functions that may stand in it."""
+
+    text: str
+    variables: tuple[str, ...]
+    constants: tuple[str, ...]
+    piecewise: bool
+
+
+Evaluation = Callable[[Mapping[str, Taylor], int], Taylor]
+"""Values of the names, and the order of the series -> the series of a formula."""
+
+
+@lru_cache(maxsize=4096)
+def _read(
+    text: str, variables: tuple[str, ...], constants: tuple[str, ...], piecewise: bool
+) -> tuple[ast.expr, Evaluation]:
+    """Parse and check a formula, once: cases and their variants share most of theirs, whatever their constants are."""
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"a formula of {len(text)} characters is longer than the {MAX_LENGTH} allowed")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise InputError(f"'{text}' is not a formula") from None
+    _check(_Formula(text, variables, constants, piecewise), tree, depth=0)
+    return tree, _evaluation(tree)
+
+
+def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
+    if depth > MAX_DEPTH:
+        raise InputError(f"'{formula.text[:40]}...' is nested more than {MAX_DEPTH} levels deep")
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            if abs(number) > sys.float_info.max:
+                raise InputError(f"'{formula.text}' holds a number that is too large")
+        case ast.Name(id=name):
+            if name not in (*formula.variables, *formula.constants):
+                known = ", ".join([*formula.variables, *formula.constants])
+                raise InputError(f"'{formula.text}' uses the unknown name '{name}'; known are {known}")
+        case ast.UnaryOp(op=ast.UAdd() | ast.USub(), operand=operand):
+            _check(formula, operand, depth + 1)
+        case ast.BinOp(op=ast.BitXor()):
+            raise InputError(f"'{formula.text}': write ** for a power, not ^")
+        case ast.BinOp(left=left, op=operator, right=right) if type(operator) in _OPERATORS:
+            _check(formula, left, depth + 1)
+            _check(formula, right, depth + 1)
+        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
+            _check(formula, argument, depth + 1)
+        case ast.Call(func=ast.Name(id=name)) if name in {*PIECEWISE, "where"} and not formula.piecewise:
+            raise InputError(
+                f"'{formula.text}' calls '{name}', which has kinks: it may stand in loads, springs and factors of the"
+                " material alone"
+            )
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if (
+            name in PIECEWISE and _FEWEST[name] <= len(arguments) <= _MOST[name]
+        ):
+            for argument in arguments:
+                _check(formula, argument, depth + 1)
+        case ast.Call(func=ast.Name(id="where"), args=[condition, first, second], keywords=[]):
+            if (
+                not isinstance(condition, ast.Compare)
+                or [*map(type, condition.ops)][1:]
+                or (type(condition.ops[0]) not in _COMPARISONS)
+            ):
+                raise InputError(f"'{formula.text}': where takes one comparison by <, <=, > or >= and two values")
+            for argument in (condition.left, *condition.comparators, first, second):
+                _check(formula, argument, depth + 1)
+        case ast.Call(func=ast.Name(id=name)):
+            raise InputError(
+                f"'{formula.text}' calls '{name}' in a way that is not allowed;"
+                f" functions of one argument are {', '.join(FUNCTIONS)}"
+            )
+        case _:
+            raise InputError(
+                f"'{formula.text}' is not a formula:"
+                " only numbers, names, + - * / **, parentheses and functions are allowed"
+            )
+
+
+def _evaluation(node: ast.AST) -> Evaluation:
+    """Return the function that evaluates a checked tree: the tree is walked once, and not at each evaluation."""
+    match node:
+        case ast.Constant(value=number):
+            return partial(_constant, float(number))  # type: ignore[arg-type]
+        case ast.Name(id=name):
+            return lambda values, _: values[name]
+        case ast.UnaryOp(op=ast.USub(), operand=operand):
+            inner = _evaluation(operand)
+            return lambda values, order: -inner(values, order)
+        case ast.UnaryOp(operand=operand):
+            return _evaluation(operand)
+        case ast.BinOp(left=left, op=operator, right=right):
+            operation, first, second = _OPERATORS[type(operator)], _evaluation(left), _evaluation(right)
+            return lambda values, order: operation(first(values, order), second(values, order))
+        case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
+            function, inner = FUNCTIONS[name], _evaluation(argument)
+            return lambda values, order: function(inner(values, order))
+        case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [comparison], [right]), given, otherwise]):
+            compared = _COMPARISONS[type(comparison)]
+            first, second, third, fourth = map(_evaluation, (left, right, given, otherwise))
+            return lambda values, order: third(values, order).chosen(
+                fourth(values, order), compared(first(values, order).value, second(values, order).value)
+            )
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            chosen, inners = PIECEWISE[name], [_evaluation(argument) for argument in arguments]
+            return lambda values, order: chosen([inner(values, order) for inner in inners])
+    raise AssertionError("unreachable: the tree was checked")
+
+
+def _constant(number: float, values: Mapping[str, Taylor], order: int) -> Taylor:
+    return Taylor.constant(number, order)

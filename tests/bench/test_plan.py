@@ -21,6 +21,7 @@ from shellbench.model import read_toml
 from shellbench.problems.shell.case import Case, build_case, read_case
 from tests.bench import strip
 from tests.bench.running import run
+from tests.families import with_something_new
 
 NOTHING = Contents(())
 
@@ -186,7 +187,7 @@ def test_two_packages_with_one_name_are_refused(plugin: Path) -> None:
         solver_entries()
 
 
-@pytest.mark.parametrize("name", catalog.case_names())
+@pytest.mark.parametrize("name", with_something_new(catalog.case_names()))
 def test_a_case_survives_the_way_to_another_process(name: str) -> None:
     from shellbench.bench.task import case_data
 

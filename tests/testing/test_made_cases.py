@@ -12,6 +12,7 @@ from shellbench.problems.shell.variants import size
 from shellbench.testing.examination import scattered
 from shellbench.testing.made_cases import MOVING, SHORT, carried, converted, louder, placed, short_motion
 from tests.alike import alike
+from tests.families import with_something_new
 
 SHELLS = [name for name in case_names() if named_case(name).kind == "shell"]
 MOVABLE = [name for name in SHELLS if named_case(name).surface.kind != "mesh"]  # meshes stay where they are
@@ -19,7 +20,7 @@ EVERY_CASE = [name for name in MOVABLE if not named_case(name).obstacles]  # and
 SHIFT = np.array([1.0, -2.0, 0.5])
 
 
-@pytest.mark.parametrize("name", EVERY_CASE)
+@pytest.mark.parametrize("name", with_something_new(EVERY_CASE))
 def test_other_units_change_numbers_as_their_dimensions_say(name):
     case = named_case(name)
     other, points = converted(case, MILLIMETRES_KILONEWTONS), scattered(case, 5)
@@ -35,7 +36,7 @@ def test_other_units_change_numbers_as_their_dimensions_say(name):
         assert other.motion(t, there_place, there, 0.5)[0, 0] == pytest.approx(1000 * moved, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", EVERY_CASE)
+@pytest.mark.parametrize("name", with_something_new(EVERY_CASE))
 def test_a_placed_case_is_the_turned_one(name):
     case = named_case(name)
     turned, points = turning(case), scattered(case, 5)

@@ -207,19 +207,20 @@ class AnalyticSurface(Model):
         domain, largest = self.domain, float(areas.max())
         grid = domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
         size = np.asarray(domain.size)
-        for number in np.argsort(areas.ravel())[:SUSPECTS]:
-            at, least, reach = grid[number], float(areas.ravel()[number]), size / (SAMPLES - 1)
-            for _ in range(LOOKS if POLE < least / largest < SUSPECT else 0):
-                steps = np.linspace(-1.0, 1.0, CLOSER)
-                around = at + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2) * reach
-                around = np.clip(around, domain.lower, domain.upper)
-                x = self.derivatives(around, order=1)
-                there = np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
-                at, least = around[int(np.argmin(there))], float(there.min())
-                reach = reach * 2 / (CLOSER - 1)
-            if not least > POLE * largest:
-                return np.asarray(at)
-        return None
+        smallest = np.argsort(areas.ravel())[:SUSPECTS]
+        at, least = grid[smallest], areas.ravel()[smallest]
+        suspect = (least > POLE * largest) & (least < SUSPECT * largest)
+        steps = np.linspace(-1.0, 1.0, CLOSER)
+        square, reach = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2), size / (SAMPLES - 1)
+        for _ in range(LOOKS if suspect.any() else 0):
+            around = np.clip(at[suspect, None] + square * reach, domain.lower, domain.upper)
+            x = self.derivatives(around, order=1)
+            there = np.linalg.norm(np.cross(x[1, 0], x[0, 1]), axis=-1)
+            at[suspect] = np.take_along_axis(around, there.argmin(axis=1)[:, None, None], axis=1)[:, 0]
+            least[suspect] = there.min(axis=1)
+            reach = reach * 2 / (CLOSER - 1)
+        poles = at[~(least > POLE * largest)]
+        return np.asarray(poles[0]) if len(poles) else None
 
     def _check_closure(self, x: dict[tuple[int, int], Array]) -> None:
         for axis, name in enumerate(COORDINATES):

@@ -7,12 +7,13 @@ from shellbench.bench import catalog
 from shellbench.problems.shell.measure import area_rule, load_density
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.symmetry import mirrored_supports, part_of, point_forces, whole_of
+from tests.families import with_something_new
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, known, plate, ring
 
 STATIC = sorted(name for name in catalog.case_names() if getattr(catalog.named_case(name), "dynamics", name) is None)
 
 
-@pytest.mark.parametrize("name", STATIC)
+@pytest.mark.parametrize("name", with_something_new(STATIC))
 def test_the_part_and_its_images_are_the_shell(name):
     """Folded points are in the part, and reflecting their positions gives those of the points they came from."""
     case = known(name)
@@ -130,7 +131,7 @@ def test_planes_exclude_the_motions_that_they_must(changes, held):
     assert {motion for motion in motions if part.holds(motion)} == held
 
 
-@pytest.mark.parametrize("name", STATIC)
+@pytest.mark.parametrize("name", with_something_new(STATIC))
 def test_the_part_is_a_case_that_carries_its_share(name):
     """Its loads over the area are the whole's in magnitude; its planes, its supports and what is removed hold it."""
     case = known(name)

@@ -19,10 +19,9 @@ from shellbench.problems.shell.reparametrisation import flipped, helical, obliqu
 from shellbench.problems.shell.surface import COORDINATES
 from shellbench.problems.shell.units import MILLIMETRES_TONNES, converted_points
 from shellbench.problems.shell.variants import VARIANTS, size
+from tests.families import with_something_new
 
 SHELLS = [name for name in catalog.case_names() if catalog.named_case(name).kind == "shell"]
-LONG_FORMULAS = "manufactured_finite_strain"  # half a minute to build all of its variants
-QUICK_SHELLS = [pytest.param(name, marks=[pytest.mark.long] if name == LONG_FORMULAS else []) for name in SHELLS]
 CASES = (
     "square_plate",
     "scordelis_lo",
@@ -74,7 +73,7 @@ def invariants(case):
     return weights.sum(), np.linalg.norm(force), weights @ np.sum(density**2, axis=-1)
 
 
-@pytest.mark.parametrize("name", QUICK_SHELLS)
+@pytest.mark.parametrize("name", with_something_new(SHELLS))
 def test_every_shell_can_be_asked_otherwise(name):
     """All variants are whole cases. Helices need a closed surface, units a path by loads; local loads, kinks stay on lines.
 

@@ -24,6 +24,7 @@ from shellbench.solvers.ndf.jets import (
     activation,
     smooth_activation,
 )
+from tests.families import with_something_new
 
 PLACEMENT = Placement()
 
@@ -139,9 +140,10 @@ def test_siren_keeps_its_bounds():
     assert 0.9 * np.sqrt(6 / 40) < bounds[1] <= np.sqrt(6 / 40)
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in catalog.case_names() if catalog.named_case(name).theory == "kirchhoff-love-linear"]
-)
+LINEAR = [name for name in catalog.case_names() if catalog.named_case(name).theory == "kirchhoff-love-linear"]
+
+
+@pytest.mark.parametrize("name", with_something_new(LINEAR))
 def test_values_are_those_of_jets_and_carry_no_derivatives(name):
     case = catalog.named_case(name)
     if why_declined(case):
