@@ -33,10 +33,10 @@ def glb_arrays(data: bytes) -> tuple[dict, list[np.ndarray]]:
     magic, version, length = struct.unpack_from("<4s2I", data)
     assert (magic, version, length) == (b"glTF", 2, len(data))
     size, kind = struct.unpack_from("<I4s", data, 12)
-    assert kind == b"JSON" and size % 4 == 0
+    assert (kind, size % 4) == (b"JSON", 0)
     whole = json.loads(data[20 : 20 + size])
     count, kind = struct.unpack_from("<I4s", data, 20 + size)
-    assert kind == b"BIN\0" and count == whole["buffers"][0]["byteLength"]
+    assert (kind, count) == (b"BIN\0", whole["buffers"][0]["byteLength"])
     body, arrays = data[28 + size :], []
     for one in whole["accessors"]:
         view = whole["bufferViews"][one["bufferView"]]
