@@ -20,7 +20,7 @@ from shellbench.report.shells import BAR, HIGHEST, LOWEST, Shell, aspect, colour
 from shellbench.sample import Sample
 
 SECONDS = 2.4  # that it lasts, once: shown twice it stops within five seconds, as WCAG 2.2.2 asks of what starts itself
-DPI, ACROSS = 80, 2.6  # of a film, and inches of one solver's column
+ACROSS = 2.6  # inches of one solver's column
 COLOURS = 256  # of its palette
 CELLS = 30  # facets a side
 
