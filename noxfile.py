@@ -116,6 +116,12 @@ def contact(session: nox.Session) -> None:
 
 
 @nox.session
+def garments(session: nox.Session) -> None:
+    """Let a skirt and a flag fall in the wind, and judge."""
+    run_and_judge(session, "garments")
+
+
+@nox.session
 def passport(session: nox.Session) -> None:
     """Tell which stiffness solvers really have, hinges and MuJoCo's cloth among them: a swatch, a hanging strip."""
     run_and_judge(session, "passport", extras=("mujoco",))

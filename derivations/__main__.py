@@ -43,6 +43,7 @@ from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
 from .fields import JUDGES as FIELDS
+from .garments import JUDGES as GARMENTS
 from .naghdi import JUDGES as NAGHDI
 from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
@@ -92,6 +93,7 @@ CASES = {
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
     **CONTACT,
+    **GARMENTS,
     **PASSPORT,
     **PLATES,
     **CYLINDERS,

@@ -257,6 +257,7 @@ HOSTILE = [
     ("export", "strip", "--solver", "toy", "--out", "x.stl"),
     ("export", "strip", "--solver", "toy", "--out", "x.npz"),
     ("export", "strip", "--solver", "toy", "--out", "x.npz", "--resolution", "1"),
+    ("export", "strip", "--solver", "toy", "--out", "x.pvd", "--at", "0.5"),
     ("export", "nowhere", "--solver", "toy", "--out", "x.npz"),
     ("export", "strip", "--solver", "nobody", "--out", "x.npz"),
     ("no-such-command",),

@@ -37,7 +37,9 @@ SOFT = Level("napkin_soft_pin", FemSettings(cells=(5, 5), time_step=1 / 150), un
 TWIST = Level("sleeve_twist", FemSettings(cells=(8, 4), grading=1), until=0.1)
 TWIST_FAR = Level("sleeve_twist", FemSettings(cells=(8, 4), grading=1), until=0.5)
 COMPRESSION = Level("sleeve_compression", FemSettings(cells=(8, 4), grading=1), until=0.0265)
-LEVELS = (FALL, STRIP, NAPKIN, SOFT, TWIST, TWIST_FAR, COMPRESSION)
+SKIRT = Level("skirt", FemSettings(cells=(5, 2), time_step=1 / 150), until=0.1)
+FLAG = Level("flag", FemSettings(cells=(5, 3), time_step=1 / 150), until=0.1)
+LEVELS = (FALL, STRIP, NAPKIN, SOFT, SKIRT, FLAG, TWIST, TWIST_FAR, COMPRESSION)
 BEYOND = 1.2  # tolerances by which a fault must move a gated value: most do so by tens, clamps at small strain by 1.5
 NEAR = 100.0  # tolerances within which the coarse level is of the known values, so that it is the same motion at all
 
@@ -181,8 +183,8 @@ def first_component_leaks(patch: pytest.MonkeyPatch) -> None:
     """Hold one component less at every support."""
     original = constraints._held
 
-    def leaking(support, place, motion):
-        rows, values = original(support, place, motion)
+    def leaking(support, *args):
+        rows, values = original(support, *args)
         count = len(rows[0]) // len(support.held)
         return rows[:, count:], values[:, count:]
 
@@ -209,6 +211,13 @@ FAULTS = [
     Fault("damping of first order", NAPKIN, scheme("gamma", 0.1)),
     Fault("a wrong Poisson ratio", NAPKIN, wrong_poisson),
     Fault("half the bending stiffness", SOFT, stiffness("bending_stiffness", 0.5)),
+    Fault("a mass that is 10 % too large", SKIRT, scaled_matrix(time_step, "mass_matrix", 1.1)),
+    Fault("a wind that stays as it is at first", SKIRT, loads(lambda t: 0.0)),
+    Fault("a waist that leaks", SKIRT, first_component_leaks),
+    Fault("one percent less membrane stiffness", SKIRT, stiffness("membrane_stiffness", 0.99)),
+    Fault("a wind that stays as it is at first", FLAG, loads(lambda t: 0.0)),
+    Fault("springs of ten percent less", FLAG, scaled_matrix(time_step, "spring_matrix", 0.9)),
+    Fault("a wind that begins a step late", FLAG, loads(lambda t: t - 1 / 150)),
     Fault("free slopes", TWIST, free_slopes),
     Fault("normals that are left behind", TWIST_FAR, normals_left_behind),
     Fault("half the bending stiffness", TWIST, stiffness("bending_stiffness", 0.5)),

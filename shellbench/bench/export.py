@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import io
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -134,12 +134,32 @@ def stored_run(store: Store, case_text: str, solver: str, seed: int | None, say:
 
 
 def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = None) -> Sample:
-    """Load a stored solution and sample it on a grid of so many points a side.
+    """Load a stored solution and sample it on a grid of so many points a side; see `samples`."""
+    return next(samples(store, run, resolution, (at,)))
+
+
+def marks_of(run: CurrentRun, frames: int) -> tuple[float, ...]:
+    """Return the marks of a series: so many times of a motion, evenly from rest to its end; the states of a path.
+
+    Raises
+    ------
+    InputError
+        If the case has one state only.
+    """
+    ends = find_kind(run.case.kind).portrait(run.case).ends
+    marks = run.case.states if ends is None else tuple(np.linspace(0.0, ends, frames).tolist())
+    if len(marks) < 2:
+        raise InputError(f"{run.case.name} has one state only: a series needs a motion or the states of a path")
+    return marks
+
+
+def samples(store: Store, run: CurrentRun, resolution: int, marks: Sequence[float | None]) -> Iterator[Sample]:
+    """Load a stored solution and sample it, state by state, on a grid of so many points a side.
 
     Parameters
     ----------
-    at
-        Time, s, or mark of a kept state of a path; the last state if None.
+    marks
+        Times, s, or marks of kept states of a path; None is the last state.
 
     Raises
     ------
@@ -149,8 +169,9 @@ def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = No
         If the solution has no state there.
     """
     kind = find_kind(run.case.kind)
-    if at is not None:
-        run.case.check_state(at)
+    for at in marks:
+        if at is not None:
+            run.case.check_state(at)
     if kind.sample is None:
         raise InputError(f"{run.case.name}: solutions of the kind '{run.case.kind}' are no surfaces to export")
     record = run.record
@@ -164,9 +185,10 @@ def sample(store: Store, run: CurrentRun, resolution: int, at: float | None = No
         raise
     except Exception as error:  # a plug-in's reader can raise anything
         raise ShellbenchError(f"the solution of {record.run_id} can't be read: {error}") from error
-    state = "" if at is None else f" at {run.case.mark_words(at)}"
-    title = f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units"
-    return kind.sample(solution, resolution, at, title)
+    for at in marks:
+        state = "" if at is None else f" at {run.case.mark_words(at)}"
+        title = f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units"
+        yield kind.sample(solution, resolution, at, title)
 
 
 def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:
@@ -179,7 +201,11 @@ def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:
     StoreError
         If it can't be written, for the disk is full or the like.
     """
-    data = writer_of(path)(sampled, scale)
+    write(path, writer_of(path)(sampled, scale))
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all; StoreError if it can't be written."""
     temporary = path.with_name(f".partial-{path.name}")
     with said_plainly(path.parent, "folder"):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -195,8 +221,8 @@ def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def writer_of(path: Path) -> Callable[[Sample, float], bytes]:
-    """Return what writes a file of this suffix; InputError, naming the known ones, if nothing does."""
+def writer_of(path: Path, others: Sequence[str] = ()) -> Callable[[Sample, float], bytes]:
+    """Return what writes a file of this suffix; InputError, naming the known ones and others, if nothing does."""
     if path.suffix not in WRITERS:
-        raise InputError(f"--out {path}: can't write '{path.suffix}'; formats are {', '.join(WRITERS)}")
+        raise InputError(f"--out {path}: can't write '{path.suffix}'; formats are {', '.join([*WRITERS, *others])}")
     return WRITERS[path.suffix]

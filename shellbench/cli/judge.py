@@ -30,6 +30,8 @@ from shellbench.cli.options import (
 )
 from shellbench.errors import InputError
 
+FRAMES = 49  # of a series, unless told
+
 if TYPE_CHECKING:
     from shellbench.report.evidence import Section
 
@@ -220,14 +222,31 @@ def export(
     ],
     solver: Annotated[str, typer.Option("--solver", metavar="NAME", help="Whose solution.", **SOLVERS)],
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="File to write: .npz (arrays), .obj (deformed shape) or .vtu.")
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif.",
+        ),
     ],
     resolution: Annotated[
         int, typer.Option("--resolution", metavar="N", min=2, max=5000, help="Points a side of the grid.")
     ] = 101,
-    scale: Annotated[float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj.")] = 1.0,
+    scale: Annotated[
+        float, typer.Option("--scale", metavar="X", help="Factor of the displacement in .obj, .glb and .gif.")
+    ] = 1.0,
     at: Annotated[
         float | None, typer.Option("--at", metavar="T", help="Time (s) or kept state of a path; the last if not given.")
+    ] = None,
+    frames: Annotated[
+        int | None,
+        typer.Option(
+            "--frames",
+            metavar="N",
+            min=2,
+            max=1000,
+            help="Write so many states of a motion (49), or those of a path: numbered files or one .pvd, .glb or .gif.",
+        ),
     ] = None,
     seed: Annotated[
         int | None, typer.Option("--seed", metavar="N", min=0, max=LARGEST_SEED, help="Which seed's solution.")
@@ -239,18 +258,38 @@ def export(
     The grid's points have displacement (m), strains (covariant components 11, 22, 12) and energy densities (J/m2). In
     .vtu the shell is undeformed, and viewers warp it by the displacement; .obj is the deformed shape.
 
+    A motion, or the states of a path, is a series: .pvd lists numbered .vtu files with their times, .glb is one mesh
+    that an animation deforms, .gif a film; with --frames the other formats become numbered files.
+
     Examples
     --------
         shellbench export scordelis_lo --solver fem --out roof.vtu --resolution 201
 
         shellbench export napkin_plane --solver fem --out napkin.obj --at 0.5
+
+        shellbench export skirt --solver fem --out skirt.pvd --resolution 201 --frames 100
     """
     from shellbench.bench import export as exports
+    from shellbench.bench import frames as series
     from shellbench.bench.store import Store
 
-    exports.writer_of(out)
+    many = frames is not None or out.suffix in series.SERIES
+    if many and at is not None:
+        raise InputError(f"--at {at:g}: {out} is to hold a series of states, which has no one time")
+    if out.suffix not in series.SERIES:
+        exports.writer_of(out, series.SERIES)
     where = Store(store)
     stored = exports.stored_run(where, case, solver, seed, note)
-    sampled = exports.sample(where, stored, resolution, at)
-    exports.export(sampled, out, scale)
-    typer.echo(f"written to {out}")
+    if not many:
+        exports.export(exports.sample(where, stored, resolution, at), out, scale)
+        typer.echo(f"written to {out}")
+        return
+    states = exports.samples(where, stored, resolution, exports.marks_of(stored, frames or FRAMES))
+    if out.suffix == ".gif":
+        from shellbench.report.film import film_of
+
+        exports.write(out, film_of(states, stored.case, scale, solver))
+        typer.echo(f"written to {out}")
+        return
+    count = series.export_series(states, out, scale)
+    typer.echo(f"written to {out if out.suffix in series.SERIES else series.numbered(out, 0)}: {count} states")

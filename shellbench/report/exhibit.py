@@ -168,6 +168,8 @@ class Exhibit:
         Stem of its files.
     drawing
         Whether it is lines and letters alone, and so goes into the page as SVG.
+    film
+        Makes a GIF that the page shows instead; the figure is what print has of it.
     """
 
     name: str
@@ -177,11 +179,12 @@ class Exhibit:
     figure: Figure
     run_ids: tuple[str, ...]
     drawing: bool = True
+    film: Callable[[], bytes] | None = None
 
     @property
     def file(self) -> str:
         """Name of the file that a text shows."""
-        return f"{self.name}.{'svg' if self.drawing else 'png'}"
+        return f"{self.name}.{'gif' if self.film else 'svg' if self.drawing else 'png'}"
 
     @property
     def inches(self) -> float:
@@ -189,7 +192,7 @@ class Exhibit:
         return float(self.figure.get_figwidth())
 
     def save(self, folder: Path, for_print: bool = True) -> str:
-        """Write pictures as PNG and drawings as SVG, for print both as PNG and PDF; return a data URI for the page."""
+        """Write pictures as PNG, drawings as SVG, films as GIF too, for print as PNG and PDF; return a data URI."""
         with style():
             if engine := self.figure.get_layout_engine():
                 engine.execute(self.figure)  # once for all formats
@@ -200,6 +203,9 @@ class Exhibit:
                 png = self._rendered("png", SCREEN_DPI)
                 png = png if self.drawing else few_colours(png)
                 (folder / f"{self.name}.png").write_bytes(png)
+            if self.film:
+                (folder / self.file).write_bytes(moving := self.film())
+                return data_uri("image/gif", moving)
             if not self.drawing:
                 return data_uri("image/png", png)
             svg = lean(self._rendered("svg", SCREEN_DPI))

@@ -109,7 +109,7 @@ def write_report(
             document.write(out / f"{table.name}.csv", table.write("csv"))
         if facts["bibliography"]:
             shutil.copyfile(catalog.data_folder("references") / document.BIBLIOGRAPHY, out / document.BIBLIOGRAPHY)
-        files = [figures / f"{exhibit.name}.{suffix}" for exhibit in drawn for suffix in ("pdf", "png", "svg")]
+        files = [figures / f"{exhibit.name}.{suffix}" for exhibit in drawn for suffix in ("pdf", "png", "svg", "gif")]
         pages = ["index.html", LIBRARY, *(leaf.file for leaf in leaves)]
         document.list_own(out, [*(out / name for name in (*pages, *facts["downloads"])), *files])
     except OSError as error:

@@ -58,7 +58,10 @@ def write_paper(
         If the store can't be read, or `out` is a file or can't be written.
     """
     found, records, sections = gather(store, rows, known, whole, say)
-    chapters = [section.with_each(lambda table: _stated(table, found), lambda exhibit: True) for section in sections]
+    chapters = [
+        section.with_each(lambda table: _stated(table, found), lambda exhibit: exhibit.film is None)
+        for section in sections
+    ]
     try:
         document.remove_older(out)
         for name in ("tables", "figures"):

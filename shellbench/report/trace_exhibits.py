@@ -20,7 +20,8 @@ from shellbench.portrait import Along, Portrait
 from shellbench.report.evidence import Evidence
 from shellbench.report.exhibit import Exhibit, Ink
 from shellbench.report.fields import Fields, drawn, read_fields, spread, states
-from shellbench.report.shells import scale_words, shapes_figure
+from shellbench.report.film import SECONDS, film
+from shellbench.report.shells import Shell, scale_words, shapes_figure
 from shellbench.report.strains import INKS, STRAIN, STRAINS, SUITE, bending_energies, rolled_figure, strain_rows
 from shellbench.report.trace_figure import TIME, TracePanel, trace_figure
 from shellbench.report.traces import (
@@ -40,9 +41,17 @@ from shellbench.report.traces import (
 )
 
 CURVE, STATES = "curve_", "states_"  # how names of figures begin
-MOTION, ENERGY, APART, BUCKLING, FRAMES = CLOTH = ("motion_", "energy_", "apart_", "buckling_", "frames_")
+MOTION, ENERGY, APART, BUCKLING, FRAMES, FILM = CLOTH = (
+    "motion_",
+    "energy_",
+    "apart_",
+    "buckling_",
+    "frames_",
+    "film_",
+)
 FEWEST = 2  # kept states that are worth standing side by side
 MOST_FRAMES = 5  # in a row: every fifth of the time of a motion
+MOST_FILMED, MOST_SOLVERS = 21, 3  # frames of a film, and solvers side by side in it
 MOST_IN_A_ROW, MANY_IN_A_ROW = 4, 3  # states that fill one row only, and several
 COMPONENTS = ("x", "y", "z")
 TOTAL = "total_energy"  # where it is not kept, the solver's own balance is drawn
@@ -280,13 +289,17 @@ def _frames(name: str, case: Portrait, runs: pd.DataFrame, folder: Path) -> Iter
             best[solver] = record, fields
     marks = shown_marks(case, {solver: fields for solver, (_, fields) in best.items()}, MOST_FRAMES)
     together, words = [fields for _, fields in best.values()], [case.mark_words(mark) for mark in marks]
-    strips = {
-        solver: [
-            None if at is None else drawn(record, case, fields, fields.displacements[at], together)
-            for at in (frame_at(fields, mark) for mark in marks)
-        ]
-        for solver, (record, fields) in sorted(best.items(), key=lambda item: item[1][0].identity.seed is not None)
-    }
+
+    def strips_at(marks: Sequence[float]) -> dict[str, list[Shell | None]]:
+        return {
+            solver: [
+                None if at is None else drawn(record, case, fields, fields.displacements[at], together)
+                for at in (frame_at(fields, mark) for mark in marks)
+            ]
+            for solver, (record, fields) in sorted(best.items(), key=lambda item: item[1][0].identity.seed is not None)
+        }
+
+    strips = strips_at(marks)
     first = next((shell for strip in strips.values() for shell in strip if shell is not None), None)
     if first is None:
         return
@@ -307,6 +320,21 @@ def _frames(name: str, case: Portrait, runs: pd.DataFrame, folder: Path) -> Iter
         figure=shapes_figure(list(strips.values()), words, list(strips)),
         run_ids=tuple(record.run_id for record, _ in best.values()),
         drawing=False,
+    )
+    if case.ends is None:
+        return
+    every = shown_marks(case, {solver: fields for solver, (_, fields) in best.items()}, MOST_FILMED)
+    filmed = dict(list(strips_at(every).items())[:MOST_SOLVERS])
+    yield Exhibit(
+        name=f"{FILM}{name}",
+        title=f"{case.title}: film",
+        caption=f"{len(every)} frames from {case.mark_words(every[0])} to {case.mark_words(every[-1])}, shown twice in"
+        f" {2 * SECONDS:g} s; {scale_words(first)}.",
+        description=f"the motion of the figure of its frames, by {' and '.join(filmed)}",
+        figure=shapes_figure([row[-1:] for row in filmed.values()], words[-1:], list(filmed)),
+        run_ids=tuple(best[solver][0].run_id for solver in filmed),
+        drawing=False,
+        film=lambda: film(list(filmed.values()), [case.mark_words(mark) for mark in every], list(filmed), 2),
     )
 
 

@@ -13,6 +13,7 @@ from derivations import (
     cylinder_modes,
     elastica,
     fields,
+    garments,
     heavy_strip,
     naghdi,
     passport,
@@ -82,6 +83,7 @@ ORIGINS = {
     **ropes.JUDGES,
     **fields.JUDGES,
     **contact.JUDGES,
+    **garments.JUDGES,
     **passport.JUDGES,
     **plate_modes.JUDGES,
     **cylinder_modes.JUDGES,
@@ -107,6 +109,7 @@ LONG = {
     "scordelis_lo_nonlinear",
     "hemisphere_hole_nonlinear",
     *origins.HYPARS,
+    *garments.JUDGES,
     *resultants.LONG,
 }
 SECOND_FORMS = {

@@ -1,0 +1,116 @@
+"""Series of states are read back as other programs read them, and one garment is the same at any resolution."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shellbench.bench.export import Sample, sample, samples, stored_run
+from shellbench.bench.frames import as_glb, as_pvd, export_series, numbered
+from shellbench.bench.store import Store
+from shellbench.errors import InputError
+from shellbench.report.film import film
+from shellbench.report.shells import Camera, Shell
+from tests.bench.test_export import N, formula_sample
+
+TIMES = (0.0, 0.25, 1.0)
+
+
+def motion(jump: float = 0.0) -> list[Sample]:
+    """A closed shell that moves along a formula, in three frames."""
+    whole = formula_sample(jump=jump)
+    return [replace(whole, displacement=t**2 * whole.displacement, at=t) for t in TIMES]
+
+
+def glb_arrays(data: bytes) -> tuple[dict, list[np.ndarray]]:
+    """The JSON of a binary glTF and its accessors' arrays, by the format's description."""
+    magic, version, length = struct.unpack_from("<4s2I", data)
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size, kind = struct.unpack_from("<I4s", data, 12)
+    assert (kind, size % 4) == (b"JSON", 0)
+    whole = json.loads(data[20 : 20 + size])
+    count, kind = struct.unpack_from("<I4s", data, 20 + size)
+    assert (kind, count) == (b"BIN\0", whole["buffers"][0]["byteLength"])
+    body, arrays = data[28 + size :], []
+    for one in whole["accessors"]:
+        view = whole["bufferViews"][one["bufferView"]]
+        values = np.frombuffer(
+            body[view["byteOffset"] : view["byteOffset"] + view["byteLength"]],
+            {5125: "<u4", 5126: "<f4"}[one["componentType"]],
+        ).reshape(one["count"], -1)
+        np.testing.assert_array_equal([values.min(axis=0), values.max(axis=0)], [one["min"], one["max"]])
+        arrays.append(values)
+    return whole, arrays
+
+
+@pytest.mark.parametrize("jump", [0.0, 1e-3])
+def test_glb_holds_every_state_at_its_time(jump: float) -> None:
+    states = motion(jump)
+    whole, arrays = glb_arrays(as_glb(states, 2e6))
+    primitive = whole["meshes"][0]["primitives"][0]
+    base = arrays[primitive["attributes"]["POSITION"]]
+    assert len(base) == N * (N if jump else N - 1)  # one side of the seam, unless a state is torn there
+    assert arrays[primitive["indices"]].max() == len(base) - 1
+    sampler = whole["animations"][0]["samplers"][0]
+    np.testing.assert_allclose(arrays[sampler["input"]].ravel(), TIMES)
+    weights = arrays[sampler["output"]].reshape(len(TIMES), -1)
+    for state, weight in zip(states, weights, strict=True):
+        shown = base + sum(w * arrays[t["POSITION"]] for w, t in zip(weight, primitive["targets"], strict=True))
+        expected = state.deformed(2e6)[: None if jump else -1].reshape(-1, 3)
+        np.testing.assert_allclose(shown, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_a_series_is_numbered_files(tmp_path: Path) -> None:
+    assert export_series(motion(), tmp_path / "shell.npz") == len(TIMES)
+    for number, state in enumerate(motion()):
+        with np.load(numbered(tmp_path / "shell.npz", number)) as arrays:
+            np.testing.assert_array_equal(arrays["displacement"], state.displacement)
+
+
+def test_pvd_lists_what_paraview_opens(tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed: .vtu can't be written or read")
+    export_series(motion(), tmp_path / "shell.pvd")
+    reader = pyvista.get_reader(tmp_path / "shell.pvd")
+    assert tuple(reader.time_values) == TIMES
+    reader.set_active_time_value(0.25)
+    read = reader.read()[0].point_data["displacement"]
+    np.testing.assert_array_equal(read, motion()[1].displacement[:-1].reshape(-1, 3))
+    assert b'timestep="0.25" file="shell_001.vtu"' in as_pvd(tmp_path / "shell.pvd", TIMES)
+
+
+@pytest.mark.usefixtures("toys")
+def test_a_garment_is_the_same_at_any_resolution(recorded: Store) -> None:
+    stored = stored_run(recorded, "strip", "toy", None)
+    coarse, fine = (sample(recorded, stored, n) for n in (5, 17))
+    for name, values in coarse.point_data.items():
+        np.testing.assert_allclose(fine.point_data[name][::4, ::4], values, rtol=1e-12, atol=1e-15)
+
+
+def test_a_film_moves_and_stops() -> None:
+    from PIL import Image
+
+    shells = [
+        Shell("strip", "Strip", "toy", one.position, 1e6 * one.displacement, 1.0, Camera(15, -60)) for one in motion()
+    ]
+    shown = Image.open(io.BytesIO(film([shells], ["a", "b", "c"], ["toy"], 2)))
+    assert (shown.n_frames, shown.info["loop"]) == (3, 1)  # shown once more, then it stands still
+    frames = []
+    for number in range(3):
+        shown.seek(number)
+        frames.append(np.asarray(shown.convert("L"), dtype=int))
+    assert min(np.abs(one - frames[0]).max() for one in frames[1:]) > 60
+
+
+def test_a_series_needs_several_states(recorded: Store, toys: None) -> None:
+    from shellbench.bench.export import marks_of
+
+    with pytest.raises(InputError, match="strip has one state only"):
+        marks_of(stored_run(recorded, "strip", "toy", None), 5)
+    with pytest.raises(InputError, match="--at"):
+        list(samples(recorded, stored_run(recorded, "strip", "toy", None), 5, (0.5,)))
