@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.solution import FORMATS, FemSolution
@@ -43,6 +44,8 @@ class MotionSolution(ShellSolution):
     reaction_times, support_forces
         (r,) times, and (supports, m, 3, 4, r) the forces that each of the case's supports exerts at them: the method
         balances forces within a step.
+    touching
+        What obstacles exert, by time; empty where there are none.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = FORMATS
@@ -58,6 +61,7 @@ class MotionSolution(ShellSolution):
     quadrature_order: int
     parameters: int
     exponents: tuple[int, int] = (0, 0)
+    touching: tuple[Touch, ...] = ()
 
     @property
     def storage_bytes(self) -> int:
@@ -132,6 +136,12 @@ class MotionSolution(ShellSolution):
         """Return the membrane and the bending part of the strain energy, J."""
         return self.frame(at).energies()
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert, linear in time between the times that are kept."""
+        k, _, s = self._span(time_reached(self.case, float(self.times[-1]), at))
+        first, second = self.touching[k : k + 2]
+        return replace(first, forces=(1 - s) * first.forces + s * second.forces)
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
         return self.frame(at).reaction_at(number, centre, None)
@@ -160,6 +170,7 @@ class MotionSolution(ShellSolution):
             "support_nodes": self.support_nodes,
             "reaction_times": self.reaction_times,
             "support_forces": self.support_forces,
+            **kept_touch(self.touching),
         }
 
     @classmethod
@@ -186,4 +197,5 @@ class MotionSolution(ShellSolution):
             support_forces=arrays["support_forces"],
             quadrature_order=int(words["quadrature_order"]),
             parameters=int(words["parameters"]),
+            touching=restored_touch(arrays),
         )
