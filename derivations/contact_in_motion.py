@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from .estimate import Estimate
 
-GRAVITY, DENSITY, AREA = 10.0, 0.2, 0.4 * 0.2  # m/s^2, kg/m^2, m^2
+GRAVITY, DENSITY, AREA = 10.0, 0.2, 0.4 * 0.1  # m/s^2, kg/m^2, m^2
 MASS = DENSITY * AREA
 FRICTION, PULL = 0.5, 2.6 / DENSITY  # coefficient, and c, m/s^3
 ALONG, ACROSS = 0.6 * GRAVITY, 0.8 * GRAVITY  # the incline

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 STIFFNESS = 100.0  # of a point in contact, in that of the mass that it stands for: each round divides gaps by that
-CLOSED = 1e-9  # of the shell's size: depths that are rounding
-SETTLED = 1e-6  # of the largest pressure: changes from round to round that end them
+CLOSED = 1e-8  # of the shell's size: depths that are rounding
+SETTLED = 1e-4  # of the largest pressure: changes from round to round that end them
 MOST_ROUNDS = 30
 APART, SLIPS, STICKS = 0, 1, 2
 

@@ -127,6 +127,9 @@ class _Kept:
     factor: Factor | None = None
     length: float = 0.0
     status: bytes = b""
+    tangent: BlockMatrix | None = (
+        None  # without obstacles, where there are any: other points in contact need no new one
+    )
 
 
 @dataclass(frozen=True)
@@ -298,7 +301,7 @@ class _Minimum:
         kept, energy = self.shell._kept, self.shell.problem.energy
         # c depends on the length of the step.
         if kept.length != h:
-            kept.factor, kept.length = None, h
+            kept.factor, kept.tangent, kept.length = None, None, h
         strained, pressed = energy.at(x), self.pressed(x)
         value, size = self._potential(x, strained, pressed)
         residual, before = self._residual(x, strained, pressed), np.inf
@@ -337,7 +340,7 @@ class _Minimum:
                 return x, residual, iteration
             # A new tangent has no decrement before it, so that it is never judged by its first step.
             if decrement > SLOW * before or share < 1.0:
-                kept.factor = None
+                kept.factor = kept.tangent = None
             before = decrement
         raise NotConvergedError
 
@@ -357,11 +360,14 @@ class _Minimum:
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
     def _factorised(self, x: Array, strained: Strained, pressed: Pressed | None) -> Factor:
-        matrix = self.shell.problem.energy.tangent(strained)
-        matrix.blocks[...] += self.weight * self.shell.mass.blocks
-        if self.shell.springs is not None:
-            matrix.blocks[...] += self.shell.springs.blocks
+        matrix, kept = self.shell._kept.tangent, self.shell._kept
+        if matrix is None:
+            matrix = self.shell.problem.energy.tangent(strained)
+            matrix.blocks[...] += self.weight * self.shell.mass.blocks
+            if self.shell.springs is not None:
+                matrix.blocks[...] += self.shell.springs.blocks
         if self.contact is not None and pressed is not None:
+            kept.tangent, matrix = matrix, replace(matrix, blocks=matrix.blocks.copy())
             self.contact.add_stiffness(matrix, pressed, self.share / (1 - self.shell.scheme.alpha_f))
         reduced = self.ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
