@@ -1,4 +1,4 @@
-r"""Strips and a round plate that a load presses onto something rigid: cases/contact_*.toml.
+r"""Strips and round plates that a load presses onto something rigid: cases/contact_*.toml.
 
 Without friction a plate that touches has its obstacle's slope and curvature where contact begins: displacement, slope
 and moment are continuous there, and only the shear force jumps, by a line force of the obstacle. So a span of unknown

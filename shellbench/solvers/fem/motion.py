@@ -334,7 +334,7 @@ def _solution(
     problem = shell.problem
     case, mesh = problem.case, problem.mesh
     scales, points = mesh.node_scales[:, None, :, None], shell.points
-    still = np.zeros((0 if points is None else len(points.points), COMPONENTS))
+    touched = [instant for instant in kept if instant.touch is not None]
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
     # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
@@ -351,5 +351,6 @@ def _solution(
         support_forces=forces * scales[ties.nodes],
         quadrature_order=quadrature_order,
         parameters=unknowns,
-        touching=() if points is None else tuple(points.touch(still if k.touch is None else k.touch) for k in kept),
+        touch_times=np.array([k.t - k.length for k in touched]),
+        touching=tuple(points.touch(k.touch) for k in touched if points is not None and k.touch is not None),
     )

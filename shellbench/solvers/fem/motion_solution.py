@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
@@ -44,8 +45,8 @@ class MotionSolution(ShellSolution):
     reaction_times, support_forces
         (r,) times, and (supports, m, 3, 4, r) the forces that each of the case's supports exerts at them: the method
         balances forces within a step.
-    touching
-        What obstacles exert, by time; empty where there are none.
+    touch_times, touching
+        (m,) times, and what obstacles exert at them: impulses at the begins of steps. Empty where there are none.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = FORMATS
@@ -61,6 +62,7 @@ class MotionSolution(ShellSolution):
     quadrature_order: int
     parameters: int
     exponents: tuple[int, int] = (0, 0)
+    touch_times: Array = field(default_factory=lambda: np.zeros(0))
     touching: tuple[Touch, ...] = ()
 
     @property
@@ -137,10 +139,11 @@ class MotionSolution(ShellSolution):
         return self.frame(at).energies()
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert, linear in time between the times that are kept."""
-        k, _, s = self._span(time_reached(self.case, float(self.times[-1]), at))
-        first, second = self.touching[k : k + 2]
-        return replace(first, forces=(1 - s) * first.forces + s * second.forces)
+        """Return what obstacles exert, linear in time between the times that are kept, and constant after the last."""
+        times, last = self.touch_times, time_reached(self.case, float(self.times[-1]), at)
+        place = float(np.interp(last, times, np.arange(len(times))))
+        first, second = self.touching[int(place)], self.touching[math.ceil(place)]
+        return replace(first, forces=first.forces + place % 1 * (second.forces - first.forces))
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
@@ -170,6 +173,7 @@ class MotionSolution(ShellSolution):
             "support_nodes": self.support_nodes,
             "reaction_times": self.reaction_times,
             "support_forces": self.support_forces,
+            **({"touch_times": self.touch_times} if self.touching else {}),
             **kept_touch(self.touching),
         }
 
@@ -197,5 +201,6 @@ class MotionSolution(ShellSolution):
             support_forces=arrays["support_forces"],
             quadrature_order=int(words["quadrature_order"]),
             parameters=int(words["parameters"]),
+            touch_times=arrays.get("touch_times", np.zeros(0)),
             touching=restored_touch(arrays),
         )
