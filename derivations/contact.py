@@ -1,4 +1,4 @@
-r"""Strips and a round plate that a load presses onto something rigid: cases/contact_*.toml.
+r"""Strips and round plates that a load presses onto something rigid: cases/contact_*.toml.
 
 Without friction a plate that touches has its obstacle's slope and curvature where contact begins: displacement, slope
 and moment are continuous there, and only the shear force jumps, by a line force of the obstacle. So a span of unknown
@@ -23,6 +23,8 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq, minimize_scalar
 
+from .contact_in_motion import INTEGRATED
+from .contact_in_motion import JUDGES as IN_MOTION
 from .estimate import Estimate
 
 YOUNG, THICKNESS, LOAD = 1.2e7, 0.01, 3.0  # Pa, m, N/m^2
@@ -30,8 +32,7 @@ WIDTH, LENGTH = 0.1, 1.0  # of strips, m
 B = YOUNG * THICKNESS**3 / 12  # of strips, whose Poisson's ratio is 0: 1 N m
 DEPTH = 0.001  # of the floor, m
 TOP, RADIUS, HILL = 0.45, 50.0, 0.0005  # of the cylinder: along the strip, its radius, and how deep its top is, m
-POISSON, INNER, OUTER, BELOW = 0.3, 0.2, 1.0, 0.004  # of the round plate, and the floor's depth
-PLATE = B / (1 - POISSON**2)
+RIDGE_TOP, RIDGE_RADIUS, RIDGE = 0.55, 50.0, 0.0004  # the same of the cylinder between clamps
 ROUNDING = 1e-13
 SMALL_SLOPES = 1e-6
 """What a cylinder's horizontal push does: 1e-8 m at a slope of 0.01, beside a gap of 5e-4 m."""
@@ -74,13 +75,13 @@ def floor(x: float) -> tuple[float, float, float, float]:
     return DEPTH, 0.0, 0.0, 0.0
 
 
-def hill(distance: float) -> Obstacle:
-    """Return the cylinder, whose top is at a distance from the support."""
+def hill(distance: float, radius: float, deep: float) -> Obstacle:
+    """Return a cylinder, whose top is at a distance from the support."""
 
     def depth(x: float) -> tuple[float, float, float, float]:
         s = x - distance
-        root = np.sqrt(RADIUS**2 - s**2)
-        return HILL + RADIUS - root, s / root, RADIUS**2 / root**3, 3 * RADIUS**2 * s / root**5
+        root = np.sqrt(radius**2 - s**2)
+        return deep + radius - root, s / root, radius**2 / root**3, 3 * radius**2 * s / root**5
 
     return depth
 
@@ -153,11 +154,18 @@ def _on_floor(solve: Callable[[Obstacle, bool, float], Span], clamped: bool) -> 
     return _strip(one, one, LOAD * (LENGTH - 2 * one.length), 0.0)
 
 
-def _on_hill(solve: Callable[[Obstacle, bool, float], Span]) -> dict[str, float]:
-    first, second = solve(hill(TOP), False, TOP), solve(hill(LENGTH - TOP), False, LENGTH - TOP)
-    low, high = first.length - TOP, LENGTH - second.length - TOP
+def _on_hill(
+    solve: Callable[[Obstacle, bool, float], Span],
+    clamped: bool = False,
+    top: float = TOP,
+    radius: float = RADIUS,
+    deep: float = HILL,
+) -> dict[str, float]:
+    first = solve(hill(top, radius, deep), clamped, top)
+    second = solve(hill(LENGTH - top, radius, deep), clamped, LENGTH - top)
+    low, high = first.length - top, LENGTH - second.length - top
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
-    curvature = hill(0.0)
+    curvature = hill(0.0, radius, deep)
     s = low + (high - low) / 2 * (nodes + 1)
     bent = float(weights @ [curvature(x)[2] ** 2 for x in s]) * (high - low) / 2
     # The load, and the shear forces of the obstacle's own shape at both ends.
@@ -165,91 +173,114 @@ def _on_hill(solve: Callable[[Obstacle, bool, float], Span]) -> dict[str, float]
     return _strip(first, second, pushed, B / 2 * bent)
 
 
-def _round(r: float) -> tuple[Array, Array]:
-    """Return derivatives 0 to 3 of the four solutions (4, 4), and of the load's part (4,), at a radius."""
-    log = np.log(r)
-    homogeneous = np.array(
-        [
-            [1.0, r**2, log, r**2 * log],
-            [0.0, 2 * r, 1 / r, 2 * r * log + r],
-            [0.0, 2.0, -1 / r**2, 2 * log + 3],
-            [0.0, 0.0, 2 / r**3, 2 / r],
-        ]
-    )
-    return homogeneous, LOAD / (64 * PLATE) * np.array([r**4, 4 * r**3, 12 * r**2, 24 * r])
+@dataclass(frozen=True)
+class RoundPlate:
+    """A round plate with a hole above a floor, held at its rim: Poisson's ratio, radii, depth of the floor, and load."""
+
+    poisson: float
+    inner: float
+    below: float
+    load: float
+    clamped: bool
+    outer: float = 1.0
+
+    @property
+    def stiffness(self) -> float:
+        """Of bending, N m."""
+        return B / (1 - self.poisson**2)
+
+    def series(self, r: float) -> tuple[Array, Array]:
+        """Return derivatives 0 to 3 of the four solutions (4, 4), and of the load's part (4,), at a radius."""
+        log = np.log(r)
+        homogeneous = np.array(
+            [
+                [1.0, r**2, log, r**2 * log],
+                [0.0, 2 * r, 1 / r, 2 * r * log + r],
+                [0.0, 2.0, -1 / r**2, 2 * log + 3],
+                [0.0, 0.0, 2 / r**3, 2 / r],
+            ]
+        )
+        return homogeneous, self.load / (64 * self.stiffness) * np.array([r**4, 4 * r**3, 12 * r**2, 24 * r])
+
+    def held(self, w: Array) -> Array:
+        """Return the slope, or the moment over the stiffness, of derivatives 0 to 3 of w at the rim."""
+        return np.asarray(w[1] if self.clamped else w[2] + self.poisson / self.outer * w[1])
+
+    def asked(
+        self, b: float, bent: Callable[[Array], tuple[Array, Array]], third: float, rim: Array
+    ) -> dict[str, float]:
+        """Return what is asked of a quarter by w' and w'' (n,) at radii, w''' at b, and all at the rim."""
+        nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
+        r = b + (self.outer - b) / 2 * (nodes + 1)
+        slope, curved = bent(r)
+        density = curved**2 + (slope / r) ** 2 + 2 * self.poisson * curved * slope / r
+        # A line force where contact begins is the jump of the shear force, B w''' as w' and w'' vanish there.
+        force = np.pi / 2 * (self.stiffness * third * b * -1.0 + self.load * (b**2 - self.inner**2) / 2)
+        shear = self.stiffness * (rim[3] + rim[2] / self.outer - rim[1] / self.outer**2)
+        energy = np.pi / 2 * self.stiffness / 2 * float(weights @ (density * r)) * (self.outer - b) / 2
+        return {
+            "contact_point": self.outer - b,
+            "contact_force": force,
+            "penetration": 0.0,
+            "rim_force": np.pi / 2 * self.outer * float(shear),
+            "largest_displacement": self.below,
+            "strain_energy": energy,
+        }
 
 
-def _round_plate(
-    b: float, bent: Callable[[Array], tuple[Array, Array]], third: float, outer: Array
-) -> dict[str, float]:
-    """Return what is asked of the quarter of the plate by w' and w'' (n,) at radii, w''' at b, and all at the rim."""
-    nodes, weights = np.polynomial.legendre.leggauss(GAUSS)
-    r = b + (OUTER - b) / 2 * (nodes + 1)
-    slope, curved = bent(r)
-    density = curved**2 + (slope / r) ** 2 + 2 * POISSON * curved * slope / r
-    # A line force where contact begins is the jump of the shear force, B w''' as w' and w'' vanish there.
-    force = np.pi / 2 * (PLATE * third * b * -1.0 + LOAD * (b**2 - INNER**2) / 2)
-    shear = PLATE * (outer[3] + outer[2] / OUTER - outer[1] / OUTER**2)
-    return {
-        "contact_point": OUTER - b,
-        "contact_force": force,
-        "penetration": 0.0,
-        "rim_force": np.pi / 2 * OUTER * float(shear),
-        "largest_displacement": BELOW,
-        "strain_energy": np.pi / 2 * PLATE / 2 * float(weights @ (density * r)) * (OUTER - b) / 2,
-    }
-
-
-def plate_on_floor() -> dict[str, Estimate]:
-    """Known values of cases/contact_plate.toml by the closed form."""
+def plate_on_floor(plate: RoundPlate) -> dict[str, Estimate]:
+    """Known values of a round plate by the closed form."""
 
     def coefficients(b: float) -> Array:
-        (rim, load), (edge, own) = _round(OUTER), _round(b)
-        moment = rim[2] + POISSON / OUTER * rim[1]
-        matrix = np.stack([rim[0], moment, edge[0], edge[1]])
-        right = [-load[0], -load[2] - POISSON / OUTER * load[1], BELOW - own[0], -own[1]]
+        (rim, load), (edge, own) = plate.series(plate.outer), plate.series(b)
+        matrix = np.stack([rim[0], plate.held(rim), edge[0], edge[1]])
+        right = [-load[0], -plate.held(load), plate.below - own[0], -own[1]]
         return np.linalg.solve(matrix, right)
 
     def at(r: float, c: Array) -> Array:
-        shapes, own = _round(r)
+        shapes, own = plate.series(r)
         return np.asarray(shapes @ c + own)
 
-    b = brentq(lambda r: float(at(r, coefficients(r))[2]), 0.3, 0.8, xtol=1e-15, rtol=1e-14)
+    b = brentq(lambda r: float(at(r, coefficients(r))[2]), plate.inner + 0.1, 0.8, xtol=1e-15, rtol=1e-14)
     c = coefficients(b)
 
     def bent(radii: Array) -> tuple[Array, Array]:
         found = np.array([at(float(r), c) for r in radii])
         return found[:, 1], found[:, 2]
 
-    return _estimates(_round_plate(b, bent, at(b, c)[3], at(OUTER, c)), 1e2 * ROUNDING)
+    return _estimates(plate.asked(b, bent, at(b, c)[3], at(plate.outer, c)), 1e2 * ROUNDING)
 
 
-def plate_on_floor_by_collocation() -> dict[str, Estimate]:
+def plate_on_floor_by_collocation(plate: RoundPlate) -> dict[str, Estimate]:
     """The same by the equation of equilibrium in the radius, with the radius of contact among the unknowns."""
 
     def radius(s: Array, p: Array) -> Array:
-        return p[0] + (OUTER - p[0]) * s
+        return p[0] + (plate.outer - p[0]) * s
 
     def rates(s: Array, y: Array, p: Array) -> Array:
         r = radius(s, p)
-        fourth = LOAD / PLATE - 2 * y[3] / r + y[2] / r**2 - y[1] / r**3
-        return (OUTER - p[0]) * np.stack([y[1], y[2], y[3], fourth])
+        fourth = plate.load / plate.stiffness - 2 * y[3] / r + y[2] / r**2 - y[1] / r**3
+        return (plate.outer - p[0]) * np.stack([y[1], y[2], y[3], fourth])
 
     def ends(start: Array, end: Array, p: Array) -> Array:
-        return np.array([start[0] - BELOW, start[1], start[2], end[0], end[2] + POISSON * end[1] / OUTER])
+        return np.array([start[0] - plate.below, start[1], start[2], end[0], plate.held(end)])
 
     s = np.linspace(0, 1, 21)
-    guess = np.stack([BELOW * (1 - s**2), 0 * s, 0 * s, 0 * s])
+    guess = np.stack([plate.below * (1 - s**2), 0 * s, 0 * s, 0 * s])
     found = solve_bvp(rates, ends, s, guess, p=[0.5], tol=COLLOCATED, max_nodes=5000)
     if not found.success:
         raise ArithmeticError(found.message)
     b = float(found.p[0])
 
     def bent(radii: Array) -> tuple[Array, Array]:
-        y = found.sol((radii - b) / (OUTER - b))
+        y = found.sol((radii - b) / (plate.outer - b))
         return y[1], y[2]
 
-    return _estimates(_round_plate(b, bent, found.y[3, 0], found.y[:, -1]), 1e4 * COLLOCATED)
+    return _estimates(plate.asked(b, bent, found.y[3, 0], found.y[:, -1]), 1e4 * COLLOCATED)
+
+
+HINGED_PLATE = RoundPlate(poisson=0.3, inner=0.2, below=0.004, load=LOAD, clamped=False)
+CLAMPED_PLATE = RoundPlate(poisson=0.25, inner=0.3, below=0.002, load=5.0, clamped=True)
 
 
 def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
@@ -264,11 +295,19 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span, False), 10 * ROUNDING),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span, True), 10 * ROUNDING),
     "contact_hill": lambda: _estimates(_on_hill(span), SMALL_SLOPES),
-    "contact_plate": plate_on_floor,
+    "contact_plate": lambda: plate_on_floor(HINGED_PLATE),
+    "contact_plate_clamped": lambda: plate_on_floor(CLAMPED_PLATE),
+    "contact_ridge": lambda: _estimates(_on_hill(span, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES),
+    **IN_MOTION,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span_by_collocation, True), 1e4 * COLLOCATED),
     "contact_hill": lambda: _estimates(_on_hill(span_by_collocation), SMALL_SLOPES),
-    "contact_plate": plate_on_floor_by_collocation,
+    "contact_plate": lambda: plate_on_floor_by_collocation(HINGED_PLATE),
+    "contact_plate_clamped": lambda: plate_on_floor_by_collocation(CLAMPED_PLATE),
+    "contact_ridge": lambda: _estimates(
+        _on_hill(span_by_collocation, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES
+    ),
+    **INTEGRATED,
 }

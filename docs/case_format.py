@@ -193,7 +193,7 @@ SECTIONS = (  # heading, one of them, words, common base, classes
     ("Springs", "", "`[[springs]]`: any number, in the linear theory and in cases of motion. A spring all over the shell is a foundation.", None, ("Spring",)),
     ("Loads", "Load", "`[[loads]]`: any number, each of one of six kinds. All are dead, they keep their direction, but a pressure that follows.", None,
      ("AreaLoad", "PressureLoad", "GravityLoad", "EdgeLoad", "PointLoad", "MomentLoad")),
-    ("Obstacles", "Obstacle", "`[[obstacles]]`: any number, in the linear theory and at rest, without friction. The shell keeps out of them; where it touches is found.", None,
+    ("Obstacles", "Obstacle", "`[[obstacles]]`: any number, in the linear theory without friction, and in motion. The shell keeps out of them; where it touches is found.", None,
      ("HalfSpace", "Plate", "Sphere", "Capsule", "Box", "FormulaBody")),
     ("Contact", "", "`[contact]`: how obstacles are touched.", None, ("Contact",)),
     ("Path", "", "`[path]`: in the non-linear theory, for cases that do not move.", None, ("Path",)),

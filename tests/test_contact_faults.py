@@ -122,9 +122,9 @@ FLOOR = DATA["obstacles"][0]
         ({"obstacles": [{**FLOOR, "centre": [0, 0, 0.001]}]}, "the shell starts in obstacle 1, of kind 'plane'"),
         ({"obstacles": [{**FLOOR, "kind": "cube"}]}, "cube"),
         ({"obstacles": [{**FLOOR, "friction": -0.1}]}, "friction"),
-        ({"obstacles": [{**FLOOR, "friction": 0.1}]}, "shells slide on obstacles freely"),
+        ({"obstacles": [{**FLOOR, "friction": 0.1}]}, "without [dynamics] shells slide freely"),
         ({"obstacles": []}, "the case has no [[obstacles]]"),
-        ({"theory": "kirchhoff-love-nonlinear"}, "obstacles belong to the linear theory"),
+        ({"theory": "kirchhoff-love-nonlinear"}, "obstacles belong to the linear theory, or to a case with [dynamics]"),
     ],
 )
 def test_a_bad_file_is_one_sentence(change, words):

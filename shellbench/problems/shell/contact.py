@@ -1,8 +1,8 @@
 """Contact of shells with obstacles: what the gap is, what presses, and what is measured of both.
 
-Contact is without friction. Obstacles are asked where the deformed midsurface is, x + u, in the linear theory too. With
-`thickness` it is a face that touches: the midsurface keeps half a thickness from the obstacle, along the obstacle's
-normal.
+At rest contact is without friction. Obstacles are asked where the deformed midsurface is, x + u, in the linear theory
+too. With `thickness` it is a face that touches: the midsurface keeps half a thickness from the obstacle, along the
+obstacle's normal.
 """
 
 from __future__ import annotations
@@ -83,8 +83,14 @@ def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple
     points, displacement
         (n, 2) on the shell, and (n, 3) there, m.
     t
-        Load factor.
+        Load factor or time.
     """
+    gap, normal, _ = nearest_obstacle(case, points, displacement, t)
+    return gap, normal
+
+
+def nearest_obstacle(case: Any, points: Array, displacement: Array, t: float) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return what `gaps` does, and the numbers (n,) of the nearest obstacles."""
     places = case.surface.position(points) + displacement
     offsets = [places - obstacle.at(t)[0] for obstacle in case.obstacles]
     distances = [obstacle.distance(o) for obstacle, o in zip(case.obstacles, offsets, strict=True)]
@@ -95,7 +101,7 @@ def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple
     if case.contact.thickness:
         factor = case.material.factors(points, case.surface.named_constants)[1]
         gap = gap - factor * case.material.thickness / 2
-    return gap, normal
+    return gap, normal, nearest
 
 
 def check_contact(case: Any) -> None:
@@ -113,15 +119,16 @@ def check_contact(case: Any) -> None:
     if case.remove_rigid_motions:
         raise ValueError("obstacles stand in space: no rigid motion is removed where there are any")
     for obstacle in case.obstacles:
-        if obstacle.friction:
+        if obstacle.friction and case.dynamics is None:
             raise ValueError(
-                f"an obstacle of kind '{obstacle.kind}' has friction, but shells slide on obstacles freely"
+                f"an obstacle of kind '{obstacle.kind}' has friction, but without [dynamics] shells slide freely"
             )
     points = case.surface.domain.grid(SAMPLES, SAMPLES).reshape(-1, 2)
     rest = np.zeros((len(points), 3))
     size = float(np.ptp(case.surface.position(points), axis=0).max())
     for number, obstacle in enumerate(case.obstacles, start=1):
-        gap, _ = gaps(case.model_copy(update={"obstacles": (obstacle,)}), points, rest)
+        alone = case.model_copy(update={"obstacles": (obstacle,)})
+        gap, _ = gaps(alone, points, rest, 1.0 if case.dynamics is None else 0.0)
         deepest = int(np.argmin(gap))
         if not gap[deepest] >= -STARTS_INSIDE * size:
             where = ", ".join(f"{v:.4g}" for v in case.surface.domain.wrap(points)[deepest])
@@ -140,11 +147,11 @@ def deepest(solution: Any, at: float | None) -> float:
     candidates = np.concatenate([domain.grid(GRID, GRID).reshape(-1, 2), solution.touch(at).points])
     reach = (upper - lower) / (GRID - 1)
     window = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, ZOOM)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    depth = 0.0
+    depth, t = 0.0, at
+    if t is None:
+        t = 1.0 if case.dynamics is None else case.dynamics.until
     for _ in range(LOOKS + 1):
-        gap, _ = gaps(
-            case, domain.wrap(candidates), solution.displacement(candidates, at=at), 1.0 if at is None else at
-        )
+        gap, _ = gaps(case, domain.wrap(candidates), solution.displacement(candidates, at=at), t)
         best = int(np.argmin(gap))
         depth = max(depth, -float(gap[best]))
         candidates = candidates[best] + reach * window

@@ -33,7 +33,7 @@ def check_path(case: Shell) -> None:
     if case.springs and not case.linear:
         raise ValueError("springs belong to the linear theory, or to a case with [dynamics]")
     if case.obstacles and not case.linear:
-        raise ValueError("obstacles belong to the linear theory")
+        raise ValueError("obstacles belong to the linear theory, or to a case with [dynamics]")
     if case.held_everywhere:
         raise ValueError("a component that is held on the whole surface belongs to a case with [dynamics]")
     if path.quantity is not None:
@@ -77,8 +77,6 @@ def check_motion(case: Shell) -> None:
     until = case.dynamics.until
     if case.linear:
         raise ValueError("[dynamics] belongs to the theory kirchhoff-love-nonlinear")
-    if case.obstacles:
-        raise ValueError("obstacles belong to a case at rest, without [dynamics]")
     if "path" in case.model_fields_set:
         raise ValueError("a case has a [path] or [dynamics], not both")
     if case.material.areal_density <= 0:

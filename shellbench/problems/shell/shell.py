@@ -82,7 +82,7 @@ class Shell(Problem):
     springs
         Elastic supports and foundations; in linear theory and in motion.
     obstacles, contact
-        What the shell can't enter, and how it touches that; in linear theory. Contact is without friction.
+        What the shell can't enter, and how it touches that; in linear theory without friction, and in motion.
     focus
         Names of points near which the answer varies quickly, though no force acts at them as such: meshes and inputs
         may be graded toward them.

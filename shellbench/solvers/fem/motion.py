@@ -23,6 +23,7 @@ from shellbench.problems.shell.history import moving_uncertainty
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import (
+    ContactForce,
     EnergyQuantity,
     MotionEnergy,
     QuantityModel,
@@ -31,9 +32,9 @@ from shellbench.problems.shell.quantities import (
 )
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
 from shellbench.solvers.fem.mesh import FEWEST, KINDS, Derivative, TensorMesh, axis_lines, graded_mesh
+from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.refinement import Cells, Estimate, estimate
-from shellbench.solvers.fem.solution import MotionSolution
 from shellbench.solvers.fem.time_step import Instant, MovingShell, Scheme
 
 Array = NDArray[np.float64]
@@ -195,6 +196,9 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
         case ReactionQuantity() | TorqueQuantity():
             largest = float(np.abs(solution.support_forces[:, :, :, 0]).sum(axis=1).max(initial=0.0))
             return max(value, largest * (size if quantity.kind == "torque" else 1.0), float(np.finfo(float).tiny))
+        case ContactForce():
+            forces = solution.touch(quantity.at).forces
+            return max(value, float(np.linalg.norm(forces, axis=-1).sum()), float(np.finfo(float).tiny))
         case _:
             return max(value, size)
 
@@ -329,7 +333,8 @@ def _solution(
 ) -> MotionSolution:
     problem = shell.problem
     case, mesh = problem.case, problem.mesh
-    scales = mesh.node_scales[:, None, :, None]
+    scales, points = mesh.node_scales[:, None, :, None], shell.points
+    touched = [instant for instant in kept if instant.touch is not None]
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
     # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
@@ -340,10 +345,12 @@ def _solution(
         mesh=mesh,
         times=np.array([instant.t for instant in kept]),
         coefficients=np.stack([instant.q for instant in kept], axis=-1).reshape(shape) / scales,
-        rates=np.stack([instant.v for instant in kept], axis=-1).reshape(shape) / scales,
+        rates=np.stack([instant.velocity for instant in kept], axis=-1).reshape(shape) / scales,
         support_nodes=ties.nodes,
         reaction_times=np.array([t for t, _ in reactions]),
         support_forces=forces * scales[ties.nodes],
         quadrature_order=quadrature_order,
         parameters=unknowns,
+        touch_times=np.array([k.t - k.length for k in touched]),
+        touching=tuple(points.touch(k.touch) for k in touched if points is not None and k.touch is not None),
     )

@@ -14,7 +14,8 @@ from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.solution import Beyond, ShellSolver
 
 if TYPE_CHECKING:
-    from shellbench.solvers.fem.solution import FemSolution, MotionSolution
+    from shellbench.solvers.fem.motion_solution import MotionSolution
+    from shellbench.solvers.fem.solution import FemSolution
 
 
 class FemSettings(Settings):
@@ -130,7 +131,8 @@ class FemSolver(ShellSolver):
     def load(self, path: Path) -> FemSolution | MotionSolution:
         """Read a solution that `save` wrote; InputError in one sentence if it is none."""
         from shellbench.problems.shell.solution import read_solution
-        from shellbench.solvers.fem.solution import FORMATS, FemSolution, MotionSolution
+        from shellbench.solvers.fem.motion_solution import MotionSolution
+        from shellbench.solvers.fem.solution import FORMATS, FemSolution
 
         def kind(case: Case) -> type[FemSolution | MotionSolution]:
             return FemSolution if case.dynamics is None else MotionSolution

@@ -31,6 +31,7 @@ from shellbench.solvers.fem.mesh import (
     singular_points,
 )
 from shellbench.solvers.fem.modes import solve_modes
+from shellbench.solvers.fem.motion_solution import MotionSolution
 from shellbench.solvers.fem.refinement import (
     ASYMPTOTIC,
     Cells,
@@ -40,7 +41,7 @@ from shellbench.solvers.fem.refinement import (
     level_cells,
     levels,
 )
-from shellbench.solvers.fem.solution import FemSolution, MotionSolution
+from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
 from shellbench.solvers.fem.symmetry import FoldedMesh
 from shellbench.solvers.fem.time_step import Scheme

@@ -10,9 +10,9 @@ With x = (1 - alpha_f) q_{n+1} + alpha_f q_n, the displacement at the time t_n +
 
     W(x) + x . K_s x / 2 - f . x + c (x - x*) . M (x - x*) / 2,    c = (1 - alpha_m) / ((1 - alpha_f) beta h^2),
 
-where x* is where x would go without any force. For a short step that is convex, and Newton's method with a line search
-finds its minimum. The factorised tangent is kept from iteration to iteration and from step to step until it is too old
-to converge quickly.
+where x* is where x would go without any force. Obstacles add impulses: see `contact_in_motion`. For a short step
+that is convex, and Newton's method with a line search finds its minimum. The factorised tangent is kept from iteration
+to iteration and from step to step until it is too old to converge quickly.
 
 Chung & Hulbert (1993), A time integration algorithm for structural dynamics with improved numerical dissipation:
 the generalized-alpha method, Journal of Applied Mechanics 60.
@@ -20,7 +20,7 @@ the generalized-alpha method, Journal of Applied Mechanics 60.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 
 from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.contact import ContactPoints
+from shellbench.solvers.fem.contact_in_motion import MOST_ROUNDS, Pressed, StepContact
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.strain_energy import Strained
@@ -39,6 +41,7 @@ MOST_ITERATIONS = 20  # a step that takes more is cut
 SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
 SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
 SHORTEST_SEARCH = 2.0**-10  # of the Newton step
+OVERSHOT = 0.5  # of the work of the residual on a step: where it turns to less than minus that, the step was too long
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,13 @@ class Instant:
     iterations
         Newton iterations of the step that led here.
     supplied
-        Work of the supports and loads since rest, J.
+        Work of the supports, loads and moving obstacles since rest, J.
+    touch
+        (n, 3) what obstacles exerted on their points in the step before, N, or None where there are none.
+    pressure, traction
+        (n,) and (n, 3) of them, Pa.
+    impulse
+        (nodes, 12) what they change the velocity by in a step: v is that before an impulse.
     """
 
     t: float
@@ -100,14 +109,27 @@ class Instant:
     length: float = 0.0
     iterations: int = 0
     supplied: float = 0.0
+    touch: Array | None = None
+    pressure: Array | None = None
+    traction: Array | None = None
+    impulse: Array | None = None
+
+    @property
+    def velocity(self) -> Array:
+        """(nodes, 12) the velocity: where something presses all along, in the middle of its impulse."""
+        return self.v if self.impulse is None else self.v + self.impulse / 2
 
 
 @dataclass
 class _Kept:
-    """A factorised tangent that is used as long as it converges quickly; of one length of step."""
+    """A factorised tangent that is used as long as it converges quickly; of one length of step and status of points."""
 
     factor: Factor | None = None
     length: float = 0.0
+    status: bytes = b""
+    tangent: BlockMatrix | None = (
+        None  # without obstacles, where there are any: other points in contact need no new one
+    )
 
 
 @dataclass(frozen=True)
@@ -128,6 +150,16 @@ class MovingShell:
         """Stiffness of the springs, N/m."""
         return spring_matrix(self.problem.case, self.problem.mesh) if self.problem.case.springs else None
 
+    @cached_property
+    def points(self) -> ContactPoints | None:
+        """Where obstacles are asked for their distance."""
+        return ContactPoints.on_mesh(self.problem.case, self.problem.mesh) if self.problem.case.obstacles else None
+
+    @cached_property
+    def _inertia(self) -> Factor:
+        """The factorised mass matrix; what supports hold does not depend on the time."""
+        return factorise(self.problem.ties(0.0).reduce(self.mass), self.problem.dissection)
+
     def at_rest(self, h: float) -> Instant:
         """Return the begin of the motion; `h` is the step over which supports are taken to gather speed evenly."""
         problem = self.problem
@@ -137,8 +169,7 @@ class MovingShell:
         # acceleration, u0 = a h^2 / 2.
         moved = 2 / h**2 * problem.ties(h).particular[..., 0]
         right = problem.loads(0.0) - _times(self.mass, moved)
-        factor = factorise(ties.reduce(self.mass), problem.dissection)
-        a = moved + _on_free(ties, factor, right)
+        a = moved + _on_free(ties, self._inertia, right)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = (_times(self.mass, a) - problem.loads(0.0))[ties.nodes]
         return Instant(0.0, q, np.zeros_like(q), a, reaction)
@@ -176,14 +207,37 @@ class MovingShell:
         free = coast - h**2 * s.beta * s.alpha_m / (1 - s.alpha_m) * start.a
         target = (1 - s.alpha_f) * free + s.alpha_f * start.q  # x*
         weight = (1 - s.alpha_m) / ((1 - s.alpha_f) * s.beta * h**2)
-        guess = start.q + h * start.v + h**2 / 2 * start.a
+        contact = None if self.points is None else self._contact(self.points, start, end)
+        guess = start.q + h * start.velocity + h**2 / 2 * start.a
+        if start.impulse is not None:
+            guess = guess + h / 2 * start.impulse
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _Minimum(self, ties, loads, target, weight, self._kinetic(start.v))
+        minimum = _Minimum(self, ties, loads, target, weight, self._kinetic(start.v), start.q, contact)
         x, residual, iterations = minimum.find(x, h)
-        q = (x - s.alpha_f * start.q) / (1 - s.alpha_f)
-        a = (q - coast) / (s.beta * h**2)
-        v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a)
+        pressed: Pressed | None = None
+        for _ in range(MOST_ROUNDS if minimum.contact else 0):
+            assert minimum.contact is not None
+            pressed = minimum.contact.at(minimum.end(x))
+            if minimum.contact.settled(pressed, self._size):
+                break
+            minimum = replace(minimum, contact=minimum.contact.next_round(pressed))
+            x, residual, more = minimum.find(x, h)
+            iterations += more
+        else:
+            if minimum.contact:
+                raise NotConvergedError
+        q = minimum.end(x)
+        push = np.zeros_like(q)  # r of `contact_in_motion`
+        touched: dict[str, Array] = {}
+        supplied = start.supplied
+        if pressed is not None and minimum.contact is not None:
+            push = _on_free(ties, self._inertia, minimum.contact.nodal(pressed))
+            touched = {"pressure": pressed.pressure, "traction": pressed.traction, "impulse": h * push}
+            touched["touch"] = minimum.contact.forces(pressed)
+            supplied += minimum.contact.work(pressed)
+        a = (q - coast - h**2 * push) / (s.beta * h**2)
+        v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)
         reaction[ties.nodes] = -residual[ties.nodes]
         # Loads by the trapezium rule. Reactions balance at t_n + (1 - alpha_f) h, which is not the middle of the step.
@@ -191,20 +245,49 @@ class MovingShell:
         late = (s.alpha_f - 0.5) * h / ((1 - s.alpha_f) * h + s.alpha_f * start.length)
         exerted = reaction + late * (reaction - start.reaction)
         loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
-        supplied = start.supplied + float(np.sum(loaded * (q - start.q)))
-        return Instant(end, q, v, a, reaction, h, iterations, supplied)
+        supplied += float(np.sum(loaded * (q - start.q)))
+        return Instant(end, q, v, a, reaction, h, iterations, supplied, **touched)
+
+    def _contact(self, points: ContactPoints, start: Instant, end: float) -> StepContact:
+        count = len(points.points)
+        pressure = np.zeros(count) if start.pressure is None else start.pressure
+        traction = np.zeros((count, 3)) if start.traction is None else start.traction
+        return StepContact.on_step(points, (start.t, end), start.q, (pressure, traction))
+
+    @cached_property
+    def _size(self) -> float:
+        return float(np.ptp(self.problem.case.surface.position(self.problem.mesh.node_points), axis=0).max())
 
 
 @dataclass(frozen=True)
 class _Minimum:
-    """The incremental potential of one step; `kinetic` is the energy, J, that the shell begins it with."""
+    """The incremental potential of one step.
+
+    `kinetic` is the energy, J, that the shell begins it with, and `begin` its displacement.
+    """
 
     shell: MovingShell
     ties: Ties
     loads: Array
     target: Array
     weight: float
-    kinetic: float = 0.0
+    kinetic: float
+    begin: Array
+    contact: StepContact | None
+
+    def end(self, x: Array) -> Array:
+        """Return the displacement (nodes, 12) at the step's end."""
+        late = self.shell.scheme.alpha_f
+        return np.asarray((x - late * self.begin) / (1 - late))
+
+    @property
+    def share(self) -> float:
+        """What a force that moves the step's end by h^2 M^-1 R counts in the equation of x, in R."""
+        return (1 - self.shell.scheme.alpha_m) / self.shell.scheme.beta
+
+    def pressed(self, x: Array) -> Pressed | None:
+        """Return what obstacles exert."""
+        return None if self.contact is None else self.contact.at(self.end(x))
 
     def find(self, x: Array, h: float) -> tuple[Array, Array, int]:
         """Return the minimum from a guess that satisfies the supports, the residual there, and the iterations."""
@@ -218,56 +301,74 @@ class _Minimum:
         kept, energy = self.shell._kept, self.shell.problem.energy
         # c depends on the length of the step.
         if kept.length != h:
-            kept.factor, kept.length = None, h
-        strained = energy.at(x)
-        value, size = self._potential(x, strained)
-        before = np.inf
+            kept.factor, kept.tangent, kept.length = None, None, h
+        strained, pressed = energy.at(x), self.pressed(x)
+        value, size = self._potential(x, strained, pressed)
+        residual, before = self._residual(x, strained, pressed), np.inf
         for iteration in range(1, MOST_ITERATIONS + 1):
-            residual = self._residual(x, strained)
             if not np.isfinite(value):
                 break
-            if kept.factor is None:
-                kept.factor = self._factorised(x, strained)
+            status = b"" if pressed is None else pressed.status.tobytes()
+            if kept.factor is None or status != kept.status:
+                kept.factor, kept.status = self._factorised(x, strained, pressed), status
                 before = np.inf
             step = _on_free(self.ties, kept.factor, residual)
             decrement = float(np.sum(residual * step))
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
-            share, floor = 1.0, CONVERGED * size
+            share, floor, short, far = 1.0, CONVERGED * size, 0.0, 1.0
             while True:
                 moved = x + share * step
-                strained = energy.at(moved)
-                found, size = self._potential(moved, strained)
-                if found <= value - SUFFICIENT * share * decrement + floor:
-                    break
-                share /= 2
+                strained, pressed = energy.at(moved), self.pressed(moved)
+                found, size = self._potential(moved, strained, pressed)
+                # Where friction changes sign the potential has next to a kink, which steps jump over to and fro. So
+                # the share is sought, by halves, at which the residual does no work against the step.
+                left = self._residual(moved, strained, pressed)
+                along = 0.0 if pressed is None else float(np.sum(left * step))
+                over = along < -max(OVERSHOT * decrement, floor)
+                if found <= value - SUFFICIENT * share * decrement + floor and not over:
+                    if along <= OVERSHOT * decrement or far == 1.0 or far - short < SHORTEST_SEARCH:
+                        break
+                    short = share
+                else:
+                    far = share
+                share = (short + far) / 2
                 if share < SHORTEST_SEARCH:
                     raise NotConvergedError
-            x, value = moved, found
+            x, value, residual = moved, found, left
             if decrement <= floor and share == 1.0:
-                return x, self._residual(x, strained), iteration
+                return x, residual, iteration
             # A new tangent has no decrement before it, so that it is never judged by its first step.
             if decrement > SLOW * before or share < 1.0:
-                kept.factor = None
+                kept.factor = kept.tangent = None
             before = decrement
         raise NotConvergedError
 
-    def _potential(self, x: Array, strained: Strained) -> tuple[float, float]:
+    def _potential(self, x: Array, strained: Strained, pressed: Pressed | None) -> tuple[float, float]:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * _times(self.shell.mass, away)))
         elastic, work = strained.energy + self.shell._sprung(x), float(np.sum(self.loads * x))
+        if pressed is not None:
+            inertia += self.share * (1 - self.shell.scheme.alpha_f) * pressed.energy
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
-    def _residual(self, x: Array, strained: Strained) -> Array:
+    def _residual(self, x: Array, strained: Strained, pressed: Pressed | None) -> Array:
         forces = self.loads - strained.forces - self.weight * _times(self.shell.mass, x - self.target)
+        if self.contact is not None and pressed is not None:
+            forces = forces + self.share * self.contact.nodal(pressed)
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
-    def _factorised(self, x: Array, strained: Strained) -> Factor:
-        matrix = self.shell.problem.energy.tangent(strained)
-        matrix.blocks[...] += self.weight * self.shell.mass.blocks
-        if self.shell.springs is not None:
-            matrix.blocks[...] += self.shell.springs.blocks
+    def _factorised(self, x: Array, strained: Strained, pressed: Pressed | None) -> Factor:
+        matrix, kept = self.shell._kept.tangent, self.shell._kept
+        if matrix is None:
+            matrix = self.shell.problem.energy.tangent(strained)
+            matrix.blocks[...] += self.weight * self.shell.mass.blocks
+            if self.shell.springs is not None:
+                matrix.blocks[...] += self.shell.springs.blocks
+        if self.contact is not None and pressed is not None:
+            kept.tangent, matrix = matrix, replace(matrix, blocks=matrix.blocks.copy())
+            self.contact.add_stiffness(matrix, pressed, self.share / (1 - self.shell.scheme.alpha_f))
         reduced = self.ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
