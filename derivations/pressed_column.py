@@ -28,8 +28,8 @@ OBLIQUE = 1e-3
 WALL = -np.arctan2(1.0, OBLIQUE)
 EULER = np.pi**2 / 4 * STRIP.bending_stiffness / STRIP.length**2
 """Euler's load over the width, N/m."""
-MARKS = 0.05, 0.2, 0.6
-RANGE = 0.9, 1.6
+MARKS = 0.05, 0.2
+RANGE = 0.9, 1.2
 """Load factors between which the tip passes all marks."""
 NEAR = 1e-5 * np.arange(-2, 3)
 """Load factors about that of the elastica, of the second form."""

@@ -93,7 +93,10 @@ def by_polynomials(slenderness: float, along: int, across: int) -> float:
 
 def by_splines(slenderness: float, along: int, across: int, degree: int = 6) -> float:
     """Load factor with so many spans, those along the strip graded toward the wall."""
-    lines = Splines(np.linspace(0.0, 1.0, along + 1) ** GRADING, degree), Splines(np.linspace(0.0, 1.0, across + 1), degree)
+    lines = (
+        Splines(np.linspace(0.0, 1.0, along + 1) ** GRADING, degree),
+        Splines(np.linspace(0.0, 1.0, across + 1), degree),
+    )
     ends = ("free", "held", "clamped")
 
     def functions(line: Splines, points: Array, order: int, clamp: int) -> Array:
