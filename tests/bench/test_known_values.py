@@ -24,8 +24,8 @@ from derivations import (
     roll_up,
     ropes,
     shapes_by_series,
-    strip_on_edge,
     spiral,
+    strip_on_edge,
 )
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
