@@ -47,9 +47,11 @@ from .garments import JUDGES as GARMENTS
 from .naghdi import JUDGES as NAGHDI
 from .passport import JUDGES as PASSPORT
 from .plate_modes import JUDGES as PLATES
+from .pressed_column import pressed_column
 from .resultants import JUDGES as RESULTANTS
 from .ropes import JUDGES as ROPES
 from .shapes_by_series import JUDGES
+from .strip_on_edge import JUDGES as STRIPS
 
 ROOFS = {"1e_2": 0.5, "3e_3": 0.15, "1e_3": 0.05, "3e_4": 0.015, "1e_4": 0.005}  # thickness, m: name times 50 m
 TWIST = math.radians(0.2)  # that of cases/sleeve_torque.toml
@@ -97,6 +99,8 @@ CASES = {
     **PASSPORT,
     **PLATES,
     **CYLINDERS,
+    "pressed_column": pressed_column,
+    **STRIPS,
     **NAGHDI,
     **RESULTANTS,
 }

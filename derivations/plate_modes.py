@@ -7,10 +7,12 @@ Rayleigh quotients
 
 with H^abcd = nu a^ab a^cd + (1 - nu) / 2 (a^ac a^bd + a^ad a^bc). Coordinates run along the sides, from -1 to 1; the
 metric is constant. A side that is simply supported holds w, a clamped one w and its slope: w is sought as a product of
-polynomials that have one or two zeros at each such end. Three cases are closed forms: Navier's products of sines for a
+polynomials that have one or two zeros at each such end. Four cases are closed forms: Navier's products of sines for a
 rectangle that is simply supported, with w,nn = 0 at its rim,
 
-    omega = pi^2 (i^2 / a^2 + j^2 / b^2) sqrt(B / m),    N = B pi^2 (i^2 / a^2 + j^2 / b^2)^2 / (i / a)^2.
+    omega = pi^2 (i^2 / a^2 + j^2 / b^2) sqrt(B / m),    N = B pi^2 (i^2 / a^2 + j^2 / b^2)^2 / (i / a)^2;
+
+under tension m omega^2 has pi^2 (N11 i^2 / a^2 + N22 j^2 / b^2) besides.
 
 Modes are numbered from 1; rigid motions are no modes.
 """
@@ -66,6 +68,7 @@ class Plate:
 SIMPLE = Plate(((3.0, 0.0), (0.0, 2.0)), 2e11, 0.3, 0.01, density=80.0)
 FREE = Plate(((1.0, 0.0), (0.0, 1.0)), 7e10, 0.3, 0.004, density=10.8, zeros=0)
 RHOMBUS = Plate(((10.0, 0.0), (10 * 0.5**0.5, 10 * 0.5**0.5)), 2e11, 0.3, 0.05, density=400.0, zeros=2)
+STRETCHED = replace(SIMPLE, force=((3e4, 0.0), (0.0, 1.5e4)))
 PRESSED = replace(SIMPLE, density=0.0, force=((-1e5, 0.0), (0.0, 0.0)))
 SHEARED = Plate(((1.0, 0.0), (0.0, 1.0)), 2e11, 0.3, 0.005, force=((0.0, 1e5), (1e5, 0.0)))
 RIGID = {0: 3, 1: 0, 2: 0}
@@ -78,7 +81,8 @@ def sines(plate: Plate, count: int) -> Array:
     i, j = np.meshgrid(np.arange(1, 4 * count + 1), np.arange(1, 4 * count + 1))
     wave = np.pi**2 * ((i / a) ** 2 + (j / b) ** 2)
     if plate.density:
-        return np.sort((wave * np.sqrt(plate.bending / plate.density) / (2 * np.pi)).ravel())[:count]
+        tension = np.pi**2 * (plate.force[0][0] * (i / a) ** 2 + plate.force[1][1] * (j / b) ** 2)
+        return np.sort(np.sqrt((plate.bending * wave**2 + tension) / plate.density).ravel() / (2 * np.pi))[:count]
     return np.sort((plate.bending * wave**2 / (np.pi * i / a) ** 2).ravel())[:count] / -plate.force[0][0]
 
 
@@ -162,6 +166,7 @@ def ritz(plate: Plate, count: int, name: str, unit: str, degrees: tuple[int, int
 
 JUDGES: dict[str, Callable[[], Values]] = {
     "plate_modes": partial(closed, SIMPLE, 10, "frequency", "Hz"),
+    "stretched_plate_modes": partial(closed, STRETCHED, 6, "frequency", "Hz"),
     "free_plate_modes": partial(ritz, FREE, 8, "frequency", "Hz"),
     "rhombic_plate_modes": partial(ritz, RHOMBUS, 6, "frequency", "Hz", (24, 32)),
     "plate_compression": partial(closed, PRESSED, 4, "load_factor", ""),

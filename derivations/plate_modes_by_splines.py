@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import eigh
 
-from .plate_modes import FREE, PRESSED, RHOMBUS, RIGID, SHEARED, SIMPLE, Array, Plate, Values, numbered
+from .plate_modes import FREE, PRESSED, RHOMBUS, RIGID, SHEARED, SIMPLE, STRETCHED, Array, Plate, Values, numbered
 from .spline_shell import Splines
 
 DEGREE = 7
@@ -48,12 +48,13 @@ def splines(plate: Plate, count: int, spans: int, degree: int = DEGREE) -> Array
     stiffness = product(xx, xx) + product(yy, yy) + 2 * nu * product(xx, yy) + 2 * (1 - nu) * product(xy, xy)
     stiffness *= plate.bending
     first = RIGID[plate.zeros]
+    slopes, force = np.tensordot(jacobian.T, gradient, 1), plate.force
+    tension = np.asarray(sum(force[i][j] * product(slopes[i], slopes[j]) for i in (0, 1) for j in (0, 1)))
     if plate.density:
         ahead = plate.density * product(np.kron(value, value), np.kron(value, value))
+        stiffness += tension
     else:
-        slopes = np.tensordot(jacobian.T, gradient, 1)
-        force = plate.force
-        ahead = -np.asarray(sum(force[i][j] * product(slopes[i], slopes[j]) for i in (0, 1) for j in (0, 1)))
+        ahead = -tension
     size = len(stiffness)
     # a squared frequency that is small beside all of them, so that rigid motions have one
     shift = plate.bending / plate.density / area.sum() ** 2 if first else 0.0
@@ -70,6 +71,7 @@ def by_splines(plate: Plate, count: int, name: str, unit: str, spans: tuple[int,
 
 SECOND_FORMS: dict[str, Callable[[], Values]] = {
     "plate_modes": partial(by_splines, SIMPLE, 10, "frequency", "Hz"),
+    "stretched_plate_modes": partial(by_splines, STRETCHED, 6, "frequency", "Hz"),
     "free_plate_modes": partial(by_splines, FREE, 8, "frequency", "Hz"),
     "rhombic_plate_modes": partial(by_splines, RHOMBUS, 6, "frequency", "Hz", (10, 14)),
     "plate_compression": partial(by_splines, PRESSED, 4, "load_factor", ""),

@@ -65,7 +65,10 @@ FAULTS = (
     Fault("a rigid motion counted", "fem", "free_plate_modes", rigid_counted),
     Fault("stresses of another load", "fem", "plate_compression", twice_the_load),
     Fault("bending without 1 - nu^2", "fem", "plate_modes", wrong_bending),
-    Fault("mass without density", "ndf-ritz", "plate_modes", wrapped(sampled.Sampled, "products", lambda m: 80.0 * m)),
+    Fault("tension left out", "fem", "stretched_plate_modes", wrapped(fem, "geometric_stiffness", scaled(0.0))),
+    Fault("tension taken for pressure", "fem", "stretched_plate_modes", wrapped(fem, "geometric_stiffness", scaled(-0.2))),
+    Fault("mass without density", "ndf", "plate_modes", wrapped(sampled.Sampled, "products", lambda m, *_: 80.0 * m)),
+    Fault("mass without density", "ndf-ritz", "plate_modes", wrapped(sampled.Sampled, "products", lambda m, *_: 80.0 * m)),
     Fault("shear stress by half", "ndf-ritz", "plate_shear", unloaded_shear),
 )  # fmt: skip
 CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})

@@ -8,7 +8,19 @@ from typing import Any, Literal
 
 SUITE = "passport"
 GRAVITY = 9.8  # m/s^2, of its free fall
-Rule = Literal["inverse", "proportional", "quotient", "hanging"]
+Rule = Literal["inverse", "proportional", "quotient", "hanging", "vibrating"]
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """A strip of length 1 m and areal density 1 kg/m^2 that a constant pressure moves from rest (N/m^2, N m, s)."""
+
+    pressure: float
+    bending: float
+    time: float
+
+
+VIBRATION = Vibration(pressure=1e-5, bending=0.1, time=1.0)
 
 
 @dataclass(frozen=True)
@@ -24,7 +36,7 @@ class Property:
     rule
         How: it is inversely proportional or proportional to the quantity, or to the quotient of two; or it is the
         stiffness of a strip that hangs under its own weight, of which the drop and the shortening are given, as
-        parts of its length.
+        parts of its length; or that of a strip which vibrates as `VIBRATION` says, of which the deflection is given.
     nominal
         The material's own, from the material of the case.
     """
@@ -55,6 +67,10 @@ PROPERTIES = (
                  (f"drop_{gamma}", f"shortening_{gamma}"), "hanging", lambda m: m.bending_stiffness)
         for gamma in (1, 10, 100, 1000)
     ),
+    Property("bending_on_edge", "Bending and torsion, B, on edge", "N m", "strip_on_edge_1_20", ("load_factor_1",),
+             "proportional", lambda m: m.bending_stiffness),
+    Property("bending_in_motion", "Bending, B, in motion", "N m", "vibrating_strip", ("deflection_1000ms",),
+             "vibrating", lambda m: m.bending_stiffness),
     Property("fall", "Free fall, g", "m/s^2", "free_fall", ("fall_1000ms",), "proportional",
              lambda m: GRAVITY),
 )  # fmt: skip

@@ -3,7 +3,8 @@
 Each figure of the suite `passport` answers to one stiffness. Of the swatch a displacement is inversely proportional
 to it. Of the heavy cantilever the drop H and the reach W of its tip are, as H / W, a function of Gamma = q L^3 / B
 alone (Romero et al. 2021): the Gamma at which the elastica has the solver's H / W tells its B. What a thin shell has
-there in place of the elastica's H / W cancels, as the known values go through the same function.
+there in place of the elastica's H / W cancels, as the known values go through the same function. Solvers that know
+motions only are told by half a period of a strip, whose lowest mode swings as slowly as its bending is soft.
 """
 
 from __future__ import annotations
@@ -16,11 +17,13 @@ from typing import Any
 import numpy as np
 
 from shellbench.bench import catalog
-from shellbench.bench.passport import PROPERTIES, Property
+from shellbench.bench.passport import PROPERTIES, VIBRATION, Property
 from shellbench.bench.row import Row
 
 MESH = "cells"  # the setting of which a solver's finest value is its passport's
 LEAST_LOG = -60.0
+MODES = 99  # of a strip that vibrates: the last one has 1e-10 of the deflection
+SOFTEST, STIFFEST = 1e-3, 3.5  # bending over nominal: deflections fall with it, until a period is over
 Values = Mapping[str, float]
 
 
@@ -44,6 +47,8 @@ def _measure(one: Property, values: Values) -> float:
             return first / values[one.quantities[1]]
         case "hanging":
             return 1 / gamma_of(first / (1 - values[one.quantities[1]]))
+        case "vibrating":
+            return bending_in_motion(first)
 
 
 @dataclass(frozen=True)
@@ -161,3 +166,23 @@ def gamma_of(shape: float) -> float:
     steepest = math.log(math.pi / 2 * (1 - 1e-9))
     root = brentq(lambda x: math.log(elastica(x)[1] / shape), LEAST_LOG, steepest, xtol=1e-12, rtol=1e-14)
     return elastica(float(root))[0]
+
+
+def bending_in_motion(deflection: float) -> float:
+    """Return the bending stiffness, N m, of a strip that vibrates with this deflection of its middle, m.
+
+    Raises
+    ------
+    ValueError
+        If none between `SOFTEST` and `STIFFEST` does.
+    """
+    from scipy.optimize import brentq
+
+    m = np.arange(1, MODES, 2)
+
+    def excess(ratio: float) -> float:
+        squares = (m * np.pi) ** 4 * ratio * VIBRATION.bending
+        moved = 4 * VIBRATION.pressure / (m * np.pi * squares) * (1 - np.cos(np.sqrt(squares) * VIBRATION.time))
+        return float(np.sin(m * np.pi / 2) @ moved) - deflection
+
+    return VIBRATION.bending * float(brentq(excess, SOFTEST, STIFFEST, xtol=1e-13))

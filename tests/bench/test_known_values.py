@@ -20,11 +20,13 @@ from derivations import (
     plane_strip,
     plate_modes,
     plate_modes_by_splines,
+    pressed_column,
     resultants,
     roll_up,
     ropes,
     shapes_by_series,
     spiral,
+    strip_on_edge,
 )
 from derivations.annular_plate import annular_plate, deflection, rim_deflection_by_ritz
 from derivations.discrete_catenary import hanging_chain
@@ -87,11 +89,20 @@ ORIGINS = {
     **passport.JUDGES,
     **plate_modes.JUDGES,
     **cylinder_modes.JUDGES,
+    "pressed_column": pressed_column.pressed_column,
+    **strip_on_edge.JUDGES,
     **naghdi.JUDGES,
     **resultants.JUDGES,
 }
-MODES = {**plate_modes_by_splines.SECOND_FORMS, **cylinder_modes.SECOND_FORMS, **resultants.SECOND_FORMS}
+MODES = {
+    **plate_modes_by_splines.SECOND_FORMS,
+    **cylinder_modes.SECOND_FORMS,
+    **strip_on_edge.SECOND_FORMS,
+    **resultants.SECOND_FORMS,
+}
 LONG = {
+    "pressed_column",
+    *strip_on_edge.JUDGES,
     "field_drape",
     "heavy_cantilever",
     "rhombic_plate_modes",
@@ -118,6 +129,7 @@ SECOND_FORMS = {
     "Fourier series along the arc, exact exponentials along the axis": free_cylinder_by_exponentials,
     "Fourier series along the arc, Legendre-Ritz along the axis, tail extrapolated": diaphragm_by_polynomials,
     "inextensible elastica in elliptic integrals": elastica.elastica,
+    "inextensible column in elliptic integrals": pressed_column.elastica_of_column,
     "inextensible circle": roll_up.inextensible_circle,
     "arc of Kiepert's curve, inextensible": spiral.kiepert,
     "forms of the surface through sampled positions": lambda: {**sampled_plate(), **sampled_rotation()},
@@ -125,6 +137,7 @@ SECOND_FORMS = {
 POLYNOMIALS = {
     "cantilever_shear": plane_strip.cantilever_shear,
     "cantilever_moment": plane_strip.cantilever_moment,
+    "pressed_column": pressed_column.pressed_column_by_polynomials,
     "cantilever_pressure": plane_strip.cantilever_pressure,
 }
 
@@ -237,6 +250,7 @@ def of_quantity(values, quantity):
             for name in shapes_by_series.JUDGES
         ),
         "cantilever_pressure",
+        pytest.param("pressed_column", marks=pytest.mark.long),
         *contact.JUDGES,
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in passport.JUDGES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),

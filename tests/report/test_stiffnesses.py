@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from derivations import vibrating_strip
 from derivations.heavy_strip import heavy, hung
 from shellbench.bench import catalog
 from shellbench.bench.passport import PROPERTIES
@@ -44,7 +45,7 @@ def test_the_master_curve_goes_through_figures_of_another_integration(gamma, sha
 
 
 def test_known_values_are_the_material_itself():
-    for case in ("swatch", "heavy_cantilever", "free_fall"):
+    for case in ("swatch", "heavy_cantilever", "strip_on_edge_1_20", "vibrating_strip", "free_fall"):
         found = by_name(passport(rows(case, known(case))))
         mine = [one.name for one in PROPERTIES if one.case == case]
         assert [found[name].ratio for name in mine] == pytest.approx([1.0] * len(mine), abs=1e-12)
@@ -64,6 +65,13 @@ def test_a_strip_of_another_stiffness_is_found_out_at_each_weight():
     found = by_name(passport(rows("heavy_cantilever", values)))
     assert [found[f"bending_{gamma}"].ratio for gamma in (10, 100)] == pytest.approx([stiffer] * 2, rel=1e-4)
     assert found["bending_1"].ratio is None
+
+
+def test_a_strip_that_vibrates_tells_its_stiffness(monkeypatch):
+    monkeypatch.setattr(vibrating_strip, "BENDING", 1.3 * vibrating_strip.BENDING)
+    values = {name: estimate.value for name, estimate in vibrating_strip.vibrating_strip().items()}
+    found = by_name(passport(rows("vibrating_strip", values)))["bending_in_motion"]
+    assert found.ratio == pytest.approx(1.3, rel=1e-6)
 
 
 def test_a_swatch_tells_its_stiffnesses_apart():

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from derivations import strip_on_edge
 from shellbench.bench import catalog
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
@@ -25,3 +26,18 @@ def test_a_file_keeps_modes_and_shapes(solver, settings, tmp_path):
     assert found.mode_values[1] == pytest.approx(
         math.pi / 2 * (1 / 9 + 1 / 4) * math.sqrt(2e5 / 12 / 0.91 / 80), rel=1e-4
     )
+
+
+def test_strips_on_edge_tend_to_the_narrow_limit():
+    """The closed form of a beam, by strips that are half as wide each; .1 % is asked."""
+    assert strip_on_edge.narrow_limit() == pytest.approx(12.853763, abs=1e-6)
+    factors = [strip_on_edge.by_splines(number, 12, 2) for number in strip_on_edge.WIDTHS.values()]
+    assert strip_on_edge.extrapolated(factors) == pytest.approx(1.0, abs=1e-3)
+    assert abs(factors[-1] - 1) > 5e-3
+
+
+@pytest.mark.long
+def test_strips_on_edge_of_elements_tend_to_the_narrow_limit():
+    cases = [catalog.named_case(name) for name in strip_on_edge.WIDTHS]
+    factors = [FemSolver().solve(case, {"cells": (16, 4)}).mode_values[1] for case in cases]
+    assert strip_on_edge.extrapolated(factors) == pytest.approx(1.0, abs=1e-3)

@@ -142,10 +142,16 @@ class Membrane:
         if definite:
             values, axes = np.linalg.eigh(stress)
             stress = np.einsum("tak,tk,tbk->tab", axes, np.maximum(values, 0.0), axes)
-        geometric = np.einsum("tak,tkl,tbl->tab", self.gradients, stress, self.gradients)
         material = np.swapaxes(operator, 1, 2) @ (self.elasticity @ operator)
-        blocks = material + np.einsum("tab,ij->taibj", geometric, np.eye(3)).reshape(-1, 9, 9)
-        return np.asarray(self.areas[:, None, None] * blocks)
+        return np.asarray(self.areas[:, None, None] * material + self._turning(stress))
+
+    def geometric(self, strain: Array) -> Array:
+        """Return the part (t, 9, 9) of the second derivative that stresses have at rest, N/m, from strains (t, 3)."""
+        return self._turning((strain @ self.elasticity)[:, [[0, 2], [2, 1]]])
+
+    def _turning(self, stress: Array) -> Array:
+        geometric = np.einsum("t,tak,tkl,tbl->tab", self.areas, self.gradients, stress, self.gradients)
+        return np.asarray(np.einsum("tab,ij->taibj", geometric, np.eye(3)).reshape(-1, 9, 9))
 
     def covariant(self, strain: Array) -> Array:
         """Return strains (t, 3) as covariant components 11, 22, 12 in the surface's coordinates."""

@@ -80,9 +80,22 @@ def _is_wall(support: Support) -> bool:
     return support.clamped and set(support.components) == {"x", "y", "z"} and support.motion is None
 
 
+def _why_no_modes(case: Case) -> str | None:
+    """Return why the mesh can't tell the modes that a case asks for, as one clause, or None if it can."""
+    if case.quantities[0].kind != "frequency":
+        return None
+    if case.loads or any(support.motion is not None for support in case.supports):
+        return "it finds frequencies about rest only"
+    if case.remove_rigid_motions:
+        return "it finds frequencies of shells that are held only"
+    return None
+
+
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
-    if refusal := why_not_plain(case):
+    if refusal := why_not_plain(case, frozenset({"modes"})):
+        return refusal
+    if case.modal and (refusal := _why_no_modes(case)):
         return refusal
     if case.prescribed:
         return "it moves the whole surface as prescribed, and leaves nothing to solve for"

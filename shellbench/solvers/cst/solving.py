@@ -1,6 +1,6 @@
 """Solving a case on one mesh of triangles: its states or frames, one after the other.
 
-Static cases: one linear solve, or Newton's method along a path of load factors.
+Static cases: one linear solve, or Newton's method along a path of load factors; or modes (`modes`).
 
 Motion by backward Euler, as cloth simulators take it (Baraff & Witkin 1998; ARCSim).
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.history import Log, displacements, failing_with, with_answer_first
 from shellbench.problems.shell.places import Point
 from shellbench.solvers.cst.mesh import FEWEST_PERIODIC, TriangleMesh
+from shellbench.solvers.cst.modes import find_modes
 from shellbench.solvers.cst.problem import TriangleProblem, factorised, minimise
 from shellbench.solvers.cst.solution import CstSolution
 from shellbench.solvers.cst.solver import CstSettings
@@ -136,12 +137,26 @@ def _solve(course: _Course) -> CstSolution:
         course.frames.append(np.zeros_like(problem.elastic.rest))
         march(problem, case.dynamics.until, steps, settings.tolerance, lambda frame: course.add_frame(frame, steps))
         return course.solution()
+    if case.modal:
+        return _solve_modes(course)
     if case.linear:
         for state in solve_linear(problem, case.states):
             course.add_state(state)
     else:
         follow_path(problem, case.states, settings.tolerance, course.add_state)
     return with_answer_first(course.solution(), course.log.began)
+
+
+def _solve_modes(course: _Course) -> CstSolution:
+    case, problem = course.problem.case, course.problem
+    vibrates = case.quantities[0].kind == "frequency"
+    loaded = None if vibrates else solve_linear(problem, (1.0,))[0].displacement
+    values, shapes = find_modes(problem, loaded, int(max(case.states)))
+    for mark in case.states:
+        number = int(mark) - 1
+        course.add_state(TriangleState(mark, shapes[number], float(values[number]), 1, 0.0))
+    known = {int(mark): float(values[int(mark) - 1]) for mark in case.states}
+    return with_answer_first(replace(course.solution(), mode_values=known), course.log.began)
 
 
 Array = NDArray[np.float64]

@@ -1,11 +1,12 @@
-"""Modes by `ndf-ritz`: small vibrations and buckling of a field whose output layer is solved for.
+"""Modes by `ndf-ritz` and `ndf`: small vibrations and buckling of a field whose output layer is solved for.
 
 With w the output weights, the second variation of the potential energy at rest is K + G(s), s the stresses of the
 linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
 
     vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
 
-a field's frequencies can only be too high. The unknowns are independent combinations of features whose stiffness at
+a field's frequencies can only be too high. Hidden layers of `ndf` are deep, and stay as drawn here: challengers are
+further features of the last one. The unknowns are independent combinations of features whose stiffness at
 rest is the identity; rigid motions that nothing holds are constrained away, in the mean over the area.
 """
 
@@ -35,8 +36,8 @@ from shellbench.solvers.ndf.build import (
     resolution,
 )
 from shellbench.solvers.ndf.equilibrium import Basis, PathProblem
-from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.field import Field, deep_random_features
+from shellbench.solvers.ndf.jets import VALUE, Array, Placement
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import SAFETY, SLOWEST, Level, first_level, next_level, unsettled
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
@@ -54,13 +55,13 @@ SHAPES = 25  # points a side at which a shape's largest displacement is looked f
 FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
 
 
-def why_no_modes(case: Case, spec: FieldSpec) -> str | None:
+def why_no_modes(case: Case, spec: FieldSpec | None = None) -> str | None:
     """Return why a field can't tell the modes that a case asks for, as one clause, or None if it can."""
     if case.springs:
         return "it finds modes of shells without springs only"
     if any(support.motion is not None for support in case.supports):
         return "it finds modes under loads, not under supports that move"
-    if spec.supports == "soft":
+    if spec is not None and spec.supports == "soft":
         return 'it finds modes with supports = "hard" only'
     if any(isinstance(load, MomentLoad) for load in case.loads):
         return "it finds no modes under moments on edges"
@@ -76,7 +77,20 @@ class _Found:
     gap: float
 
 
-def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> PathSolution:
+@dataclass(frozen=True)
+class Recipe:
+    """Whose field finds modes: a solver's name, and the widths of hidden layers before the last, if there are any."""
+
+    solver: str = RitzSolver.name
+    inner: tuple[int, ...] = ()
+
+
+RITZ = Recipe()
+
+
+def solve(
+    case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback, recipe: Recipe = RITZ
+) -> PathSolution:
     """Find the modes by ever wider fields, until features of other kinds hardly change their values.
 
     Raises
@@ -98,7 +112,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     answer: PathSolution | None = None
     while level is not None:
         progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
-        one = _OneLevel(case, spec, settings, level)
+        one = _OneLevel(case, spec, settings, level, recipe)
         plain, whole = one.find(challenged=False), one.find(challenged=True)
         gained = missed = np.abs(plain.values - whole.values)
         if before is not None and told is not None:
@@ -143,13 +157,19 @@ def _asked(case: Case, values: Array) -> list[float]:
 class _OneLevel:
     """The features of one level, their matrices, and what they find."""
 
-    def __init__(self, case: Case, spec: FieldSpec, settings: RitzSettings, level: Level) -> None:
-        self.case, self.level = case, level
+    def __init__(self, case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, recipe: Recipe) -> None:
+        self.case, self.level, self.solver = case, level, recipe.solver
         self.spec = spec.model_copy(update={"detail": level.detail})
         self.vibrates = case.quantities[0].kind == "frequency"
         placement, chosen = Placement.on(settings.device), level.resolution
         self.focal, inputs = graded_points(case, self.spec), build_inputs(case, self.spec)
-        network = level.network(inputs, settings.seed, settings.activation, placement)
+        if recipe.inner:
+            values = inputs.jets(case.surface.domain.grid(SHAPES, SHAPES).reshape(-1, 2), placement)[VALUE]
+            widths = (*recipe.inner, chosen.neurons + len(level.kinds) * level.challengers)
+            scales = placement.tensor(chosen.scales(inputs))
+            network = deep_random_features(values, scales, widths, settings.seed, settings.activation)
+        else:
+            network = level.network(inputs, settings.seed, settings.activation, placement)
         # The jets of all points would take gigabytes, and each matrix needs them once only: they are not kept.
         self.features = build_features(case, self.spec, network, placement, inputs)
         # A linear measure has no second variation: the exact one, which agrees with it at rest, gives K and G.
@@ -280,7 +300,7 @@ class _OneLevel:
         scaled = Field(field.ansatz, self.features, output / moved[moved.abs().argmax()], field.rigid)
         shape = NdfSolution(
             case=self.case,
-            solver=RitzSolver.name,
+            solver=self.solver,
             spec=self.spec,
             field=scaled,
             rule=self.level.resolution.fine,

@@ -26,7 +26,7 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
-from shellbench.solvers.ndf import large_displacement, motion
+from shellbench.solvers.ndf import large_displacement, modes, motion
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs, graded_points, rung, rung_count
 from shellbench.solvers.ndf.challenge import stated
 from shellbench.solvers.ndf.choices import StrainName
@@ -39,6 +39,7 @@ from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.ritz import strain_of
+from shellbench.solvers.ndf.ritz_solver import RitzSettings
 from shellbench.solvers.ndf.sampled import scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import point_constraints
@@ -156,6 +157,10 @@ def solve(
         if case.dynamics is not None:
             smooth_activation(settings.activation)
             return _move(case, settings, strain, tell)
+        if case.modal:
+            chosen = RitzSettings(seed=settings.seed, device=settings.device, activation=settings.activation)
+            recipe = modes.Recipe(NdfSolver.name, settings.inner)
+            return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
         if not large_displacement.is_path(case):
             return _Run(case, settings, tell).solve(begin)
         smooth_activation(settings.activation)

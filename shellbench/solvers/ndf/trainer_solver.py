@@ -62,20 +62,23 @@ class NdfSolver(ShellSolver):
     capabilities: ClassVar[Capabilities] = Capabilities(
         theories=("kirchhoff-love-linear", "kirchhoff-love-nonlinear"),
         label="neural field: deep sine network, all weights trained in linear theory (variable projection,"
-        " Gauss-Newton); at finite strain its output layer follows the path, and in motion, buckling and under end"
-        " moments its hidden layers stay as drawn",
+        " Gauss-Newton); at finite strain its output layer follows the path, and in motion, modes, buckling and"
+        " under end moments its hidden layers stay as drawn",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[TrainerSettings]] = TrainerSettings
     uses_start: ClassVar[bool] = True
     takes: ClassVar[frozenset[Beyond]] = frozenset(
-        {"varying stiffness", "bending Poisson's ratio", "loaded parts", "local loads", "kinks"}
+        {"varying stiffness", "bending Poisson's ratio", "loaded parts", "local loads", "kinks", "modes"}
     )
 
     def declines(self, case: Case) -> str | None:
         """Return why the boundary factors can't hold this case, as one clause, or None if they can."""
         from shellbench.solvers.ndf.declines import why_declined
+        from shellbench.solvers.ndf.modes import why_no_modes
 
+        if case.modal and (reason := why_no_modes(case)):
+            return reason
         return why_not_plain(case, self.takes) or why_declined(case)
 
     def load(self, path: Path) -> NdfSolution | PathSolution | MotionSolution:
