@@ -64,12 +64,13 @@ class StuckError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rung:
-    """Features up to a degree, of a network, and the Gauss points a panel that they ask for."""
+    """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones."""
 
     degree: int
     features: Features
     trained: int = 0
     order: int = ORDER
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ def solve(
 def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
     """Return the equations of motion of a rung's features, on a rule of some points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
-    chosen = rule_of(case, rung.degree, points, rung.order)
+    chosen = rule_of(case, rung.degree, rung.share * points, rung.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
     features = smooth(build_ansatz(case, spec), rung.features, rule, rung.degree)
     return Motion(case, spec, features, chosen)

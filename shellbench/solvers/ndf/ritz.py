@@ -33,7 +33,7 @@ from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sampled import LONG_ORDER, ORDER, placed_features, scales
+from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.static import with_settings
 
@@ -141,7 +141,7 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             spread = placement.tensor(scales(case, inputs, degree))
             network = random_features(spread, width, settings.seed, settings.activation)
         features = build_features(case, spec, network, placement, inputs)
-        return motion.Rung(degree, features, order=LONG_ORDER if placed else ORDER)
+        return motion.Rung(degree, features, 0, *((LONG_ORDER, LONG_SHARE) if placed else ()))
 
     rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,), settings.degrees)
     builds = [partial(build, degree, width) for degree, width in rungs]

@@ -263,6 +263,7 @@ SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten
 POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
 ORDER = 6  # Gauss points a panel
 LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
+LONG_SHARE = 0.75  # of the usual points, which then are enough: forces have third powers of the field
 PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
 OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
 FINER = 1.25  # panels of the certificate
