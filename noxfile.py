@@ -312,10 +312,8 @@ def example(session: nox.Session) -> None:
     for suite in suites:
         command = ("shellbench", "run", "--suite", suite, "--jobs", "1", *session.posargs)
         session.run(*command, success_codes=[0, 1])  # a strain measure that fails is part of the example
-    shown = [option for name in (*suites, "published") for option in ("--suite", name)]
-    # 50 iterations of each: are they still the training of today?
-    session.run("python", "-m", "tests.solvers.ndf.kept_trainings")
-    shutil.copytree("reports/published", "reports/runs", dirs_exist_ok=True)
+    shown = [option for name in (*suites, "published", "replication") for option in ("--suite", name)]
+    kept_trainings(session, "reports/runs")
     session.run("shellbench", "report", *shown, "--out", f"{PAGES}/example")
     if Path(ENGINES_STORE).is_dir():  # of the session engines
         cross_checked = ("--suite", "engines", "--suite", "motion_engines")
@@ -323,6 +321,24 @@ def example(session: nox.Session) -> None:
         session.run("shellbench", "report", "--store", ENGINES_STORE, *cross_checked, *out)
     session.run("python", "docs/evidence.py")
     session.log("tests/test_readme.py says which figures of README and docs have moved")
+
+
+@nox.session
+def replication(session: nox.Session) -> None:
+    """Show the published training as printed and repaired, by its kept records, beside the published figures."""
+    install(session)
+    store = "reports/replication_runs"
+    kept_trainings(session, store)
+    session.run("shellbench", "table", "--suite", "replication", "--store", store)
+    session.run("shellbench", "report", "--suite", "replication", "--store", store, "--out", REPORT)
+    session.log(f"{REPORT}/index.html")
+
+
+def kept_trainings(session: nox.Session, store: str) -> None:
+    """Copy the kept trainings into a store, once 50 iterations of each have said that they are those of today."""
+    session.run("python", "-m", "tests.solvers.ndf.kept_trainings")
+    for folder in ("reports/published", "reports/replication"):
+        shutil.copytree(folder, store, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.md", "*.jsonl"))
 
 
 @nox.session

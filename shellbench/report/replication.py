@@ -1,6 +1,7 @@
 """Replication: what a training had come to on its way, by certified energies and not by displacements alone.
 
-Of runs whose history has energies that were certified on points of which the training knew nothing.
+Of runs whose energies were certified on points of which the training knew nothing: on the way, or at the end alone.
+Published figures of the same quantity stand before them.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import Any
 
 from shellbench.account import HistoryStep
 from shellbench.bench.record import Record
+from shellbench.bench.reference import KnownValue
 from shellbench.bench.row import Row
 from shellbench.report.columns import column, count, frame, significant
 from shellbench.report.evidence import Evidence, Section, given
@@ -28,18 +30,40 @@ def section(found: Evidence) -> Section | None:
 
 def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
     for case, of_case in grouped(found.rows, lambda row: row.case).items():
-        told = [row for row in of_case if row.primary and row.run_id in found.records]
-        for row in told:
-            certified = course(found.records[str(row.run_id)])
-            judge = found.known(case).judge("strain_energy", row.reference_theory or "")
-            for share in SHARES if certified else ():
-                step, energy = at_share(certified, share)
+        trained = [
+            (row, certified)
+            for row in of_case
+            if row.primary and row.run_id in found.records and (certified := course(found.records[str(row.run_id)]))
+        ]
+        known = found.known(case)
+        yield from (published(row, value) for row, _ in trained[:1] for value in known.of(row.quantity, "published"))
+        for row, certified in trained:
+            judge = known.judge("strain_energy", row.reference_theory or "")
+            looked_at = [at_share(certified, share) for share in SHARES]
+            for step, energy in {step.iteration: (step, energy) for step, energy in looked_at}.values():
                 yield line(row, step, energy, judge.value if judge else None)
 
 
 def course(record: Record) -> list[tuple[HistoryStep, float]]:
-    """Return the steps of a training whose energies were certified, with these, J; none of other solves."""
-    return [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
+    """Return the steps of a training whose energies were certified, with these, J; none of other solves.
+
+    A training that certified the energy of its end alone has one.
+    """
+    found = [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
+    last, end = record.history[-1:], record.diagnostics.get(CERTIFIED)
+    return found or [(step, float(end)) for step in last if isinstance(end, float)]
+
+
+def published(row: Row, value: KnownValue) -> dict[str, Any]:
+    """Return the line of a published figure, of which the error is all that can be told."""
+    error = value.value / row.reference - 1 if row.reference else None
+    return {
+        "block": row.case_title or row.case,
+        "case": row.case,
+        "solution": f"{value.label or value.source}, published",
+        **dict.fromkeys(("seed", "iteration", "energy", "above", "gap", "seconds")),
+        "error": error,
+    }
 
 
 def at_share(certified: Sequence[tuple[HistoryStep, float]], share: float) -> tuple[HistoryStep, float]:
@@ -73,7 +97,8 @@ def table(lines: list[dict[str, Any]]) -> Table:
         caption="At a quarter, half and the whole of each training: how far its certified potential energy is above the"
         " least one, relative to the known strain energy; how far the energy that it was trained on is from the"
         " certified one; and the error of the headline quantity, which may be small by chance where energies are not."
-        " The answer is what the solver kept, which need not be the last state.",
+        " The answer is what the solver kept, which need not be the last state. Of a training that certified its energy"
+        " at the end alone there is one line.",
         data=frame(lines),
         columns=(
             "solution",

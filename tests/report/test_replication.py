@@ -21,12 +21,12 @@ def step(number, energy, certified=True, gap=0.5):
     )  # fmt: skip
 
 
-def lines(*steps):
+def lines(*steps, diagnostics=None):
     row = Row(
         case="scordelis_lo", case_title="Roof", suite="replication", solver="ndf-published", seed=1, settings={}, quantity="edge_deflection",
         primary=True, at=1.0, status="ok", value=VALUE, uncertainty=None, run_id="a", reference=VALUE, reference_theory="kirchhoff-love-linear",
     )  # fmt: skip
-    record = SimpleNamespace(history=steps)
+    record = SimpleNamespace(history=steps, diagnostics=diagnostics or {})
     found = replication.section(SimpleNamespace(rows=[row], records={"a": record}, known=catalog.known_values))
     return found.tables[0].data.to_dict("records") if found else []
 
@@ -34,6 +34,10 @@ def lines(*steps):
 def test_a_training_is_shown_at_a_quarter_half_and_its_end():
     steps = [step(25, 0.0, certified=False), *(step(n, -ENERGY * n / 400) for n in (100, 150, 200, 300, 400))]
     found = lines(*steps)
+    figures, found = found[:-3], found[-3:]
+    published = KNOWN.of("edge_deflection", "published")
+    assert [line["error"] for line in figures] == pytest.approx([v.value / VALUE - 1 for v in published])
+    assert len(figures) >= 2
     assert [line["iteration"] for line in found] == [100, 200, 400]
     assert [line["above"] for line in found] == pytest.approx([0.75, 0.5, 0.0])
     assert [line["error"] for line in found] == pytest.approx([-0.75, -0.5, 0.0])
@@ -43,3 +47,11 @@ def test_a_training_is_shown_at_a_quarter_half_and_its_end():
 def test_a_training_without_certified_energies_is_not_shown():
     assert not lines(*(step(n, -float(n), certified=False) for n in (10, 20, 40)))
     assert not lines()
+
+
+def test_a_training_that_certified_its_end_alone_has_one_line():
+    found = lines(
+        *(step(n, -float(n), certified=False) for n in (10, 20, 40)), diagnostics={"certified_energy": -ENERGY / 4}
+    )
+    assert [line["iteration"] for line in found if line["seed"] == 1] == [40]
+    assert found[-1]["above"] == pytest.approx(0.75)

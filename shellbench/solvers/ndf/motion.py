@@ -43,7 +43,7 @@ from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.motion_solution import Course, MotionSolution
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.sampled import NOWHERE, POINTS, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.sampled import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept
@@ -64,11 +64,13 @@ class StuckError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rung:
-    """Features up to a degree, of a network."""
+    """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones."""
 
     degree: int
     features: Features
     trained: int = 0
+    order: int = ORDER
+    share: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -90,11 +92,11 @@ class Track:
     evaluations: list[int] = field(default_factory=list)
 
 
-def rungs_of(case: Case, widths: Sequence[int] | None) -> list[tuple[int, int]]:
-    """Return degrees with the widths of random features that hold them: the given ones, or those of `DEGREES`."""
+def rungs_of(case: Case, widths: Sequence[int] | None, degrees: Sequence[int] | None = None) -> list[tuple[int, int]]:
+    """Return degrees with the widths of random features that hold them: given widths or degrees, or `DEGREES`."""
     if widths:
         return [(degree_of(case, width), width) for width in widths]
-    return [(degree, widest(case, degree)) for degree in DEGREES]
+    return [(degree, widest(case, degree)) for degree in degrees or DEGREES]
 
 
 def degree_of(case: Case, width: int) -> int:
@@ -179,7 +181,7 @@ def solve(
 def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
     """Return the equations of motion of a rung's features, on a rule of some points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
-    chosen = rule_of(case, rung.degree, points)
+    chosen = rule_of(case, rung.degree, rung.share * points, rung.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
     features = smooth(build_ansatz(case, spec), rung.features, rule, rung.degree)
     return Motion(case, spec, features, chosen)

@@ -33,7 +33,7 @@ from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.sampled import scales
+from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.static import with_settings
 
@@ -65,6 +65,12 @@ def field_spec(case: Case, settings: RitzSettings) -> FieldSpec:
     """Return the choices of the field; InputError if settings do not fit each other or the case."""
     if settings.penalty and settings.supports == "hard":
         raise InputError("setting penalty belongs to supports = \"soft\"; here they are 'hard'")
+    if case.dynamics is None and (settings.degrees or settings.hidden == "placed"):
+        raise InputError(f"{case.name} stands still: settings degrees and hidden belong to motions")
+    if settings.degrees and settings.neurons:
+        raise InputError("setting neurons says of which degree a motion is; it does not go with degrees")
+    if settings.hidden == "placed" and settings.activation != "sine":
+        raise InputError(f"setting hidden = \"placed\" places sines, but found activation = '{settings.activation}'")
     path = case.dynamics is not None or large_displacement.is_path(case)
     (smooth_activation if path else activation)(settings.activation)
     return FieldSpec(
@@ -126,11 +132,17 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     spec = spec.model_copy(update={"stretched": False, "edge_stretched": False, "multipliers": 0})
     placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
 
-    def build(degree: int, width: int) -> motion.Rung:
-        spread = placement.tensor(scales(case, inputs, degree))
-        network = random_features(spread, width, settings.seed, settings.activation)
-        return motion.Rung(degree, build_features(case, spec, network, placement, inputs))
+    placed = settings.hidden == "placed"
 
-    rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,))
+    def build(degree: int, width: int) -> motion.Rung:
+        if placed:
+            network = placed_features(case, inputs, degree, placement)
+        else:
+            spread = placement.tensor(scales(case, inputs, degree))
+            network = random_features(spread, width, settings.seed, settings.activation)
+        features = build_features(case, spec, network, placement, inputs)
+        return motion.Rung(degree, features, 0, *((LONG_ORDER, LONG_SHARE) if placed else ()))
+
+    rungs = motion.rungs_of(case, None if settings.neurons is None else (settings.neurons,), settings.degrees)
     builds = [partial(build, degree, width) for degree, width in rungs]
     return motion.solve(case, spec, RitzSolver.name, builds, settings.largest_gap, progress)

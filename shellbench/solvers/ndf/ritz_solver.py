@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field as PydanticField
 
@@ -41,6 +41,12 @@ class RitzSettings(SeededSettings):
     scale: Positive | None = PydanticField(None, description="standard deviation of the weights of plain inputs")
     stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
+    degrees: tuple[Annotated[int, PydanticField(ge=1, le=60)], ...] | None = PydanticField(
+        None, description="of motions: degrees of the fields along the longest side, tried in turn; with neurons, none"
+    )
+    hidden: Literal["drawn", "placed"] = PydanticField(
+        "drawn", description="of motions: hidden weights drawn at random, or placed on a lattice that leaves no gaps"
+    )
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')

@@ -25,10 +25,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.errors import SolveFailure
+from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import side_lengths
-from shellbench.solvers.ndf.field import Ansatz
+from shellbench.solvers.ndf.field import Ansatz, Network
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Array, Placement
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
@@ -262,6 +262,10 @@ REACH = 2.5  # standard deviations of the weights within which waves of the high
 SURPLUS = 1.5  # random features, in products of degrees: with both, nine in ten polynomials of a degree are met
 POINTS = 2.0  # Gauss points a degree, at first: strain energy is of the fourth degree in the field
 ORDER = 6  # Gauss points a panel
+LONG_ORDER = 22  # the same for placed features: a few long panels crowd points at edges, where such fields vary most
+LONG_SHARE = 0.75  # of the usual points, which then are enough: forces have third powers of the field
+PERIOD = 1.5  # of placed waves, in sides: longer ones depend more on each other, shorter ones fit edges worse
+OVER = 1.5  # their highest frequency, over that of a polynomial of the degree in the middle of a side
 FINER = 1.25  # panels of the certificate
 SPRING = 1e-6  # relative error of the springs' whole stiffness that is nothing to the motion
 MOST_PANELS = 64  # of a side, for springs
@@ -289,10 +293,36 @@ def scales(case: Case, inputs: Inputs, degree: int) -> Array:
     return np.array(plain)
 
 
-def rule_of(case: Case, degree: int, points: float = POINTS) -> RuleSpec:
+def placed_features(case: Case, inputs: Inputs, degree: int, placement: Placement) -> Network:
+    """Return one layer of sines with the weights of a lattice, a Fourier series of a longer period (Huybrechs 2010).
+
+    Weights that are drawn leave gaps: of 22 degrees, fields of the lower half are met to 4 %, here to .3 %. All waves
+    are there up to a frequency, each as a sine and a cosine.
+
+    Raises
+    ------
+    InputError
+        If a coordinate is periodic, and so enters as a cosine and a sine.
+    """
+    if inputs.axes != (0, 1):
+        raise InputError(f'{case.name}: setting hidden = "placed" needs two coordinates that are not periodic')
+    most = [max(1.0, OVER * PERIOD * along / math.pi) for along in degrees(case, degree)]
+    reach = [range(-int(each), int(each) + 1) for each in most]
+    waves = [
+        (first, second)
+        for first in reach[0]
+        for second in reach[1]
+        if (first, second) > (0, 0) and (first / most[0]) ** 2 + (second / most[1]) ** 2 <= 1  # half of the plane
+    ]
+    weight = placement.tensor(np.array(waves)) * (math.pi / PERIOD)
+    phases = torch.tensor([0.0, math.pi / 2]).to(weight).repeat_interleave(len(weight))
+    return Network((weight.repeat(2, 1),), (phases,))
+
+
+def rule_of(case: Case, degree: int, points: float = POINTS, order: int = ORDER) -> RuleSpec:
     """Return a rule of some points a degree that takes the springs in."""
-    first, second = (math.ceil(points * along / ORDER) for along in degrees(case, degree))
-    spec = RuleSpec((first, second), ORDER, joints=case.kinks)
+    first, second = (math.ceil(points * along / order) for along in degrees(case, degree))
+    spec = RuleSpec((first, second), order, joints=case.kinks)
     exact = _stiffness(case, replace(spec, panels=(MOST_PANELS, MOST_PANELS)))
     while max(spec.panels) < MOST_PANELS:
         if np.all(np.abs(_stiffness(case, spec) - exact) <= SPRING * exact):
