@@ -135,7 +135,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
         bending=bending,
         point_forces=tuple((shares[1] * layer.reactions).tolist()),
     )
-    changed = changes(case, values, measure_all(other), probed(other) - probed(solution))
+    changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))
     return Challenged(Miss(changed, gained / (membrane + bending + rounding)), gap, len(level.kinds) * number)
 

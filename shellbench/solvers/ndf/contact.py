@@ -208,7 +208,7 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...]) -> NdfSol
     rounding = rounding_energy(case.material.membrane_stiffness, 1.0)
     largest = float(np.linalg.norm(probed(solution), axis=-1).max())
     scales = {q.name: scale(solution, q, second[q.name], rounding) for q in case.quantities}
-    changed = changes(case, first, second, probed(solution) - probed(before.solution))
+    changed = changes(case, first, second, (probed(before.solution), probed(solution)))
     for q in case.quantities:
         if isinstance(q, LargestPenetration):  # it is an error itself, compared with what the shell moves
             scales[q.name] = largest

@@ -252,7 +252,7 @@ def challenged(
             values = [{q.name: measure(replace(state, history=history), q)} for state, history in both]
         except ValueError:
             continue  # the curve turns no longer where it did: nothing is stated
-        changed = changes(case, values[0], values[1], last.probed[1] - last.probed[0])
+        changed = changes(case, values[0], values[1], last.probed)
         scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
         gains.append(max(found.gained for found in there.values()))
         # The gain is one of the whole energy, of which a small part errs by less; its own change is asked for, too.

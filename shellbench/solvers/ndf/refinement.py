@@ -222,19 +222,38 @@ class Miss:
         return Miss(changes, max(self.energy, other.energy))
 
 
-def changes(case: Case, before: Mapping[str, float], after: Mapping[str, float], moved: Array) -> dict[str, float]:
+def changes(
+    case: Case, before: Mapping[str, float], after: Mapping[str, float], displacements: tuple[Array, Array]
+) -> dict[str, float]:
     """Return by how much each quantity changes, in its unit, from its values before and after.
 
-    `moved` (n, 3) is the change of the displacement at points all over the shell, metres.
+    `displacements` are those before and after at points all over the shell, (n, 3) each, metres.
     """
     # One displacement may change little by accident, where the field's change passes through zero. So none is taken to
     # change by less than the field does along the same direction, in the mean square over the shell.
+    moved = displacements[1] - displacements[0]
     least = {}
     for q in case.quantities:
         if isinstance(q, LargestDisplacement | DisplacementQuantity):
             directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
             least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
+        if isinstance(q, LargestDisplacement):
+            least[q.name] = min(least[q.name], _rise(moved, displacements[1]))
     return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
+
+
+def _rise(moved: Array, displacement: Array) -> float:
+    """Return by how much the largest displacement may rise if the field changes as much again, metres.
+
+    Supports prescribe a displacement that no features can change: one that is the largest is sure, as long as the
+    rest of the shell stays below it. No bound is known where the largest one is not prescribed.
+    """
+    size, change = np.linalg.norm(displacement, axis=-1), np.linalg.norm(moved, axis=-1)
+    free = change > ROUNDING * size.max()
+    if free[np.argmax(size)]:
+        return math.inf
+    change = np.maximum(change, np.sqrt(np.mean(change**2)))
+    return float(max(0.0, (size + change)[free].max(initial=0.0) - size.max()))
 
 
 def probed(solution: ShellSolution, at: float | None = None) -> Array:

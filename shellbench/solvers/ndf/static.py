@@ -100,7 +100,7 @@ class Answer:
         """Return what it has missed at least, as a finer answer tells."""
         # Relative to what is stored: where only loads act, strain energies and displacements that the loads work on
         # change by this share.
-        changed = changes(self.solution.case, self.values, finer.values, finer.probed - self.probed)
+        changed = changes(self.solution.case, self.values, finer.values, (self.probed, finer.probed))
         return Miss(changed, abs(self.potential - finer.potential) / finer.stored)
 
 

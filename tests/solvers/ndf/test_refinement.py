@@ -155,10 +155,27 @@ def test_displacements_change_by_what_the_field_does_in_the_mean_square():
     case, moved = named_case("square_plate"), np.array([[3e-4, 0.0, 0.0], [0.0, 0.0, -4e-4]])
     before = {"centre_deflection": 0.5, "largest_displacement": 0.5, "strain_energy": 2.0}
     after = {"centre_deflection": 0.5, "largest_displacement": 0.4, "strain_energy": 2.0}
-    found = changes(case, before, after, moved)
+    found = changes(case, before, after, (0 * moved, moved))
     assert found["centre_deflection"] == pytest.approx(4e-4 / math.sqrt(2))  # it is along z
     assert found["largest_displacement"] == pytest.approx(0.1)
     assert found["strain_energy"] == 0.0
+
+
+def test_a_largest_displacement_that_is_prescribed_is_as_sure_as_the_rest_stays_below_it():
+    case, first = named_case("square_plate"), np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.9], [0.0, 0.0, 0.1]])
+
+    def change(moved):
+        second = first + np.array([[0.0, 0.0, m] for m in moved])
+        largest = float(np.linalg.norm(second, axis=-1).max())
+        values = {"centre_deflection": 0.5, "strain_energy": 1.0}
+        return changes(
+            case, values | {"largest_displacement": 1.0}, values | {"largest_displacement": largest}, (first, second)
+        )["largest_displacement"]
+
+    assert change([0.0, 1e-3, 1e-2]) == 0.0
+    assert change([0.0, 6e-2, 0.0]) == pytest.approx(2e-2)  # 0.96, and as much again is 1.02
+    assert change([0.0, 9e-2, 0.2]) == pytest.approx(math.sqrt((0.09**2 + 0.2**2) / 9))  # no more than elsewhere
+    assert change([1e-5, 0.0, 3e-2]) == pytest.approx(math.sqrt((1e-10 + 9e-4) / 9))  # it is not prescribed
 
 
 def test_uncertainties_grow_with_what_was_missed():
