@@ -22,6 +22,7 @@ from shellbench.problems.shell.conditions import Material
 from shellbench.solvers.fem import assembly, constraints, kinematics, solving
 from shellbench.solvers.fem import loads as fem_loads
 from shellbench.solvers.ndf import energy, factors, field, geometry, jets, refinement, static
+from tests.injecting import wrapped
 
 PLATE, ROOF, PINCHED, RING = "square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "annular_plate"
 WARPED = "square_plate@warped"  # curved coordinate lines, as the ring has them, at a third of its cost
@@ -59,16 +60,6 @@ class Fault(NamedTuple):
     solver: str
     case: str
     inject: Callable[[pytest.MonkeyPatch], None]
-
-
-def wrapped(module, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that changes its result."""
-
-    def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(module, name)
-        patch.setattr(module, name, lambda *args, **more: change(original(*args, **more)))
-
-    return inject
 
 
 def stiffness(name: str, factor: float) -> Callable[[pytest.MonkeyPatch], None]:

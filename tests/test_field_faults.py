@@ -16,6 +16,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problems.field import solution, structure
 from shellbench.problems.field.body import Ball
 from shellbench.solvers.field import basis, direct, energy, field, mesh, sampling, solver, training
+from tests.injecting import given, wrapped
 
 SMALLER = {  # as right, and cheaper
     ("field_stretch", "grid"): {"resolution": 8},
@@ -74,26 +75,6 @@ class Fault(NamedTuple):
     case: str
     solver: str
     inject: Callable[[pytest.MonkeyPatch], None]
-
-
-def wrapped(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that changes its result."""
-
-    def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(owner, name)
-        patch.setattr(owner, name, lambda *args, **more: change(original(*args, **more)))
-
-    return inject
-
-
-def given(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that gets other arguments."""
-
-    def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(owner, name)
-        patch.setattr(owner, name, lambda *args, **more: original(*change(*args), **more))
-
-    return inject
 
 
 def instead(owner: Any, name: str, other: Any) -> Callable[[pytest.MonkeyPatch], None]:

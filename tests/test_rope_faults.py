@@ -17,6 +17,7 @@ from shellbench.solvers.pendulum.solver import PendulumSolver
 from shellbench.solvers.rope import contact, pulls, stepping
 from shellbench.solvers.rope.solver import ExactSolver, PrintedSolver
 from shellbench.solvers.rope.stepping import Stepper
+from tests.injecting import given, wrapped
 
 
 def exceeded(name: str, solver=None) -> set[str]:
@@ -44,26 +45,6 @@ class Fault(NamedTuple):
     name: str
     case: str
     inject: Callable[[pytest.MonkeyPatch], None]
-
-
-def wrapped(owner, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that changes its result."""
-
-    def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(owner, name)
-        patch.setattr(owner, name, lambda *args, **more: change(original(*args, **more)))
-
-    return inject
-
-
-def given(owner, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
-    """Replace a function by one that gets other arguments."""
-
-    def inject(patch: pytest.MonkeyPatch) -> None:
-        original = getattr(owner, name)
-        patch.setattr(owner, name, lambda *args, **more: original(*change(*args), **more))
-
-    return inject
 
 
 def no_root_acceleration(stepper, places, velocities, external, root):

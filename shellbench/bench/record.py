@@ -30,7 +30,6 @@ from shellbench.account import (
 from shellbench.errors import InputError
 from shellbench.model import Model, one_sentence
 
-SCHEMA = 1
 SEAL = "seal"  # the key in the document of a record; no field of the record itself
 LONGEST_REASON = 4000  # characters
 LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes a few per cent of it

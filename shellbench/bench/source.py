@@ -24,7 +24,7 @@ from shellbench.errors import InputError
 
 IMPORTERS = ("import_module", "__import__")  # functions that import a module by its name
 TO_BE_LOOKED_INTO = ("#", '"""', "'''", "\\")  # of a line: there may be a comment, or a string over several lines
-BLOCKS = (ast.stmt, ast.excepthandler, ast.match_case)  # what has statements, or is one
+SUITES = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a statement that hold statements
 IMPORTS = (ast.Import, ast.ImportFrom)
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -217,15 +217,23 @@ def _says_nothing(node: ast.AST) -> bool:
 
 
 def _for_types(node: ast.If) -> bool:
-    return ast.unparse(node.test) in {"TYPE_CHECKING", "typing.TYPE_CHECKING"}
+    match node.test:
+        case ast.Name(id="TYPE_CHECKING") | ast.Attribute(value=ast.Name(id="typing"), attr="TYPE_CHECKING"):
+            return True
+    return False
+
+
+def _blocks(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements, handlers and cases of a statement, and no expressions: those are most of a tree."""
+    for name in SUITES:
+        yield from getattr(node, name, ())
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
     """Yield a module or statement and all statements in it."""
     yield node
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, BLOCKS):
-            yield from _statements(child)
+    for child in _blocks(node):
+        yield from _statements(child)
 
 
 def _imported(tree: ast.AST, package: str, by_name: bool) -> Iterator[str]:
@@ -233,9 +241,7 @@ def _imported(tree: ast.AST, package: str, by_name: bool) -> Iterator[str]:
 
     `by_name` looks into expressions as well, for calls that import a module.
     """
-    for node in ast.iter_child_nodes(tree):
-        if not (by_name or isinstance(node, BLOCKS)):
-            continue
+    for node in ast.iter_child_nodes(tree) if by_name else _blocks(tree):
         if isinstance(node, ast.If) and _for_types(node):
             yield from _imported(ast.Module(node.orelse, []), package, by_name)
             continue

@@ -23,7 +23,6 @@ from shellbench.model import one_sentence
 from shellbench.problem import Capabilities, Device, Progress, SeededSettings, Settings, Solution, Solver
 
 DEVICES: tuple[str, ...] = get_args(Device)
-SOLVER_METHODS = ("declines", "solve", "load")
 METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reaction"), "rope": ("state",)}
 """Of solutions, by kind of problem, beside `save`."""
 

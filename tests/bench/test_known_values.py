@@ -174,43 +174,39 @@ def test_judges_are_what_their_origin_computes(name):
         assert abs(known.value - estimate.value * factor) <= known.uncertainty + estimate.uncertainty * factor, quantity
 
 
-BY_CASE = {name: [quantity for case, quantity in GATED if case == name] for name, _ in GATED}
-
-
-@pytest.mark.parametrize("name", BY_CASE)
-def test_a_gated_value_has_two_origins_that_agree(name):
-    known = catalog.known_values(name)
-    for quantity in BY_CASE[name]:
+def test_a_gated_value_has_two_origins_that_agree():
+    for name, quantity in GATED:
+        known, figure = catalog.known_values(name), f"{name}: {quantity}"
         judge = known.judge(quantity, catalog.named_case(name).theory)
-        assert judge is not None, quantity
+        assert judge is not None, figure
         seconds = [v for v in known.of(quantity, "origin") if v.theory == judge.theory and v.uncertainty is not None]
-        assert seconds, f"{quantity}: a gated value needs a second origin"
-        assert all(v.origin != judge.origin for v in seconds), quantity
+        assert seconds, f"{figure}: a gated value needs a second origin"
+        assert all(v.origin != judge.origin for v in seconds), figure
         for second in seconds:
-            assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty, quantity
+            assert abs(second.value - judge.value) <= second.uncertainty + judge.uncertainty, figure
 
 
-def held_to(name):
-    """Yield each quantity that solvers are held to in a case, its judge, and what one of them is allowed."""
-    for quantity in BY_CASE[name]:
+HELD = [
+    (name, quantity, allowed)
+    for name, quantity in GATED
+    for held in catalog.tolerances().values()
+    if (allowed := held.get(name, {}).get(quantity))
+]
+
+
+def test_tolerances_are_wider_than_what_is_known():
+    for name, quantity, allowed in HELD:
         judge = catalog.known_values(name).judge(quantity, catalog.named_case(name).theory)
-        for held in catalog.tolerances().values():
-            if allowed := held.get(name, {}).get(quantity):
-                yield quantity, judge, allowed
+        size = allowed.absolute or allowed.relative * abs(judge.value)
+        assert judge.uncertainty < 0.1 * size, f"{name}: {quantity}"
 
 
-@pytest.mark.parametrize("name", BY_CASE)
-def test_tolerances_are_wider_than_what_is_known(name):
-    for quantity, judge, allowed in held_to(name):
-        assert judge.uncertainty < 0.1 * (allowed.absolute or allowed.relative * abs(judge.value)), quantity
-
-
-@pytest.mark.parametrize("name", BY_CASE)
-def test_a_tolerance_is_absolute_where_the_error_is(name):
+def test_a_tolerance_is_absolute_where_the_error_is():
     """A relative bound on an error that has no relative measure would be red whatever the answer."""
-    case = catalog.named_case(name)
-    for quantity, judge, allowed in held_to(name):
-        assert allowed.is_absolute == near_zero(judge, case.quantity(quantity)), quantity
+    for name, quantity, allowed in HELD:
+        case = catalog.named_case(name)
+        judge = catalog.known_values(name).judge(quantity, case.theory)
+        assert allowed.is_absolute == near_zero(judge, case.quantity(quantity)), f"{name}: {quantity}"
 
 
 @cache

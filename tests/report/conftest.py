@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from shellbench.bench.record import Environment, Identity, Measured, Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
+from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.report import exhibit, paper, shells
 from shellbench.report.page import write_report
@@ -158,6 +159,19 @@ def training(case: str, seed: int) -> tuple[HistoryStep, ...]:
     )
 
 
+def identity(case: Problem, solver: str, settings: Mapping[str, object], seed: int | None) -> Identity:
+    """Return the identity of a synthetic run on a processor."""
+    return Identity(
+        case=case.digest(),
+        solver=solver,
+        source="0" * 64,
+        settings=dict(settings),
+        seed=seed,
+        device="cpu",
+        dtype="float64",
+    )
+
+
 def record(
     folder: Path,
     case: Case,
@@ -184,15 +198,7 @@ def record(
     made = Record(
         run_id=run_id,
         created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(),
-            solver=solver,
-            source="0" * 64,
-            settings=settings,
-            seed=seed,
-            device="cpu",
-            dtype="float64",
-        ),
+        identity=identity(case, solver, settings, seed),
         case_name=case.name,
         case=case.model_dump(mode="json"),
         solver_label=f"synthetic {solver}",

@@ -13,7 +13,7 @@ import pytest
 from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
-from shellbench.bench.record import Identity, Record
+from shellbench.bench.record import Record
 from shellbench.bench.reference import KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
@@ -22,7 +22,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Step
 from shellbench.problems.shell import sampling
 from shellbench.problems.shell.case import Case
-from tests.report.conftest import ENVIRONMENT, Store
+from tests.report.conftest import ENVIRONMENT, Store, identity
 
 THEORY = "kirchhoff-love-nonlinear"
 REASON = "no equilibrium of the step from 0.604 s was found"
@@ -137,9 +137,7 @@ def make_record(
     made = Record(
         run_id=run_id,
         created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(), solver=solver, source="0" * 64, settings={}, seed=seed, device="cpu", dtype="float64"
-        ),
+        identity=identity(case, solver, {}, seed),
         case_name=case.name,
         case=case_data(case),
         solver_label=f"synthetic {solver}",

@@ -15,13 +15,13 @@ from shellbench.account import HistoryStep, StateEnergies
 from shellbench.bench import catalog
 from shellbench.bench.compare import row_of
 from shellbench.bench.current import CurrentRun
-from shellbench.bench.record import Identity, Measured, Record
+from shellbench.bench.record import Measured, Record
 from shellbench.bench.reference import KnownCurve, KnownValue, KnownValues
 from shellbench.bench.row import Row
 from shellbench.bench.task import case_data
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.quantities import DisplacementQuantity
-from tests.report.conftest import ENVIRONMENT, Store
+from tests.report.conftest import ENVIRONMENT, Store, identity
 
 THEORY = "kirchhoff-love-nonlinear"
 ELSEWHERE = "reissner-mindlin"
@@ -157,15 +157,7 @@ def make_record(
     made = Record(
         run_id=run_id,
         created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(),
-            solver=solver,
-            source="0" * 64,
-            settings={"width": 600, "strain": "exact"} | dict(settings or {}),
-            seed=seed,
-            device="cpu",
-            dtype="float64",
-        ),
+        identity=identity(case, solver, {"width": 600, "strain": "exact"} | dict(settings or {}), seed),
         case_name=case.name,
         case=case_data(case),
         defaults={"width": 600, "strain": "exact"},

@@ -9,10 +9,10 @@ import numpy as np
 
 from shellbench.account import FrameRateStep, HistoryStep, PrecisionStep, ResolutionStep
 from shellbench.bench import catalog
-from shellbench.bench.record import Identity, Measured, Record
+from shellbench.bench.record import Measured, Record
 from shellbench.bench.row import Row
 from shellbench.report.evidence import Evidence
-from tests.report.conftest import ENVIRONMENT
+from tests.report.conftest import ENVIRONMENT, identity
 
 PLATE, NAPKIN = "square_plate", "napkin_plane"
 LENGTH = 0.5  # m, the largest displacement of the exact field
@@ -64,15 +64,7 @@ def run(
     record = Record(
         run_id=run_id,
         created="2000-01-01T00:00:00Z",
-        identity=Identity(
-            case=case.digest(),
-            solver=solver,
-            source="0" * 64,
-            settings=settings,
-            seed=seed,
-            device="cpu",
-            dtype="float64",
-        ),
+        identity=identity(case, solver, settings, seed),
         case_name=case_name,
         case=case.model_dump(mode="json"),
         solver_label=f"synthetic {solver}",

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, MomentLoad
+from shellbench.problems.shell.mirrors import Ends, Mirror, Sight, mirror_of, mirrored_supports
 from shellbench.problems.shell.surface import Domain
-from shellbench.problems.shell.symmetry import Ends, Mirror, Part, Sight, mirror_of, mirrored_supports
+from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.fem import clamping
 from shellbench.solvers.fem.constraints import support_nodes
 from shellbench.solvers.fem.equilibrium import Equilibrium

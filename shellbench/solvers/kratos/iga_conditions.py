@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, Support
 from shellbench.problems.shell.measure import load_density
+from shellbench.problems.shell.mirrors import Mirror, point_forces
 from shellbench.problems.shell.places import Edge, Place, Point
-from shellbench.problems.shell.symmetry import Mirror, Part, point_forces
+from shellbench.problems.shell.symmetry import Part
 from shellbench.solvers.kratos.nurbs import NurbsPatch
 
 Array = NDArray[np.float64]

@@ -5,8 +5,9 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.measure import area_rule, load_density
+from shellbench.problems.shell.mirrors import mirrored_supports, point_forces
 from shellbench.problems.shell.rigid import check_held
-from shellbench.problems.shell.symmetry import mirrored_supports, part_of, point_forces, whole_of
+from shellbench.problems.shell.symmetry import part_of, whole_of
 from tests.families import with_something_new
 from tests.solvers.kratos.iga_cases import LARGEST, RIM, known, plate, ring
 

@@ -1,28 +1,21 @@
 """Small cases that the tests of `kratos-thin` share."""
 
 from shellbench.problems.shell.case import build_case
+from tests.solvers.cst import shells
+from tests.solvers.cst.shells import largest
 
 STEEL = {"youngs_modulus": 1.2e6, "poissons_ratio": 0.0, "thickness": 0.1}
-RIM = {"name": "rim", "on": ["xi1_min", "xi1_max", "xi2_min", "xi2_max"]}
-
-
-def largest(at=1.0):
-    return {"name": "largest", "kind": "largest_displacement", "at": at, "primary": True}
 
 
 def plate(**changes):
     """A simply supported square plate under a uniform load, in linear theory; D = 1e4, B = 1000 / 12."""
     data = {
-        "title": "plate",
-        "theory": "kirchhoff-love-linear",
         "surface": {"kind": "plane", "xi1": [0, 10], "xi2": [0, 10]},
         "material": {"youngs_modulus": 1e5, "poissons_ratio": 0.0, "thickness": 0.1},
         "points": {"centre": [5, 5]},
-        "supports": [RIM],
         "loads": [{"kind": "area", "vector": [0, 0, -1e-4]}],
-        "quantities": [largest()],
     }
-    return build_case(data | changes, "plate", "plate")
+    return shells.plate(**data | changes)
 
 
 def cantilever(**changes):
@@ -43,13 +36,7 @@ def cantilever(**changes):
 def cylinder(**changes):
     """A closed cylinder on diaphragms under a pressure that is not constant around it."""
     data = {
-        "title": "cylinder",
-        "theory": "kirchhoff-love-linear",
-        "surface": {"kind": "cylinder", "radius": 2, "closed": True, "xi1": [0, 360], "xi2": [0, 3]},
         "material": {"youngs_modulus": 1e7, "poissons_ratio": 0.3, "thickness": 0.05},
-        "supports": [{"name": "ends", "on": ["xi2_min", "xi2_max"], "components": ["x", "z"]}],
-        "remove_rigid_motions": ["translation_y"],
         "loads": [{"kind": "pressure", "value": "1 + 0.5*cos(2*xi1)"}],
-        "quantities": [largest()],
     }
-    return build_case(data | changes, "cylinder", "cylinder")
+    return shells.cylinder(**data | changes)

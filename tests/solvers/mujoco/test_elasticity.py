@@ -10,7 +10,7 @@ import mujoco
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solving import Cloth
-from tests.solvers.mujoco.cloths import CLOTH, cloth
+from tests.solvers.cst.shells import CLOTH, cloth
 
 E, NU, H = CLOTH["youngs_modulus"], CLOTH["poissons_ratio"], CLOTH["thickness"]
 D, B = E * H / (1 - NU**2), E * H**3 / 12 / (1 - NU**2)

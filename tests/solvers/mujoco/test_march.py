@@ -10,7 +10,7 @@ from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
 from shellbench.solvers.mujoco.solving import Pace, highest_frequency
-from tests.solvers.mujoco.cloths import cloth
+from tests.solvers.cst.shells import cloth
 
 CORNER = {"name": "corner", "on": ["xi1_min,xi2_max"]}
 PULL = {"kind": "gravity", "acceleration": [0.1, -0.3, 0.2]}

@@ -10,7 +10,7 @@ from shellbench.problem import FIELDS
 from shellbench.solvers.mujoco.solution import FlexSolution
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
 from tests.alike import alike
-from tests.solvers.mujoco.cloths import cloth
+from tests.solvers.cst.shells import cloth
 
 POINTS = np.random.default_rng(3).random((5, 4, 2))
 CORNER = {"name": "corner", "on": ["xi1_min,xi2_max"]}

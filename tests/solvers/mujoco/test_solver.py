@@ -16,7 +16,8 @@ from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solver import FlexSettings, MujocoFlexSolver
 from shellbench.solvers.mujoco.solving import usual_step
 from tests.alike import alike
-from tests.solvers.mujoco.cloths import CLOTH, cloth, plate
+from tests.solvers.cst.shells import CLOTH, cloth
+from tests.solvers.mujoco.cloths import plate
 
 CORNER = {"name": "corner", "on": ["xi1_min,xi2_max"]}
 INSIDE = np.array([[0.31, 0.44], [0.9, 0.05], [0.0, 1.0]])
