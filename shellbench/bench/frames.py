@@ -71,7 +71,8 @@ def as_glb(states: Sequence[Sample], scale: float) -> bytes:
     asks. A quadrilateral is two triangles.
     """
     # A seam is shared only where every state closes: one mesh serves all.
-    closed = tuple(all(one.closed[axis] for one in states) for axis in (0, 1))
+    first, second = (all(one.closed[axis] for one in states) for axis in (0, 1))
+    closed = first, second
     states = [replace(one, periodic=closed) for one in states]
     points = [one.vertices(one.deformed(scale)) for one in states]
     corners = quadrilaterals(len(states[0].xi), closed)
@@ -86,14 +87,14 @@ def as_glb(states: Sequence[Sample], scale: float) -> bytes:
     sampler = {"input": len(states) + 1, "output": len(states) + 2, "interpolation": "LINEAR"}
     buffers, accessors, data = [], [], b""
     for values, kind in arrays:
-        whole = values.dtype == np.uint32
-        values = values if whole else values.astype(np.float32)
+        counts = values.dtype == np.uint32
+        values = values if counts else values.astype(np.float32)
         rows = values.reshape(len(values), -1)
         buffers.append({"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes})
         accessors.append(
             {
                 "bufferView": len(buffers) - 1,
-                "componentType": INTEGER if whole else FLOAT,
+                "componentType": INTEGER if counts else FLOAT,
                 "count": len(values),
                 "type": kind,
                 "min": rows.min(axis=0).tolist(),

@@ -46,7 +46,7 @@ def film(columns: Sequence[Sequence[Shell | None]], words: Sequence[str], names:
     images = []
     with style():
         figure = Figure(figsize=(ACROSS * len(columns), height), layout="constrained")
-        canvas = FigureCanvasAgg(figure)
+        canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
         grid = figure.subplots(1, len(columns), squeeze=False)[0]
         colour_bar(figure, list(grid), *shells, shrink=0.7, aspect=34)
         for number, word in enumerate(words):

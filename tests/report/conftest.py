@@ -19,7 +19,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store as Records
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.report import exhibit, paper, shells
+from shellbench.report import exhibit, paper, shells, trace_exhibits
 from shellbench.report.page import write_report
 
 COURSE = ("square_plate", "scordelis_lo", "pinched_cylinder_diaphragm", "pinched_cylinder_free")
@@ -31,6 +31,7 @@ TRUTH = {  # round figures in the neighbourhood of the real ones
 }
 UNCERTAINTY = 2e-7  # of the synthetic known values, relative
 GRID = 41
+trace_exhibits.MOST_FILMED = 3  # frames: films take a tenth of a second a frame
 ENVIRONMENT = Environment(
     python="3.11.0",
     versions={"numpy": "2.0.0"},

@@ -158,7 +158,7 @@ def test_shown_marks_are_common_and_evenly_spread(motion, by_id):
 def test_every_case_has_its_figures(exhibits):
     assert set(exhibits) == {
         *(f"{kind}_{case}" for case in ("free_fall", "pendulum_strip", "napkin_plane")
-          for kind in ("motion", "energy", "apart", "frames")),
+          for kind in ("motion", "energy", "apart", "frames", "film")),
         "buckling_sleeve_twist", "frames_sleeve_twist",
     }  # fmt: skip
     for exhibit in exhibits.values():
