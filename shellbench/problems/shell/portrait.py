@@ -105,11 +105,15 @@ class ShellPortrait(Portrait):
         )
 
     def ways_to_obstacles(self, position: Array) -> tuple[Array, ...]:
-        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle."""
+        """Return the ways (n1, n2, 3) from points (n1, n2, 3) at rest to where they would touch each obstacle.
+
+        One that moves is where it ends.
+        """
         case, ways = self.case, []
+        t = 1.0 if case.dynamics is None else case.dynamics.until
         skin = case.material.thickness / 2 if case.contact.thickness else 0.0
         for obstacle in case.obstacles:
-            offsets, way = position - obstacle.at(1.0)[0], np.zeros_like(position)
+            offsets, way = position - obstacle.at(t)[0], np.zeros_like(position)
             for _ in range(TOWARD):
                 there = offsets + way
                 way = way - (obstacle.distance(there) - skin)[..., None] * obstacle.gradient(there)
