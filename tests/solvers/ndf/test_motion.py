@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from shellbench.bench.catalog import named_case
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.ndf import motion
@@ -60,16 +61,33 @@ def hung():
     return solve(moving(springs=[PIN], loads=[{"kind": "gravity", "acceleration": [0, -G, 2.0]}]))
 
 
-@pytest.mark.parametrize("solver", ["ndf", "ndf-ritz"])
-def test_a_free_shell_falls_and_is_not_strained(solver):
+RITZ = {"neurons": RitzSettings(neurons=WIDTH), "placed": RitzSettings(degrees=(4,), hidden="placed")}
+
+
+@pytest.mark.parametrize("recipe", ["ndf", *RITZ])
+def test_a_free_shell_falls_and_is_not_strained(recipe):
     case = moving(until=0.5)
-    solution = solve(case) if solver == "ndf" else RitzSolver().solve(case, RitzSettings(neurons=WIDTH))
+    solution = solve(case) if recipe == "ndf" else RitzSolver().solve(case, RITZ[recipe])
     for t in (0.0, 0.013, 0.31, 0.5):
         expected = np.tile([0, 0, -G * t**2 / 2], (*GRID.shape[:-1], 1))
         np.testing.assert_allclose(solution.displacement(GRID, t), expected, rtol=0, atol=1e-11)
         np.testing.assert_allclose(solution.velocity(GRID, t), 2 * expected / max(t, 1e-300), rtol=0, atol=1e-9)
         assert sum(solution.energies(t)) < 1e-15
     alike(solution.displacement(GRID), solution.displacement(GRID, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("settings", "reason"),
+    [
+        ({"degrees": (5,), "neurons": 60}, "it does not go with degrees"),
+        ({"hidden": "placed", "activation": "tanh"}, "places sines, but found activation = 'tanh'"),
+    ],
+)
+def test_settings_of_motions_that_do_not_fit_are_refused(settings, reason):
+    with pytest.raises(InputError, match=reason):
+        RitzSolver().solve(moving(), RitzSettings(**settings))
+    with pytest.raises(InputError, match="square_plate stands still: settings degrees and hidden belong to motions"):
+        RitzSolver().solve(named_case("square_plate"), RitzSettings(degrees=(5,)))
 
 
 def test_energy_is_conserved(hung):

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from shellbench.errors import InputError
 from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement
 from shellbench.solvers.ndf.motion_problem import Motion
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.sampled import degrees, finer, rule_of, scales, smooth, widest
+from shellbench.solvers.ndf.sampled import degrees, finer, placed_features, rule_of, scales, smooth, widest
 from tests.solvers.ndf.shells import shell, support
 
 RHO = 2.0
@@ -102,6 +103,36 @@ def test_fields_converge_as_polynomials_do_and_no_worse_at_edges():
         errors.append(float((found.features.values(points) @ share - wanted).abs().max() / wanted.max()))
     assert errors[1] < 1e-2 * errors[0]
     assert errors[2] < errors[0] / 3**5  # a plain stiffness, without slopes across edges, gives the second power
+
+
+@pytest.mark.long
+def test_placed_features_meet_polynomials_that_drawn_ones_miss():
+    """Products of Legendre's polynomials of 80 % of a high degree; at degree 9 it is the other way round."""
+    case, degree = moving({"kind": "plane", "xi1": [-1, 1], "xi2": [-1, 1]}), 18
+    inputs, placement = build_inputs(case, SPEC), Placement()
+    drawn = random_features(placement.tensor(scales(case, inputs, degree)), widest(case, degree), 0)
+    placed = placed_features(case, inputs, degree, placement)
+    assert len(placed.biases[0]) < len(drawn.biases[0])
+    rule = area_rule(case.surface.domain, NOWHERE, rule_of(case, degree, order=2 * degree))
+    root = np.sqrt(rule.weights)[:, None]
+    first, second = (np.polynomial.legendre.legvander(rule.points[:, k], degree) for k in (0, 1))
+    most = 0.8 * degree * (0.8 * degree + 1)
+    low = [(m, n) for m in range(degree) for n in range(degree) if m * (m + 1) + n * (n + 1) <= most]
+    wanted = root * np.stack([first[:, m] * second[:, n] for m, n in low], axis=1)
+    missed = []
+    for network in (drawn, placed):
+        features = build_features(case, SPEC, network, placement, inputs)
+        found = smooth(Motion(case, SPEC, features, rule_of(case, degree)).ansatz(0.0), features, rule, degree)
+        basis, _ = np.linalg.qr(root * found.values(rule.points).numpy())
+        left = wanted - basis @ (basis.T @ wanted)
+        missed.append(np.max(np.linalg.norm(left, axis=0) / np.linalg.norm(wanted, axis=0)))
+    assert missed[1] < missed[0] / 5
+
+
+def test_placed_features_need_plain_coordinates():
+    tube = moving("tube")
+    with pytest.raises(InputError, match='setting hidden = "placed" needs two coordinates that are not periodic'):
+        placed_features(tube, build_inputs(tube, SPEC), 5, Placement())
 
 
 def test_degrees_follow_the_sides():
