@@ -92,6 +92,7 @@ def test_a_garment_is_the_same_at_any_resolution(recorded: Store) -> None:
         np.testing.assert_allclose(fine.point_data[name][::4, ::4], values, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.long
 def test_a_film_moves_and_stops() -> None:
     from PIL import Image
 
