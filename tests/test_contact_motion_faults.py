@@ -96,6 +96,7 @@ def pulling_along(patch):
     patch.setattr(StepContact, "nodal", lambda self, p: nodal(self, replace(p, traction=-p.traction)))
 
 
+@pytest.mark.long
 def test_one_coarse_mesh_is_green_and_energy_only_leaves():
     solution = solved(FALLS)
     assert worst(solution) < 1
