@@ -103,7 +103,7 @@ def by_splines(slenderness: float, along: int, across: int, degree: int = 6) -> 
         return np.asarray(line.matrix(points, order) @ line.reduction((ends[clamp], "free")).toarray())  # type: ignore[arg-type]
 
     rules = [np.array([part.ravel() for part in line.gauss]) for line in lines]
-    return load_factor(slenderness, *(partial(functions, line) for line in lines), *rules)
+    return load_factor(slenderness, partial(functions, lines[0]), partial(functions, lines[1]), *rules)
 
 
 def narrow_limit() -> float:
