@@ -20,6 +20,7 @@ from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
+from .pulled_motion import pulled_motion, pulled_motion_of_a_chain
 from .pushed_plate import pushed_plate, pushed_plate_by_newton
 from .raft import raft, raft_by_ritz
 from .rhombic_elements import by_elements
@@ -31,6 +32,7 @@ from .rigid_turn import (
     small_turn_by_generator,
 )
 from .ring_twist import ring_twist, ring_twist_by_ritz
+from .rippled_plate import rippled_plate, rippled_plate_by_ritz
 from .sprung_motion import sprung_motion, sprung_motion_by_splines
 from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
 
@@ -60,7 +62,9 @@ JUDGES: dict[str, Values] = {
     "hooked_cantilever": hooked_cantilever,
     "sprung_motion": sprung_motion,
     "pushed_plate": pushed_plate,
+    "pulled_motion": pulled_motion,
     "raft": raft,
+    "rippled_plate": rippled_plate,
     "blown_tube": blown_tube,
     "bridge_plate": bridge_plate,
 }
@@ -88,7 +92,9 @@ SECOND_FORMS: dict[str, Values] = {
     "hooked_cantilever": hooked_cantilever_by_polynomials,
     "sprung_motion": sprung_motion_by_splines,
     "pushed_plate": pushed_plate_by_newton,
+    "pulled_motion": pulled_motion_of_a_chain,
     "raft": raft_by_ritz,
+    "rippled_plate": rippled_plate_by_ritz,
     "blown_tube": blown_tube_by_samples,
     "bridge_plate": bridge_plate_by_ritz,
 }
