@@ -271,9 +271,9 @@ class _Minimum:
     loads: Array
     target: Array
     weight: float
-    kinetic: float
-    begin: Array
-    contact: StepContact | None
+    kinetic: float = 0.0
+    begin: Array = field(default_factory=lambda: np.zeros(()))
+    contact: StepContact | None = None
 
     def end(self, x: Array) -> Array:
         """Return the displacement (nodes, 12) at the step's end."""
@@ -344,7 +344,7 @@ class _Minimum:
             before = decrement
         raise NotConvergedError
 
-    def _potential(self, x: Array, strained: Strained, pressed: Pressed | None) -> tuple[float, float]:
+    def _potential(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> tuple[float, float]:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * _times(self.shell.mass, away)))
@@ -353,13 +353,13 @@ class _Minimum:
             inertia += self.share * (1 - self.shell.scheme.alpha_f) * pressed.energy
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
-    def _residual(self, x: Array, strained: Strained, pressed: Pressed | None) -> Array:
+    def _residual(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> Array:
         forces = self.loads - strained.forces - self.weight * _times(self.shell.mass, x - self.target)
         if self.contact is not None and pressed is not None:
             forces = forces + self.share * self.contact.nodal(pressed)
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
-    def _factorised(self, x: Array, strained: Strained, pressed: Pressed | None) -> Factor:
+    def _factorised(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> Factor:
         matrix, kept = self.shell._kept.tangent, self.shell._kept
         if matrix is None:
             matrix = self.shell.problem.energy.tangent(strained)

@@ -267,7 +267,7 @@ def test_from_where_the_potential_is_not_convex_the_line_search_finds_a_minimum(
     seen = []
     original = _Minimum._potential
 
-    def watched(self, x, strained):
+    def watched(self, x, strained, pressed=None):
         found = original(self, x, strained)
         seen.append((self, found[0]))
         return found
