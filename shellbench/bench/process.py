@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+from shellbench.bench.source import what_was_seen
+
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 
@@ -83,8 +85,12 @@ class ServerProcess:
     @classmethod
     def start(cls, solver: str, target: str, threads: int) -> ServerProcess:
         """Start a server whose runs have so many threads; it needs a moment until it says ``ready``."""
-        streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-        server = SolverProcess.start("shellbench.bench.server", target, threads=threads, **streams)
+        with tempfile.TemporaryFile() as seen:
+            seen.write(what_was_seen())
+            seen.flush()
+            streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "pass_fds": (seen.fileno(),)}
+            arguments = (target, str(seen.fileno()))
+            server = SolverProcess.start("shellbench.bench.server", *arguments, threads=threads, **streams)
         assert server.process.stdout is not None
         os.set_blocking(server.process.stdout.fileno(), False)
         return cls(solver, server)

@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
 from shellbench.bench.kinds import DEFAULT, find_kind, module_of
-from shellbench.bench.source import import_closure, source_digest
+from shellbench.bench.source import import_closure, remember, source_digest
 from shellbench.bench.store import LOG
 from shellbench.problem import Progress
 
@@ -39,8 +39,14 @@ LINE = 300  # characters of a message; a line up to PIPE_BUF (512 bytes at least
 LOOK = 0.5  # seconds between two looks whether a run has ended that left processes behind
 
 
-def main(target: str) -> None:
-    """Serve runs of one solver, ``module:attribute``, until standard input ends."""
+def main(target: str, seen: int) -> None:
+    """Serve runs of one solver, ``module:attribute``, until standard input ends.
+
+    `seen` is the descriptor of a file that holds what is known of sources already.
+    """
+    with open(seen, "rb") as file:
+        file.seek(0)
+        remember(file.read())
     events = os.dup(1)
     os.dup2(2, 1)  # whatever an import prints is no event
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
@@ -146,4 +152,4 @@ def child(folder: Path, events: int) -> NoReturn:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(sys.argv[1], int(sys.argv[2]))

@@ -12,11 +12,11 @@ from __future__ import annotations
 import ast
 import hashlib
 import io
+import json
 import sys
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -105,13 +105,30 @@ class _File:
     imports: tuple[str, ...] = ()
 
 
+_SEEN: dict[tuple[str, str, int, int], _File] = {}  # by path, package, time of the last change in ns, and bytes
+
+
 def _looked_at(path: Path, package: str) -> _File:
     status = path.stat()
-    return _look_at(path, package, status.st_mtime_ns, status.st_size)
+    key = (str(path), package, status.st_mtime_ns, status.st_size)
+    if key not in _SEEN:
+        _SEEN[key] = _look_at(path, package)
+    return _SEEN[key]
 
 
-@lru_cache(maxsize=4096)
-def _look_at(path: Path, package: str, changed: int, size: int) -> _File:
+def what_was_seen() -> bytes:
+    """Return what this process knows of files, as JSON: `remember` spares another one to read them again."""
+    return json.dumps([[*key, found.statements, found.imports] for key, found in list(_SEEN.items())]).encode()
+
+
+def remember(seen: bytes) -> None:
+    """Take over what another process knows of files. Those that have changed since are read."""
+    for *key, statements, imports in json.loads(seen):
+        path, package, changed, size = key
+        _SEEN[path, package, changed, size] = _File(tuple(statements), tuple(imports))
+
+
+def _look_at(path: Path, package: str) -> _File:
     data = path.read_bytes()
     if path.suffix != ".py":
         return _File((hashlib.sha256(data).hexdigest(),))

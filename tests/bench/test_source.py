@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from shellbench.bench import source
 from shellbench.bench.identity import MEASURING, current_source
 from shellbench.bench.kinds import module_of
 from shellbench.bench.registry import find_solver
-from shellbench.bench.source import import_closure, locate, source_digest, statements_of
+from shellbench.bench.source import import_closure, locate, remember, source_digest, statements_of, what_was_seen
 from shellbench.errors import InputError
 
 
@@ -61,6 +62,21 @@ def test_any_change_in_the_closure_changes_the_digest(package: Path, name: str) 
     path = package / f"{name}.py"
     path.write_text(path.read_text(encoding="utf-8") + "\nz = 3\n", encoding="utf-8")
     assert source_digest(["pack.solver"]) != before
+
+
+def test_another_process_reads_only_what_has_changed(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, seen = source_digest(["pack.solver"]), what_was_seen()
+    monkeypatch.setattr(source, "_SEEN", {})
+    remember(seen)
+    edit(package / "sibling.py", "y = 2", "y = 3, 4")
+    read = []
+    look = source._look_at
+    monkeypatch.setattr(source, "_look_at", lambda path, top: read.append(path.name) or look(path, top))
+    assert source_digest(["pack.solver"]) != before
+    edit(package / "sibling.py", "y = 3, 4", "y = 2")
+    assert source_digest(["pack.solver"]) == before
+    assert read == ["sibling.py"] * len(read)
+    assert read
 
 
 @pytest.mark.parametrize("name", ["stranger", "types_only"])
