@@ -226,7 +226,8 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif.",
+            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif."
+            " .vtu and .pvd need the extra 'vtk'.",
         ),
     ],
     resolution: Annotated[
