@@ -246,8 +246,8 @@ def export(
             metavar="N",
             min=2,
             max=1000,
-            help="Write so many states of a motion (49 unless told), or all that a path keeps, whatever N: numbered files,"
-            " or one .pvd, .glb or .gif.",
+            help="Write so many states of a motion (49 unless told), or all that a path keeps, whatever N:"
+            " numbered files, or one .pvd, .glb or .gif.",
         ),
     ] = None,
     seed: Annotated[
