@@ -8,7 +8,8 @@ Nothing strains them, so that each is a point mass. On the incline (3 : 4), with
 and it sticks in between. It falls by g t^2 / 2 until it meets the floor, which is at h + a t^2 / 2 with h < 0, and
 then moves with it, pressed by m (g + a).
 
-The second form integrates Newton's law of a point mass piece by piece, each until an event ends it (SciPy's DOP853).
+The second form integrates Newton's law of a point mass piece by piece, each until an event ends it (SciPy's DOP853). Forces of what slides
+or rests are statics in both forms.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ Without Poisson's effect the strip is a beam, whose odd modes m move the middle 
     w = sum_m 4 p / (m pi rho omega_m^2) sin(m pi / 2) (1 - cos omega_m t),  omega_m = (m pi / L)^2 sqrt(B / rho).
 
 The case asks for large displacements. As its ends are held the strip stretches, which stiffens it by a fraction of
-order (w / h)^2, here below 1e-7: `STIFFENING`.
+order (w / h)^2, here below 2e-7: `STIFFENING`.
 """
 
 from __future__ import annotations

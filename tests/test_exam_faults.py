@@ -203,12 +203,13 @@ def test_a_fault_that_an_earlier_exam_let_through_turns_the_gate_red(fault, tmp_
     must_be_red(fault, tmp_path, monkeypatch)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("solver", "inject"),
     [
-        pytest.param("fem", metric_without_shear, marks=pytest.mark.long),
+        ("fem", metric_without_shear),
         ("fem", normal_part_left(1)),
-        pytest.param("ndf-ritz", field_metric_without_shear, marks=pytest.mark.long),
+        ("ndf-ritz", field_metric_without_shear),
     ],
 )
 def test_right_angled_lines_hide_it(solver, inject, tmp_path, monkeypatch):

@@ -105,12 +105,12 @@ class _File:
     imports: tuple[str, ...] = ()
 
 
-_SEEN: dict[tuple[str, str, int, int], _File] = {}  # by path, package, time of the last change in ns, and bytes
+_SEEN: dict[tuple[str, str, int, int, int, int], _File] = {}  # by path, package, number, changes in ns, and bytes
 
 
 def _looked_at(path: Path, package: str) -> _File:
     status = path.stat()
-    key = (str(path), package, status.st_mtime_ns, status.st_size)
+    key = (str(path), package, status.st_ino, status.st_ctime_ns, status.st_mtime_ns, status.st_size)
     if key not in _SEEN:
         _SEEN[key] = _look_at(path, package)
     return _SEEN[key]
@@ -124,8 +124,8 @@ def what_was_seen() -> bytes:
 def remember(seen: bytes) -> None:
     """Take over what another process knows of files. Those that have changed since are read."""
     for *key, statements, imports in json.loads(seen):
-        path, package, changed, size = key
-        _SEEN[path, package, changed, size] = _File(tuple(statements), tuple(imports))
+        path, package, number, altered, changed, size = key
+        _SEEN[path, package, number, altered, changed, size] = _File(tuple(statements), tuple(imports))
 
 
 def _look_at(path: Path, package: str) -> _File:

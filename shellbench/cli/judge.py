@@ -226,7 +226,8 @@ def export(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif.",
+            help="File to write: .npz (arrays), .obj (deformed shape) or .vtu; of a motion .pvd, .glb or .gif."
+            " .vtu and .pvd need the extra 'vtk'.",
         ),
     ],
     resolution: Annotated[
@@ -245,7 +246,8 @@ def export(
             metavar="N",
             min=2,
             max=1000,
-            help="Write so many states of a motion (49), or those of a path: numbered files or one .pvd, .glb or .gif.",
+            help="Write so many states of a motion (49 unless told), or all that a path keeps, whatever N:"
+            " numbered files, or one .pvd, .glb or .gif.",
         ),
     ] = None,
     seed: Annotated[

@@ -75,7 +75,7 @@ def _draw(axes: Any, shell: Shell | None, among: Sequence[Shell], title: str) ->
         draw_deformed(axes, shell, among, CELLS)
 
 
-def film_of(samples: Iterable[Sample], case: Any, scale: float | None, solver: str) -> bytes:
+def film_of(samples: Iterable[Sample], case: Any, scale: float, solver: str) -> bytes:
     """Return the film of one solution's samples, shown without end.
 
     Parameters
@@ -83,7 +83,7 @@ def film_of(samples: Iterable[Sample], case: Any, scale: float | None, solver: s
     case
         The problem that it answers.
     scale
-        Factor of the displacement; the picture's own if None.
+        Factor of the displacement.
 
     Raises
     ------
@@ -97,6 +97,5 @@ def film_of(samples: Iterable[Sample], case: Any, scale: float | None, solver: s
     moved = np.stack([one.displacement for one in states])
     fields = Fields(states[0].xi, states[0].position, moved[-1], marks, moved)
     shells = [drawn(None, portrait, fields, one) for one in moved]
-    if scale is not None:
-        shells = [None if one is None else replace(one, scale=scale) for one in shells]
+    shells = [None if one is None else replace(one, scale=scale) for one in shells]
     return film([shells], [portrait.mark_words(float(mark)) for mark in marks], [solver], 0)

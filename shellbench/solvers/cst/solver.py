@@ -83,7 +83,9 @@ def _is_wall(support: Support) -> bool:
 def _why_no_modes(case: Case) -> str | None:
     """Return why the mesh can't tell the modes that a case asks for, as one clause, or None if it can."""
     if case.quantities[0].kind != "frequency":
-        return None
+        if case.surface.kind != "plane":
+            return "it finds buckling loads of plates only, which do not bend before"
+        return "it finds buckling loads of shells that are held only" if case.remove_rigid_motions else None
     if case.loads or any(support.motion is not None for support in case.supports):
         return "it finds frequencies about rest only"
     if case.remove_rigid_motions:

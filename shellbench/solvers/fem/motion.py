@@ -291,6 +291,8 @@ def follow(
         # Reactions balance within the step, not at its end.
         middle = now.t + (1 - scheme.alpha_f) * h
         whole = h == usual
+        if kept[-1] is now:  # an impulse belongs to the begin of its step, and rates that are told to its middle
+            kept[-1] = replace(now, impulse=found.impulse)
         now = found
         if local <= ROOM * allowed:
             h = min(2 * h, usual)

@@ -127,9 +127,8 @@ class _Kept:
     factor: Factor | None = None
     length: float = 0.0
     status: bytes = b""
-    tangent: BlockMatrix | None = (
-        None  # without obstacles, where there are any: other points in contact need no new one
-    )
+    # without obstacles, where there are any: other points in contact need no new one
+    tangent: BlockMatrix | None = None
 
 
 @dataclass(frozen=True)
@@ -236,6 +235,8 @@ class MovingShell:
             touched = {"pressure": pressed.pressure, "traction": pressed.traction, "impulse": h * push}
             touched["touch"] = minimum.contact.forces(pressed)
             supplied += minimum.contact.work(pressed)
+            # the equation of x counts impulses `share` times, and supports feel them once
+            residual = residual + (minimum.share - 1) * (_times(self.mass, push) - minimum.contact.nodal(pressed))
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)

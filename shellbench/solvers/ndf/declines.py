@@ -56,6 +56,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
 
 def why_not_moved(case: Case) -> str | None:
     """Return why a field can't follow a motion, as one clause, or None if it can."""
+    if case.obstacles:
+        return "it touches obstacles at rest alone"
     if turns(case):
         return "it can't turn clamped edges by finite angles in motion"
     for support in case.supports:

@@ -6,8 +6,9 @@ linear answer to the case's loads. Of stationary values of Rayleigh's quotients,
     vibration  omega^2 = w.(K + G) w / w.M w,        buckling  lambda = -w.K w / w.G w,
 
 a field's frequencies can only be too high. Hidden layers of `ndf` are deep, and stay as drawn here: challengers are
-further features of the last one. The unknowns are independent combinations of features whose stiffness at
-rest is the identity; rigid motions that nothing holds are constrained away, in the mean over the area.
+further features of the last one, and tell nothing of what no feature of these layers is. The unknowns are independent
+combinations of features whose stiffness at rest is the identity; rigid motions that nothing holds are constrained
+away, in the mean over the area.
 """
 
 from __future__ import annotations

@@ -238,21 +238,21 @@ def changes(
             directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
             least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
         if isinstance(q, LargestDisplacement):
-            least[q.name] = min(least[q.name], _rise(moved, displacements[1]))
+            least[q.name] = min(least[q.name], _rise(moved, displacements[1], after[q.name]))
     return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
 
 
-def _rise(moved: Array, displacement: Array) -> float:
-    """Return by how much the largest displacement may rise if the field changes as much again, metres.
+def _rise(moved: Array, displacement: Array, largest: float) -> float:
+    """Return by how much the largest displacement may rise if the field changes twice as much again, metres.
 
     Supports prescribe a displacement that no features can change: one that is the largest is sure, as long as the
-    rest of the shell stays below it. No bound is known where the largest one is not prescribed.
+    rest of the shell stays below it. No bound is known where the largest one is not prescribed, or between the points.
     """
     size, change = np.linalg.norm(displacement, axis=-1), np.linalg.norm(moved, axis=-1)
     free = change > ROUNDING * size.max()
-    if free[np.argmax(size)]:
+    if free[np.argmax(size)] or largest > (1 + ROUNDING) * size.max():
         return math.inf
-    change = np.maximum(change, np.sqrt(np.mean(change**2)))
+    change = SAFETY * np.maximum(change, np.sqrt(np.mean(change**2)))
     return float(max(0.0, (size + change)[free].max(initial=0.0) - size.max()))
 
 

@@ -42,7 +42,8 @@ class RitzSettings(SeededSettings):
     stretched_scale: Positive | None = PydanticField(None, description="the same of stretched inputs")
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     degrees: tuple[Annotated[int, PydanticField(ge=1, le=60)], ...] | None = PydanticField(
-        None, description="of motions: degrees of the fields along the longest side, tried in turn; with neurons, none"
+        None,
+        description="of motions: degrees of the fields along the longest side, tried in turn; not with neurons",
     )
     hidden: Literal["drawn", "placed"] = PydanticField(
         "drawn", description="of motions: hidden weights drawn at random, or placed on a lattice that leaves no gaps"

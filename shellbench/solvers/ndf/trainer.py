@@ -158,7 +158,13 @@ def solve(
             smooth_activation(settings.activation)
             return _move(case, settings, strain, tell)
         if case.modal:
-            chosen = RitzSettings(seed=settings.seed, device=settings.device, activation=settings.activation)
+            chosen = RitzSettings(
+                seed=settings.seed,
+                device=settings.device,
+                activation=settings.activation,
+                neurons=settings.widths[-1] if settings.widths else None,
+                largest_gap=settings.largest_gap,
+            )
             recipe = modes.Recipe(NdfSolver.name, settings.inner)
             return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
         if not large_displacement.is_path(case):

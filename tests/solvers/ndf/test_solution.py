@@ -185,6 +185,7 @@ def test_feet_and_walls_balance_the_load_together(footed):
         np.testing.assert_allclose(foot_moment + wall_moment, -load, atol=2e-4)
 
 
+@pytest.mark.long
 def test_the_force_of_a_foot_is_the_slope_of_the_energy():
     """Nothing else works on the strip than the foot, which moves 0.2 m upward: dU = F dz; the wall holds against it."""
     push = {"kind": "translation", "vector": [0, 0, "0.2*t"]}
@@ -198,7 +199,7 @@ def test_the_force_of_a_foot_is_the_slope_of_the_energy():
     np.testing.assert_allclose(solution.reaction("wall", at=1.0)[0], -force, atol=1e-3 * slope)
 
 
-@pytest.mark.parametrize("name", ["sheared", "footed"])
+@pytest.mark.parametrize("name", ["sheared", pytest.param("footed", marks=pytest.mark.long)])
 def test_a_saved_path_comes_back_the_same(name, request, tmp_path):
     solution = request.getfixturevalue(name)
     path = solution.save(tmp_path / "path")

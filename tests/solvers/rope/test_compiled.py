@@ -50,6 +50,7 @@ def test_they_agree_to_rounding(seed, links, chains, chosen):
         assert fast.velocities == pytest.approx(plain.velocities, abs=ROUNDING * max(1, np.abs(plain.velocities).max()))
 
 
+@pytest.mark.long
 def test_threads_that_share_chains_take_the_same_steps(monkeypatch):
     random = np.random.default_rng(1)
     places = np.cumsum(random.normal(size=(3, 7, 3)), axis=0)
