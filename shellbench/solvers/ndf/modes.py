@@ -115,23 +115,28 @@ def solve(
         progress(Progress(level.number, None, f"modes with {level.resolution.neurons} neurons and their challengers"))
         one = _OneLevel(case, spec, settings, level, recipe)
         plain, whole = one.find(challenged=False), one.find(challenged=True)
-        gained = missed = np.abs(plain.values - whole.values)
+        kept, gained = whole, np.abs(plain.values - whole.values)
+        missed = gained
         if before is not None and told is not None:
-            missed = still_missed(gained, told, np.abs(before - whole.values))
-        sure = SAFETY * (missed + whole.gap * np.abs(whole.values))
+            # Challengers can only lower a quotient. Where it is higher on the finer rule they have exploited their own:
+            # they are no part of the answer, and what they change tells nothing. What the level changed still does.
+            if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
+                kept, gained = plain, np.abs(before - plain.values)
+            missed = still_missed(gained, told, np.abs(before - kept.values))
+        sure = SAFETY * (missed + kept.gap * np.abs(kept.values))
         for found in (plain, whole):
             seconds = time.perf_counter() - began
             values = dict(zip([q.name for q in case.quantities], _asked(case, found.values), strict=True))
             steps.append(Step(len(steps), seconds, float(found.values.mean()), one.unknowns, quantities=values))
-        share = float((sure / np.abs(whole.values)).max())
+        share = float((sure / np.abs(kept.values)).max())
         # Of two fields the one of lower quotients is nearer. A wider one is worse conditioned, and may be the other.
-        if answer is not None and before is not None and whole.values.mean() > (1 + WANTED) * before.mean():
+        if answer is not None and before is not None and kept.values.mean() > (1 + WANTED) * before.mean():
             answer = replace(answer, history=tuple(steps))
             break
-        answer = one.solution(whole, sure, steps)
+        answer = one.solution(kept, sure, steps)
         if fixed or share <= (WANTED if before is None else SETTLED):
             break
-        before, told = whole.values, gained
+        before, told = kept.values, gained
         del one  # its matrices, before those of the next level are made
         level = next_level(first, level, FINER, settings.most_neurons)
     assert answer is not None  # there is a first level
