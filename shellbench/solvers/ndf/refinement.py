@@ -237,7 +237,7 @@ def changes(
         if isinstance(q, LargestDisplacement | DisplacementQuantity):
             directions = np.array([unit(d) for d in q.directions]) if isinstance(q, DisplacementQuantity) else np.eye(3)
             least[q.name] = float(np.sqrt(np.mean((moved @ directions.T) ** 2)))
-        if isinstance(q, LargestDisplacement):
+        if isinstance(q, LargestDisplacement) and q.name in after:
             least[q.name] = min(least[q.name], _rise(moved, displacements[1], after[q.name]))
     return {name: max(abs(value - before[name]), least.get(name, 0.0)) for name, value in after.items()}
 
