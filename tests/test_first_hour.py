@@ -29,11 +29,14 @@ def give(words: list[str], folder: Path, site: Path) -> None:
     """Run a command as its page shows it; packages are installed into a folder of the test."""
     if words[:4] == ["python", "-m", "pip", "install"]:
         here = ["--no-build-isolation"] if importlib.util.find_spec("hatchling") else []
-        words = [*words[:4], "--no-deps", *here, "--target", str(site), re.sub(r"\[.*", "", words[-1])]
+        words = [*words[:4], "--no-deps", *here, "--target", str(site), f"./{words[-1].partition('[')[0]}"]
     done = subprocess.run(
         [*PROGRAMS[words[0]], *words[1:]],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(site), str(ROOT)])},
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(site), str(ROOT), os.getenv("PYTHONPATH")])),
+        },
         capture_output=True,
         text=True,
         timeout=10 * GUARD,
