@@ -7,6 +7,7 @@ import pytest
 
 from derivations import strip_on_edge
 from shellbench.bench import catalog
+from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
@@ -41,3 +42,16 @@ def test_strips_on_edge_of_elements_tend_to_the_narrow_limit():
     cases = [catalog.named_case(name) for name in strip_on_edge.WIDTHS]
     factors = [FemSolver().solve(case, {"cells": (24, 6)}).mode_values[1] for case in cases]
     assert strip_on_edge.extrapolated(factors) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.long
+def test_challengers_that_exploit_their_rule_are_no_part_of_the_answer():
+    """With seed 2 the second level's challengers raise the quotients, which more features can only lower."""
+    case = catalog.named_case("plate_shear")
+    found = RitzSolver().solve(case, {"seed": 2})
+    assert found.unsettled is None
+    values = measure_all(found)
+    for quantity in case.quantities:
+        known = catalog.known_values(case.name).judge(quantity.name, case.theory).value
+        assert abs(values[quantity.name] - known) < 2 * found.uncertainty[quantity.name]
+        assert found.uncertainty[quantity.name] < 1e-4 * known
