@@ -1,0 +1,247 @@
+"""Studies of motion after Kairanda et al., sections G, H, F and I.1: runs, records and figures of docs/studies.md.
+
+python docs/studies.py run [NAME]     make what is missing, one run at a time; an interrupted study goes on where it was
+python docs/studies.py keep [NAME]    write the runs' figures to reports/studies/NAME.csv, and courses of trainings
+python docs/studies.py show [NAME]    draw docs/figures/study_NAME.png, and print the tables
+
+A study is a list of runs: a case of the catalogue with some entries changed, a solver, its settings and a seed. Runs
+are `shellbench run` on case files that are written into reports/study_runs, and so have records of their own there.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+KEPT, FIGURES = ROOT / "reports/studies", ROOT / "docs/figures"
+STORE = Path("reports/study_runs")  # of records, which are large and not committed
+SMALL = {"layers": 2, "width": 64, "learning_rate": 1e-3}  # of a training that a CPU can afford
+CLOSE = 0.01  # m: two motions are together until they are that far apart, in the mean
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a study.
+
+    Attributes
+    ----------
+    base, edits
+        The case of the catalogue, and what is changed in it: by key, the new value.
+    name
+        What the case is called then; the base itself if it is empty.
+    yardstick
+        Whether the other runs of the case are held against this one.
+    """
+
+    base: str
+    solver: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    name: str = ""
+    edits: dict[str, float] = field(default_factory=dict)
+    seed: int = 0
+    yardstick: bool = False
+
+    @property
+    def case(self) -> str:
+        return self.name or self.base
+
+
+def words(value: float) -> str:
+    """A number as a part of a case's name."""
+    return f"{value:g}".replace(".", "_").replace("-", "_")
+
+
+def thin() -> Iterator[Run]:
+    """A napkin that droops between two held edges, from thick to thin, at the same areal density (section H.1)."""
+    for h in (1e-2, 3e-3, 1e-3, 3e-4, 1e-4):
+        edited: dict[str, Any] = {"name": f"napkin_thin_{words(h)}", "edits": {"thickness": h, "until": 0.3}}
+        yield Run("napkin_fixed_edges", "fem", {"cells": [4, 4], "time_step": 1 / 60}, **edited)
+        yield Run("napkin_fixed_edges", "fem", {"cells": [6, 6], "time_step": 1 / 120}, **edited)
+        yield Run("napkin_fixed_edges", "fem", {"cells": [9, 9], "time_step": 1 / 240}, yardstick=True, **edited)
+        for neurons in (120, 240, 480):
+            yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": neurons}, **edited)
+
+
+def times() -> Iterator[Run]:
+    """Samples in time, and in space beside them (section H.2); and steps, where time is stepped through."""
+    fall = {**SMALL, "omega0": 3.0, "iterations": 1000}
+    for count in (5, 10, 15, 20, 25):
+        for seed in (0, 1):
+            yield Run("free_fall", "ndf-published", {**fall, "cells": [5, 5], "times": count}, seed=seed)
+    napkin = {**SMALL, "omega0": 5.0, "iterations": 1000}
+    for count in (5, 10, 15, 20, 25):
+        yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [8, 8], "times": count})
+    for side in (5, 11, 15):
+        yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [side, side], "times": 10})
+    for rate in (30, 60, 120, 240):
+        yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / rate})
+    yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / 480}, yardstick=True)
+
+
+def runtime() -> Iterator[Run]:
+    """What a motion is like after so many seconds of computing (sections G.1 and I.1)."""
+    for side, rate in ((2, 60), (3, 60), (4, 120), (6, 120), (8, 240)):
+        yield Run("napkin_plane", "fem", {"cells": [side, side], "time_step": 1 / rate})
+    yield Run("napkin_plane", "fem", {"cells": [10, 10], "time_step": 1 / 480}, yardstick=True)
+    for neurons in (30, 60, 120, 240, 480):
+        yield Run("napkin_plane", "ndf-ritz", {"neurons": neurons})
+    stopped = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10}
+    for iterations in (30, 100, 300, 1000, 3000):
+        yield Run("napkin_plane", "ndf-published", {**stopped, "iterations": iterations})
+
+
+def long() -> Iterator[Run]:
+    """A flag in the wind for ever longer (section G.2): time, memory, and how long two meshes agree."""
+    for until in (0.5, 1.0, 2.0, 4.0, 8.0):
+        edited: dict[str, Any] = {"name": f"flag_{words(until)}", "edits": {"until": until}}
+        yield Run("flag", "fem", {"cells": [4, 3], "time_step": 1 / 120}, **edited)
+        yield Run("flag", "fem", {"cells": [6, 4], "time_step": 1 / 120}, yardstick=True, **edited)
+        if until <= 2:
+            yield Run("flag", "ndf-ritz", {"neurons": 120}, **edited)
+        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000}
+        yield Run("flag", "ndf-published", trained, **edited)
+
+
+def droop() -> Iterator[Run]:
+    """Figure 11 on the drooping napkin: linear, published and exact strains, solved for and trained."""
+    edited: dict[str, Any] = {"name": "napkin_droop", "edits": {"until": 0.4}}
+    yield Run("napkin_fixed_edges", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True, **edited)
+    for strain in ("linear", "published", "exact"):
+        yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": 240, "strain": strain}, **edited)
+        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 2000, "strain": strain}
+        yield Run("napkin_fixed_edges", "ndf-published", trained, **edited)
+
+
+STUDIES = {one.__name__: one for one in (thin, times, runtime, long, droop)}
+
+
+def case_file(run: Run) -> str:
+    """Return what `shellbench run` is told: the name of the case, or the file of the edited one, which is written."""
+    if not run.name:
+        return run.base
+    text = (ROOT / f"cases/{run.base}.toml").read_text().partition("[[quantities]]")[0]
+    text = re.sub(r"(?m)^suites = .*\n", "", text)
+    for key, value in run.edits.items():
+        text, found = re.subn(rf"(?m)^{key} = .*$", f"{key} = {value!r}", text)
+        assert found == 1, f"{run.base} has no single {key}"
+    down = np.argmin([float(a) for a in re.search(r"acceleration = \[(.*)\]", text)[1].split(",")])  # type: ignore[index]
+    until = run.edits["until"]
+    for name, at, primary in (("half", until / 2, "false"), ("end", until, "true")):
+        text += (
+            f'[[quantities]]\nname = "centre_{name}"\nkind = "centre_of_mass"\ndirection = {np.eye(3)[down].tolist()}\n'
+        )
+        text += f"at = {at!r}\nprimary = {primary}\nabsolute = true\n\n"
+        for energy in ("membrane_energy", "bending_energy", "total_energy"):
+            absolute = "absolute = true\n" if energy == "total_energy" else ""
+            text += f'[[quantities]]\nname = "{energy}_{name}"\nkind = "{energy}"\nat = {at!r}\n{absolute}\n'
+    path = STORE / "cases" / f"{run.name}.toml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file() or path.read_text() != text:
+        path.write_text(text)
+    return str(path)
+
+
+def make(runs: list[Run]) -> None:
+    """Make what has no record yet; a run that fails has one, too, and is tried again."""
+    for run in runs:
+        command = ["shellbench", "run", case_file(run), "--solver", run.solver, "--store", str(STORE)]
+        command += ["--threads", "1", "--jobs", "1", "--timeout", "400"]
+        if run.solver != "fem":
+            command += ["--seed", str(run.seed)]
+        for key, value in run.settings.items():
+            command += ["--set", f"{run.solver}.{key}={value if isinstance(value, list) else json.dumps(value)}"]
+        subprocess.run(command, check=False)
+
+
+def record_of(run: Run) -> dict[str, Any] | None:
+    """Return the newest record of a run."""
+    found = []
+    for path in STORE.glob(f"{run.case}-{run.solver}-*.json"):
+        one = json.loads(path.read_text())
+        identity = one["identity"]
+        same = all(identity["settings"].get(key) == value for key, value in run.settings.items())
+        if one["case_name"] == run.case and same and identity["seed"] in (None, run.seed):
+            found.append(one)
+    return max(found, key=lambda one: one["sequence"], default=None)
+
+
+def probes(record: dict[str, Any] | None) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the times and the displacements (T, N, 3) at the case's own probes."""
+    if record is None or not record.get("fields_file"):
+        return None
+    with np.load(STORE / record["fields_file"]) as fields:
+        return fields["probe_marks"], fields["probe_displacements"]
+
+
+def line_of(run: Run, yardstick: dict[str, Any] | None) -> dict[str, Any]:
+    """Return what is kept of a run."""
+    kept = {"case": run.case, **run.edits, "solver": run.solver, "settings": json.dumps(run.settings), "seed": run.seed}
+    record = record_of(run)
+    if record is None:
+        return kept | {"status": "not run"}
+    known, resolved = record["diagnostics"], record["history"]
+    kept |= {"status": record["status"], "seconds": record["seconds"], "parameters": record["parameters"]}
+    kept |= {"storage_bytes": record["storage_bytes"], "time_steps": known.get("time_steps")}
+    if record["peak_memory_bytes"] and record["idle_memory_bytes"]:
+        kept["solve_bytes"] = record["peak_memory_bytes"] - record["idle_memory_bytes"]
+    kept |= {name: known.get(name) for name in ("energy_gap", "energy_drift", "fine_functional", "training_functional")}
+    if known.get("fine_functional") is not None and len(resolved) > 10:
+        last = np.array([step["energy"] for step in resolved[-10:]])
+        kept["scatter"] = float(np.std(last - np.polyval(np.polyfit(np.arange(10), last, 1), np.arange(10))))
+    kept |= {name: one["value"] for name, one in record["values"].items() if run.name or name in ASKED}
+    mine, best = probes(record), probes(yardstick)
+    if mine and best and not run.yardstick:
+        off = np.sqrt(((mine[1] - best[1]) ** 2).sum(-1).mean(-1))
+        kept |= {"off_half": float(np.interp(mine[0][-1] / 2, mine[0], off)), "off_end": float(off[-1])}
+        apart = np.flatnonzero(off > CLOSE)
+        kept["together"] = float(mine[0][max(apart[0] - 1, 0)] if len(apart) else mine[0][-1])
+    kept |= {"run_id": record["run_id"], "commit": record["environment"]["git_sha"][:9]}
+    return kept
+
+
+ASKED = ("fall_500ms", "fall_1000ms", "corner_y_500ms", "centre_y_400ms")
+
+
+def keep(name: str) -> None:
+    """Write the figures of a study's runs, a line each."""
+    runs = list(STUDIES[name]())
+    best = {run.case: record_of(run) for run in runs if run.yardstick}
+    lines = [line_of(run, best.get(run.case)) for run in runs]
+    columns = list(dict.fromkeys(key for line in lines for key in line))
+    KEPT.mkdir(parents=True, exist_ok=True)
+    with (KEPT / f"{name}.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: brief(value) for key, value in line.items()} for line in lines)
+
+
+def brief(value: Any) -> Any:
+    """Return a number with seven digits."""
+    return f"{value:.7g}" if isinstance(value, float) and math.isfinite(value) else value
+
+
+def main() -> None:
+    """Do what is asked, of the studies that are named or of all."""
+    what, *names = sys.argv[1:] or [""]
+    if what not in ("run", "keep", "show") or not set(names) <= STUDIES.keys():
+        raise SystemExit(f"{__doc__}\nStudies: {', '.join(STUDIES)}")
+    for name in names or STUDIES:
+        if what == "run":
+            make(list(STUDIES[name]()))
+        elif what == "keep":
+            keep(name)
+
+
+if __name__ == "__main__":
+    main()
