@@ -10,12 +10,14 @@ are `shellbench run` on case files that are written into reports/study_runs, and
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
 import math
 import re
-import subprocess
+import resource
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,9 +25,12 @@ from typing import Any
 
 import numpy as np
 
+from shellbench.cli import app
+
 ROOT = Path(__file__).parents[1]
 KEPT, FIGURES = ROOT / "reports/studies", ROOT / "docs/figures"
 STORE = Path("reports/study_runs")  # of records, which are large and not committed
+SHARES = STORE / "shares.jsonl"  # of a processor, by run: the machine may have had other work
 SMALL = {"layers": 2, "width": 64, "learning_rate": 1e-3}  # of a training that a CPU can afford
 CLOSE = 0.01  # m: two motions are together until they are that far apart, in the mean
 
@@ -69,7 +74,7 @@ def thin() -> Iterator[Run]:
         yield Run("napkin_fixed_edges", "fem", {"cells": [4, 4], "time_step": 1 / 60}, **edited)
         yield Run("napkin_fixed_edges", "fem", {"cells": [6, 6], "time_step": 1 / 120}, **edited)
         yield Run("napkin_fixed_edges", "fem", {"cells": [9, 9], "time_step": 1 / 240}, yardstick=True, **edited)
-        for neurons in (120, 240, 480):
+        for neurons in (60, 120, 240):
             yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": neurons}, **edited)
 
 
@@ -153,15 +158,33 @@ def case_file(run: Run) -> str:
 
 
 def make(runs: list[Run]) -> None:
-    """Make what has no record yet; a run that fails has one, too, and is tried again."""
+    """Make what has no record yet, and note the processor time of each; a run that fails is tried again."""
     for run in runs:
-        command = ["shellbench", "run", case_file(run), "--solver", run.solver, "--store", str(STORE)]
+        command = ["run", case_file(run), "--solver", run.solver, "--store", str(STORE)]
         command += ["--threads", "1", "--jobs", "1", "--timeout", "400"]
         if run.solver != "fem":
             command += ["--seed", str(run.seed)]
         for key, value in run.settings.items():
             command += ["--set", f"{run.solver}.{key}={value if isinstance(value, list) else json.dumps(value)}"]
-        subprocess.run(command, check=False)
+        before, began = processor_seconds(), time.perf_counter()
+        with contextlib.suppress(SystemExit):
+            app(command, standalone_mode=False)
+        share = (processor_seconds() - before) / (time.perf_counter() - began)
+        if (record := record_of(run)) is not None:
+            with SHARES.open("a") as file:
+                file.write(json.dumps({"run_id": record["run_id"], "share": share}) + "\n")
+
+
+def processor_seconds() -> float:
+    """Return the processor time of all ended runs, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def share_of(run_id: str) -> float:
+    """Return the share of a processor that a run had when it was made: later ones found its record."""
+    lines = map(json.loads, SHARES.read_text().splitlines())
+    return next((line["share"] for line in lines if line["run_id"] == run_id), math.nan)
 
 
 def record_of(run: Run) -> dict[str, Any] | None:
@@ -191,7 +214,11 @@ def line_of(run: Run, yardstick: dict[str, Any] | None) -> dict[str, Any]:
     if record is None:
         return kept | {"status": "not run"}
     known, resolved = record["diagnostics"], record["history"]
-    kept |= {"status": record["status"], "seconds": record["seconds"], "parameters": record["parameters"]}
+    kept |= {
+        "status": record["status"],
+        "seconds": record["seconds"] * share_of(record["run_id"]),
+        "parameters": record["parameters"],
+    }
     kept |= {"storage_bytes": record["storage_bytes"], "time_steps": known.get("time_steps")}
     if record["peak_memory_bytes"] and record["idle_memory_bytes"]:
         kept["solve_bytes"] = record["peak_memory_bytes"] - record["idle_memory_bytes"]
