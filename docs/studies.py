@@ -73,7 +73,7 @@ def thin() -> Iterator[Run]:
         edited: dict[str, Any] = {"name": f"napkin_thin_{words(h)}", "edits": {"thickness": h, "until": 0.3}}
         yield Run("napkin_fixed_edges", "fem", {"cells": [4, 4], "time_step": 1 / 60}, **edited)
         yield Run("napkin_fixed_edges", "fem", {"cells": [6, 6], "time_step": 1 / 120}, **edited)
-        yield Run("napkin_fixed_edges", "fem", {"cells": [9, 9], "time_step": 1 / 240}, yardstick=True, **edited)
+        yield Run("napkin_fixed_edges", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True, **edited)
         for neurons in (60, 120, 240):
             yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": neurons}, **edited)
 
@@ -81,28 +81,28 @@ def thin() -> Iterator[Run]:
 def times() -> Iterator[Run]:
     """Samples in time, and in space beside them (section H.2); and steps, where time is stepped through."""
     fall = {**SMALL, "omega0": 3.0, "iterations": 1000}
-    for count in (5, 10, 15, 20, 25):
+    for count in (5, 10, 25):
         for seed in (0, 1):
             yield Run("free_fall", "ndf-published", {**fall, "cells": [5, 5], "times": count}, seed=seed)
     napkin = {**SMALL, "omega0": 5.0, "iterations": 1000}
-    for count in (5, 10, 15, 20, 25):
+    for count in (5, 10, 25):
         yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [8, 8], "times": count})
-    for side in (5, 11, 15):
+    for side in (5, 15):
         yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [side, side], "times": 10})
-    for rate in (30, 60, 120, 240):
+    for rate in (30, 60, 120):
         yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / rate})
-    yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / 480}, yardstick=True)
+    yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / 240}, yardstick=True)
 
 
 def runtime() -> Iterator[Run]:
     """What a motion is like after so many seconds of computing (sections G.1 and I.1)."""
-    for side, rate in ((2, 60), (3, 60), (4, 120), (6, 120), (8, 240)):
+    for side, rate in ((2, 60), (3, 60), (4, 120), (6, 120)):
         yield Run("napkin_plane", "fem", {"cells": [side, side], "time_step": 1 / rate})
-    yield Run("napkin_plane", "fem", {"cells": [10, 10], "time_step": 1 / 480}, yardstick=True)
-    for neurons in (30, 60, 120, 240, 480):
+    yield Run("napkin_plane", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True)
+    for neurons in (30, 60, 120, 240):
         yield Run("napkin_plane", "ndf-ritz", {"neurons": neurons})
     stopped = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10}
-    for iterations in (30, 100, 300, 1000, 3000):
+    for iterations in (100, 1000, 3000):
         yield Run("napkin_plane", "ndf-published", {**stopped, "iterations": iterations})
 
 
@@ -114,8 +114,9 @@ def long() -> Iterator[Run]:
         yield Run("flag", "fem", {"cells": [6, 4], "time_step": 1 / 120}, yardstick=True, **edited)
         if until <= 2:
             yield Run("flag", "ndf-ritz", {"neurons": 120}, **edited)
-        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000}
-        yield Run("flag", "ndf-published", trained, **edited)
+        if until in (0.5, 2.0, 8.0):
+            trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000}
+            yield Run("flag", "ndf-published", trained, **edited)
 
 
 def droop() -> Iterator[Run]:
@@ -124,7 +125,7 @@ def droop() -> Iterator[Run]:
     yield Run("napkin_fixed_edges", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True, **edited)
     for strain in ("linear", "published", "exact"):
         yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": 240, "strain": strain}, **edited)
-        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 2000, "strain": strain}
+        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000, "strain": strain}
         yield Run("napkin_fixed_edges", "ndf-published", trained, **edited)
 
 
