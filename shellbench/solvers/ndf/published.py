@@ -208,6 +208,7 @@ class _Training:
         spec = FieldSpec(
             activation=settings.activation,
             periodic_input=settings.periodic_input,
+            components=settings.components,
             pins=settings.pins,
             stretched=False,
             multipliers=0,

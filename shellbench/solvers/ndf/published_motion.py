@@ -62,7 +62,14 @@ from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.strain_measures import MEASURES, Reference, Undeformed, gradient_map
 from shellbench.solvers.ndf.supports import force_density
 
-OF_STATICS = ("pins", "unit", "keep", "resample_every", "activation")  # departures that no motion is trained with
+OF_STATICS = (
+    "pins",
+    "components",
+    "unit",
+    "keep",
+    "resample_every",
+    "activation",
+)  # departures that no motion is trained with
 OF_TIMES = 1 << 64  # apart from the counters of the points: no iteration reaches it
 
 

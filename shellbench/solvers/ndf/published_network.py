@@ -51,6 +51,7 @@ from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.choices import Pins
 from shellbench.solvers.ndf.factors import BoundaryFactors, Lift
 from shellbench.solvers.ndf.field import Ansatz, Network
+from shellbench.solvers.ndf.geometry import contravariant_basis_jet
 from shellbench.solvers.ndf.inputs import Inputs
 from shellbench.solvers.ndf.jets import (
     D1,
@@ -289,6 +290,7 @@ class PublishedFactors:
     case: Case
     t: float = 1.0
     kind: Pins = "points"
+    covariant: bool = False
 
     @cached_property
     def pins(self) -> tuple[tuple[Point, Array], ...]:
@@ -313,6 +315,8 @@ class PublishedFactors:
             identity = constant(torch.eye(3, device=placement.device, dtype=placement.dtype).expand(len(points), 3, 3))
             factor = identity - bump[..., None, None] * placement.tensor(directions)
             matrix = matrix_product(matrix, factor)
+        if self.covariant:
+            matrix = matrix_product(matrix, contravariant_basis_jet(self.case.surface, points, placement))
         return matrix
 
     def _bump(self, point: Point, points: Array, placement: Placement) -> Tensor:
@@ -356,4 +360,6 @@ def _square(z: Tensor) -> Tensor:
 
 def published_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the published way of building in the supports of a case."""
-    return Ansatz(case, PublishedFactors(case, spec.t, spec.pins), Lift(case, spec.t), spec.t)
+    return Ansatz(
+        case, PublishedFactors(case, spec.t, spec.pins, spec.components == "covariant"), Lift(case, spec.t), spec.t
+    )

@@ -13,7 +13,7 @@ from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import ShellSolver
-from shellbench.solvers.ndf.choices import PeriodicInput, Pins, StrainName
+from shellbench.solvers.ndf.choices import Components, PeriodicInput, Pins, StrainName
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
@@ -46,6 +46,7 @@ class PublishedSettings(SeededSettings):
         "points",
         description='of a shell that nothing holds: "points" as printed, "cells" wide enough for samples, "none"',
     )
+    components: Components = PydanticField("cartesian", description="what the output layer gives")
     unit: Literal["modulus", "load"] = PydanticField(
         "modulus", description='of the output: 1 m at the scaled modulus, or "load", the deflection of a like plate'
     )

@@ -96,3 +96,15 @@ def test_far_from_a_pin_nothing_underflows_to_nan():
     for dtype in (torch.float32, torch.float64):
         jet = PublishedFactors(PINCHED).matrix(points, Placement(dtype=dtype))
         assert bool(torch.isfinite(jet).all())
+
+
+@pytest.mark.parametrize("name", ["scordelis_lo", "pinched_cylinder_free"])
+def test_the_covariant_components_of_a_vector_give_what_its_cartesian_ones_give(name):
+    case, vector = named_case(name), np.array([0.3, -1.2, 0.7])
+    points = np.vstack([inner_points(case, 20), [[np.pi / 2 + 1e-3, 300.05]] if "pinched" in name else [[2.0, 20.0]]])
+    x = case.surface.derivatives(points, 1)
+    base = np.stack([x[1, 0], x[0, 1], np.cross(x[1, 0], x[0, 1])], axis=-2)
+    base[:, 2] /= np.linalg.norm(base[:, 2], axis=-1, keepdims=True)
+    covariant = PublishedFactors(case, covariant=True).matrix(points, PLACEMENT)[0].numpy()
+    found = np.einsum("nij,nj->ni", covariant, base @ vector)
+    np.testing.assert_allclose(found, values(case, points) @ vector, rtol=0, atol=1e-12)
