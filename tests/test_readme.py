@@ -234,7 +234,7 @@ def collapse():
 def repaired_training():
     titles = ("Square plate", "Scordelis-Lo roof", "Pinched cylinder, diaphragms", "Pinched cylinder, free")
     for case, title in zip(LINEAR, titles, strict=True):
-        record = json.loads(one((ROOT / "reports/replication").glob(f"{case}-*.json")).read_bytes())
+        record = json.loads(one((ROOT / "reports/replication").glob(f"{case}-*-s0-*.json")).read_bytes())
         primary = next(iter(record["values"]))
         off = record["values"][primary]["value"] / judge(case, primary) - 1
         above = 1 + record["diagnostics"]["certified_energy"] / judge(case, "strain_energy")  # the least is minus that
