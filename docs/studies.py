@@ -87,11 +87,10 @@ def times() -> Iterator[Run]:
     for count in (5, 10, 25):
         for seed in (0, 1):
             yield Run("free_fall", "ndf-published", {**fall, "cells": [5, 5], "times": count}, seed=seed)
-    napkin = {**SMALL, "omega0": 5.0, "iterations": 1000}
+    napkin = {**SMALL, "omega0": 5.0, "iterations": 500}
     for count in (5, 10, 25):
         yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [8, 8], "times": count})
-    for side in (5, 11):
-        yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [side, side], "times": 10})
+    yield Run("napkin_plane", "ndf-published", {**napkin, "cells": [5, 5], "times": 10})
     for rate in (30, 60, 120):
         yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / rate})
     yield Run("napkin_plane", "fem", {"cells": [6, 6], "time_step": 1 / 240}, yardstick=True)
@@ -105,21 +104,21 @@ def runtime() -> Iterator[Run]:
     for neurons in (30, 60, 120, 240):
         yield Run("napkin_plane", "ndf-ritz", {"neurons": neurons})
     stopped = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10}
-    for iterations in (100, 1000, 2000):
+    for iterations in (100, 500):
         yield Run("napkin_plane", "ndf-published", {**stopped, "iterations": iterations})
 
 
 def long() -> Iterator[Run]:
     """A flag in the wind for ever longer (section G.2): time, memory, and how long two meshes agree."""
-    for until in (0.5, 1.0, 2.0, 4.0, 8.0):
+    for until in (0.5, 2.0, 8.0):
         edited: dict[str, Any] = {"name": f"flag_{words(until)}", "edits": {"until": until}}
-        if until in (0.5, 2.0, 8.0):
+        if until == 8.0:
             yield Run("flag", "fem", {"cells": [4, 3], "time_step": 1 / 120}, **edited)
         yield Run("flag", "fem", {"cells": [6, 4], "time_step": 1 / 120}, yardstick=True, **edited)
-        if until <= 1:
+        if until == 0.5:
             yield Run("flag", "ndf-ritz", {"neurons": 120}, **edited)
         if until in (0.5, 8.0):
-            trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000}
+            trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 500}
             yield Run("flag", "ndf-published", trained, **edited)
 
 
@@ -129,7 +128,7 @@ def droop() -> Iterator[Run]:
     yield Run("napkin_fixed_edges", "fem", {"cells": [8, 8], "time_step": 1 / 240}, yardstick=True, **edited)
     for strain in ("linear", "published", "exact"):
         yield Run("napkin_fixed_edges", "ndf-ritz", {"neurons": 120, "strain": strain}, **edited)
-        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 1000, "strain": strain}
+        trained = {**SMALL, "omega0": 5.0, "cells": [8, 8], "times": 10, "iterations": 500, "strain": strain}
         yield Run("napkin_fixed_edges", "ndf-published", trained, **edited)
 
 
@@ -139,8 +138,8 @@ def trained() -> Iterator[Run]:
     for activation in ("sine", "tanh", "gelu"):
         yield Run("square_plate", "ndf-published", {**repaired, "learning_rate": 2e-4, "activation": activation})
     roof = {**repaired, "learning_rate": 2e-3, "omega0": 5.0}
-    for components in ("cartesian", "covariant"):
-        yield Run("scordelis_lo", "ndf-published", {**roof, "components": components})
+    yield Run("scordelis_lo", "ndf-published", roof)
+    yield Run("scordelis_lo", "ndf-published", {**roof, "components": "covariant"})
 
 
 STUDIES = {one.__name__: one for one in (thin, times, runtime, long, droop, trained)}
@@ -208,7 +207,7 @@ def record_of(run: Run) -> dict[str, Any] | None:
     for path in STORE.glob(f"{run.case}-{run.solver}-*.json"):
         one = json.loads(path.read_text())
         identity = one["identity"]
-        same = all(identity["settings"].get(key) == value for key, value in run.settings.items())
+        same = identity["settings"] == one["defaults"] | run.settings
         if one["case_name"] == run.case and same and identity["seed"] in (None, run.seed):
             found.append(one)
     return max(found, key=lambda one: one["sequence"], default=None)
@@ -281,8 +280,8 @@ def write(name: str, columns: list[str], lines: list[dict[str, Any]]) -> None:
 
 
 def brief(value: Any) -> Any:
-    """Return a number with seven digits."""
-    return f"{value:.7g}" if isinstance(value, float) and math.isfinite(value) else value
+    """Return a number with seven digits; nothing for none that is finite."""
+    return (f"{value:.7g}" if math.isfinite(value) else None) if isinstance(value, float) else value
 
 
 def fit() -> None:

@@ -167,7 +167,7 @@ def trained() -> list[str]:
     rows = []
     for line in lines_of("trained"):
         settings = line["settings"]
-        what = settings.get("activation") or f"{settings['components']} components"
+        what = settings.get("activation") or f"{settings.get('components', 'Cartesian')} components"
         rows.append((line["case"], what + ended(line), percent(line["above"]), percent(line["error"])))
     return table(("shell", "repaired training with", "certified energy above the least", "displacement"), rows)
 
