@@ -71,7 +71,10 @@ def share(line: Line, best: Line | None, name: str) -> float | None:
 
 
 def percent(value: float | None) -> str:
-    return "–" if value is None else f"{100 * value:+.2g} %"
+    """Write a relative difference; one above 1 as the multiple that it makes."""
+    if value is None:
+        return "–"
+    return f"{1 + value:.2g} times" if value >= 1 else f"{100 * value:+.{3 if abs(value) > 0.995 else 2}g} %"
 
 
 def ended(line: Line) -> str:
@@ -213,8 +216,8 @@ def solvers(lines: Iterable[Line]) -> dict[str, list[Line]]:
 def figures() -> Iterator[tuple[str, Any]]:
     """Yield the figures by name."""
     figure, ((left, right),) = open_figure((7.2, 3.4), 1, 2)
-    entries = curves(left, grouped(lines_of("thin")), "thickness", "off_end")
-    curves(right, grouped(lines_of("thin")), "thickness", "seconds")
+    curves(left, grouped(lines_of("thin")), "thickness", "off_end")
+    entries = curves(right, grouped(lines_of("thin")), "thickness", "seconds")
     finish([left], "thickness (m), napkin of 1 m", "off the finest mesh at 0.3 s (m)")
     finish([right], "thickness (m), napkin of 1 m", "processor time (s)")
     for axes in (left, right):
