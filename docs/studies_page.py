@@ -74,7 +74,11 @@ def percent(value: float | None) -> str:
     """Write a relative difference; one above 1 as the multiple that it makes."""
     if value is None:
         return "–"
-    return f"{1 + value:.2g} times" if value >= 1 else f"{100 * value:+.{3 if abs(value) > 0.995 else 2}g} %"
+    return (
+        f"{1 + value:.{0 if value > 9 else 1}f} times"
+        if value >= 1
+        else f"{100 * value:+.{3 if abs(value) > 0.995 else 2}g} %"
+    )
 
 
 def ended(line: Line) -> str:
