@@ -112,8 +112,9 @@ def long() -> Iterator[Run]:
     """A napkin that swings in its plane for ever longer (section G.2): time, memory, and how long two meshes agree."""
     for until in (0.5, 2.0, 8.0):
         edited: dict[str, Any] = {"name": f"napkin_long_{words(until)}", "edits": {"until": until}}
-        yield Run("napkin_plane", "fem", {"cells": [2, 2], "time_step": 1 / 60}, **edited)
-        yield Run("napkin_plane", "fem", {"cells": [3, 3], "time_step": 1 / 60}, yardstick=True, **edited)
+        yield Run("napkin_plane", "fem", {"cells": [2, 2], "time_step": 1 / 60}, yardstick=until == 8.0, **edited)
+        if until < 8.0:
+            yield Run("napkin_plane", "fem", {"cells": [3, 3], "time_step": 1 / 60}, yardstick=True, **edited)
 
 
 def droop() -> Iterator[Run]:
@@ -127,13 +128,10 @@ def droop() -> Iterator[Run]:
 
 
 def trained() -> Iterator[Run]:
-    """Figure 10 and Table 3's activations on the repaired training: the plate by activation, the roof by components."""
+    """Activations on the repaired training of the plate (Table 3)."""
     repaired = {"width": 128, "schedule": "cosine", "averaging": 0.99, "keep": "best"}
     for activation in ("sine", "tanh", "gelu"):
         yield Run("square_plate", "ndf-published", {**repaired, "learning_rate": 2e-4, "activation": activation})
-    roof = {**repaired, "learning_rate": 2e-3, "omega0": 5.0}
-    for components in ("cartesian", "covariant"):
-        yield Run("scordelis_lo", "ndf-published", {**roof, "iterations": 300, "components": components})
 
 
 STUDIES = {one.__name__: one for one in (thin, times, runtime, long, droop, trained)}
