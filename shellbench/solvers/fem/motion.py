@@ -291,7 +291,9 @@ def follow(
         # Reactions balance within the step, not at its end.
         middle = now.t + (1 - scheme.alpha_f) * h
         whole = h == usual
-        if kept[-1] is now:  # an impulse belongs to the begin of its step, and rates that are told to its middle
+        # An impulse belongs to the begin of its step, and rates that are told to its middle where something is pressed
+        # all along. An impact leaves the way before it alone.
+        if kept[-1] is now and now.touch is not None and np.any(now.touch):
             kept[-1] = replace(now, impulse=found.impulse)
         now = found
         if local <= ROOM * allowed:
