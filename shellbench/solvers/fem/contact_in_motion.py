@@ -2,9 +2,9 @@
 
 Where a step ends no point is in an obstacle. Forces that keep it out are impulses at the step's begin: r = M^-1 R of
 the nodal forces R moves the end by h^2 r and changes the velocity by h r, beside what the generalised-alpha method does
-of all other forces (`time_step`). So an impact brings a point's velocity along the normal to zero in two steps, whatever the
-part of the step at which it happens: no point rebounds. What rests has its weight as R, and what slides the right
-friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
+of all other forces (`time_step`). So an impact brings a point's velocity along the normal to zero in two steps,
+whatever the part of the step at which it happens: no point rebounds. What rests has its weight as R, and what slides
+the right friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
 
 Friction is Coulomb's: along the obstacle a point moves with it as long as the force for that is at most the coefficient
 times the pressure; else the force is that much, against the slip over the step.
