@@ -91,6 +91,8 @@ class Instant:
         Newton iterations of the step that led here.
     supplied
         Work of the supports, loads and moving obstacles since rest, J.
+    lost
+        Energy that impacts and friction have taken since rest, J.
     touch
         (n, 3) what obstacles exerted on their points in the step before, N, or None where there are none.
     impulse
@@ -105,6 +107,7 @@ class Instant:
     length: float = 0.0
     iterations: int = 0
     supplied: float = 0.0
+    lost: float = 0.0
     touch: Array | None = None
     impulse: Array | None = None
 
@@ -209,12 +212,14 @@ class MovingShell:
         q = minimum.end(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
         touched: dict[str, Array] = {}
-        supplied = start.supplied
+        supplied, lost = start.supplied, start.lost
         if contact is not None:
             nodal = contact.points.nodal(forces)
             push = _on_free(ties, self._inertia, nodal)
             touched = {"touch": forces, "impulse": h * push}
             supplied += contact.work(forces)
+            # impulses change the kinetic energy by their work on the velocity in their middle
+            lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
             # the equation of x counts impulses `share` times, and supports feel them once
             residual = residual + (minimum.share - 1) * (_times(self.mass, push) - nodal)
         a = (q - coast - h**2 * push) / (s.beta * h**2)
@@ -227,7 +232,7 @@ class MovingShell:
         exerted = reaction + late * (reaction - start.reaction)
         loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
         supplied += float(np.sum(loaded * (q - start.q)))
-        return Instant(end, q, v, a, reaction, h, iterations, supplied, **touched)
+        return Instant(end, q, v, a, reaction, h, iterations, supplied, lost, **touched)
 
     def _contact(self, points: TouchingPoints, start: Instant, end: float) -> StepContact:
         before = np.zeros((len(points.points), 3)) if start.touch is None else start.touch
