@@ -120,9 +120,9 @@ class TouchingPoints:
         columns = (mesh.nodes[cells][..., None] * COMPONENTS * len(KINDS) + kinds).reshape(len(cells), 1, -1)
         columns = columns + (np.arange(COMPONENTS) * len(KINDS))[:, None]
         each = np.broadcast_to(values[:, None], columns.shape)
-        ends = np.arange(0, columns.size + 1, columns.shape[-1])
+        starts = np.arange(0, columns.size + 1, columns.shape[-1])
         shape = (COMPONENTS * len(cells), COMPONENTS * len(KINDS) * mesh.node_count)
-        operator = sp.csr_matrix((each.ravel(), columns.ravel(), ends), shape=shape)
+        operator = sp.csr_matrix((each.ravel(), columns.ravel(), starts), shape=shape)
         return cls(case, mesh, points, operator, sides * shares, REACH * sides.max(axis=0))
 
     def displacement(self, q: Array) -> Array:
@@ -173,6 +173,19 @@ class Compliance:
 
     def _rows(self, points: Integers) -> sp.csr_matrix:
         return self.points.operator[(COMPONENTS * points[:, None] + np.arange(COMPONENTS)).ravel()]
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """What obstacles exert in an iteration: forces (n, 3), N, and what counts in the equation of the step's unknown.
+
+    That is `nodal` and, of friction alone, `rubbing` (nodes, 12); `weight`, N, is that of depths in the merit.
+    """
+
+    forces: Array
+    nodal: Array
+    rubbing: Array
+    weight: float
 
 
 @dataclass(frozen=True)

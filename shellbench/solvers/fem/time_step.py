@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.contact_in_motion import CLOSED, STEEPER, Compliance, StepContact, TouchingPoints
+from shellbench.solvers.fem.contact_in_motion import CLOSED, STEEPER, Compliance, Pushed, StepContact, TouchingPoints
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.strain_energy import Strained
@@ -244,26 +244,6 @@ class MovingShell:
 
 
 @dataclass(frozen=True)
-class _Touching:
-    """What obstacles exert in an iteration.
-
-    Attributes
-    ----------
-    forces
-        (n, 3), N.
-    nodal, rubbing
-        (nodes, 12) what these, and what friction alone, count in the equation of x.
-    weight
-        Of depths in the merit, N.
-    """
-
-    forces: Array
-    nodal: Array
-    rubbing: Array
-    weight: float
-
-
-@dataclass(frozen=True)
 class _Minimum:
     """The incremental potential of one step.
 
@@ -316,7 +296,7 @@ class _Minimum:
                 kept.factor, kept.compliance = self._factorised(x, strained), None
                 before = np.inf
             step = _on_free(self.ties, kept.factor, residual)
-            touch = _Touching(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
+            touch = Pushed(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
             if self.contact is not None:
                 touch, step = self._pushed(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
@@ -341,7 +321,7 @@ class _Minimum:
             before = decrement
         raise NotConvergedError
 
-    def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[_Touching, Array]:
+    def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[Pushed, Array]:
         """Return what obstacles exert where a step would enter them, and the step with that."""
         factor, ties = kept.factor, self.ties
         assert factor is not None
@@ -354,9 +334,9 @@ class _Minimum:
         pressure = np.sum(forces * normal, axis=-1, keepdims=True)
         rubbing = self.share * contact.points.nodal(forces - pressure * normal)
         weight = STEEPER * self.share / whole * float(pressure.max())
-        return _Touching(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
+        return Pushed(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
 
-    def _entered(self, x: Array, touch: _Touching) -> float:
+    def _entered(self, x: Array, touch: Pushed) -> float:
         """Return what the merit has beside the potential, J: depths, and the work against friction as a dead force."""
         if self.contact is None:
             return 0.0
