@@ -23,6 +23,7 @@ import numpy as np
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq, minimize_scalar
 
+from . import bar_impact
 from .contact_in_motion import INTEGRATED
 from .contact_in_motion import JUDGES as IN_MOTION
 from .estimate import Estimate
@@ -299,6 +300,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_plate_clamped": lambda: plate_on_floor(CLAMPED_PLATE),
     "contact_ridge": lambda: _estimates(_on_hill(span, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES),
     **IN_MOTION,
+    **bar_impact.JUDGES,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
@@ -310,4 +312,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
         _on_hill(span_by_collocation, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES
     ),
     **INTEGRATED,
+    **bar_impact.SECOND_FORMS,
 }

@@ -1,9 +1,12 @@
-"""Faults are put into functions: their results or their arguments are changed as long as a test runs."""
+"""Faults are put into functions, whose results or arguments change as long as a test runs, and seen by errors."""
 
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+
+from shellbench.bench import catalog
+from shellbench.problems.shell.measure import measure_all
 
 
 def wrapped(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPatch], None]:
@@ -24,3 +27,12 @@ def given(owner: Any, name: str, change: Callable) -> Callable[[pytest.MonkeyPat
         patch.setattr(owner, name, lambda *args, **more: original(*change(*args), **more))
 
     return inject
+
+
+def shares_of_tolerances(solution: Any, solver: str) -> dict[str, float]:
+    """Return an answer's errors in units of what is allowed, by gated quantity; NaN where it is none."""
+    name, values, found = solution.case.name, measure_all(solution), {}
+    for quantity, allowed in catalog.tolerances()[solver][name].items():
+        known = catalog.known_values(name).judge(quantity, solution.case.theory).value
+        found[quantity] = abs(values[quantity] - known) / (allowed.absolute or allowed.relative * abs(known))
+    return found

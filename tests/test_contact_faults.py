@@ -10,11 +10,11 @@ from shellbench.bench import catalog
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems import obstacle
 from shellbench.problems.shell.case import build_case
-from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem import contact
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.trainer_solver import NdfSolver
+from tests.injecting import shares_of_tolerances
 
 STRIP, HILL = "contact_strip_hinged", "contact_hill"
 CELLS = (20, 1)  # a part of a strip: fine enough where nothing is broken
@@ -23,13 +23,7 @@ CELLS = (20, 1)  # a part of a strip: fine enough where nothing is broken
 def errors(name):
     """Solve a strip on one coarse mesh, and return its errors in units of what is allowed, by quantity."""
     with np.errstate(all="ignore"):  # what is broken may overflow
-        values = measure_all(FemSolver().solve(catalog.named_case(name), FemSettings(cells=CELLS)))
-    found = {}
-    for quantity, allowed in catalog.tolerances()["fem"][name].items():
-        known = catalog.known_values(name).judge(quantity, "kirchhoff-love-linear").value
-        bound = allowed.absolute or allowed.relative * abs(known)
-        found[quantity] = abs(values[quantity] - known) / bound
-    return found
+        return shares_of_tolerances(FemSolver().solve(catalog.named_case(name), FemSettings(cells=CELLS)), "fem")
 
 
 def pushed_apart(patch):

@@ -14,6 +14,7 @@ from shellbench.solvers.ndf.jets import D1, D11, VALUE, Placement
 from shellbench.solvers.ndf.refinement import first_level
 from shellbench.solvers.ndf.ritz import field_spec
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
+from tests.injecting import shares_of_tolerances
 
 STRIP = "contact_strip_hinged"
 
@@ -34,15 +35,6 @@ def one_answer(case):
     with torch.no_grad():
         found, _ = contact._located(case, spec, settings, level, (), 0, 1.0)
     return found.solution
-
-
-def errors(answer):
-    """Return errors of a strip in units of what is allowed, by quantity."""
-    values, found = measure_all(answer), {}
-    for quantity, allowed in catalog.tolerances()["ndf-ritz"][STRIP].items():
-        known = catalog.known_values(STRIP).judge(quantity, "kirchhoff-love-linear").value
-        found[quantity] = abs(values[quantity] - known) / (allowed.absolute or allowed.relative * abs(known))
-    return found
 
 
 def pulled(patch):
@@ -111,7 +103,7 @@ def without_creases(patch):
 @pytest.mark.parametrize("change", [lambda case: case, thick], ids=["midsurface", "face"])
 def test_one_answer_is_green_and_kept_in_its_file(change, tmp_path):
     answer = one_answer(change(catalog.named_case(STRIP)))
-    assert max(errors(answer).values()) < 1
+    assert max(shares_of_tolerances(answer, "ndf-ritz").values()) < 1
     again = RitzSolver().load(answer.save(tmp_path / "answer"))
     assert measure_all(again) == pytest.approx(measure_all(answer), rel=1e-9, abs=1e-12)
 
@@ -135,7 +127,7 @@ def test_a_fault_is_red(fault, monkeypatch):
     monkeypatch.setattr(contact, "ROUNDS", 2)
     fault(monkeypatch)
     try:
-        found = errors(one_answer(thick(case) if fault is without_thickness else case))
+        found = shares_of_tolerances(one_answer(thick(case) if fault is without_thickness else case), "ndf-ritz")
     except (SolveFailure, ValueError):
         return  # no answer is red as well
     assert not max(found.values()) < 1

@@ -2,65 +2,190 @@
 
 Where a step ends no point is in an obstacle. Forces that keep it out are impulses at the step's begin: r = M^-1 R of
 the nodal forces R moves the end by h^2 r and changes the velocity by h r, beside what the generalised-alpha method does
-of all other forces (`time_step`). So an impact brings a velocity along the normal to zero in two steps, whatever the
-part of the step at which it happens: nothing rebounds. What rests has its weight as R, and what slides the right
-friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
+of all other forces (`time_step`). So an impact brings a point's velocity along the normal to zero in two steps,
+whatever the part of the step at which it happens: no point rebounds. What rests has its weight as R, and what slides
+the right friction. Chung & Hulbert's own treatment of forces would rebound, by a velocity that depends on that part.
 
 Friction is Coulomb's: along the obstacle a point moves with it as long as the force for that is at most the coefficient
 times the pressure; else the force is that much, against the slip over the step.
 
+Forces are the unknowns of a small dual problem: with a factorised tangent K of the shell without obstacles, unit forces
+at points move points by B K^-1 B^T (Delassus's operator). It is kept as long as K, so that another set of points in
+contact costs a dense solve and no factorisation.
+
 Chen, Acary, Virlez & Brüls (2013), A nonsmooth generalized-alpha scheme for flexible multibody systems with unilateral
 constraints, International Journal for Numerical Methods in Engineering 96, part smooth forces and impulses alike.
+Júdice & Pires (1994), A block principal pivoting algorithm for large-scale strictly monotone linear complementarity
+problems, Computers & Operations Research 21.
+Alart & Curnier (1991), A mixed formulation for frictional contact problems prone to Newton like solution methods,
+Computer Methods in Applied Mechanics and Engineering 92.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from shellbench.problems.shell.contact import nearest_obstacle
-from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix, add_cell_matrices
-from shellbench.solvers.fem.contact import ContactPoints
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, nearest_obstacle
+from shellbench.solvers.fem.assembly import COMPONENTS, basis_scales
+from shellbench.solvers.fem.contact import REACH
+from shellbench.solvers.fem.kinematics import Midsurface
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh, tabulate
+from shellbench.solvers.fem.problem import NotConvergedError
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Solve = Callable[[Array], Array]
+"""Solves with the kept tangent and the supports: forces (nodes, 12, n) to displacements."""
 
-STIFFNESS = 100.0  # of a point in contact, in that of the mass that it stands for: each round divides gaps by that
 CLOSED = 1e-8  # of the shell's size: depths that are rounding
-SETTLED = 1e-4  # of the largest pressure: changes from round to round that end them
-MOST_ROUNDS = 30
+HELD = 1e-9  # of the largest compliance of a point: one that supports hold
+ROUNDING = 1e-12  # of what gaps and forces are compared with
+TURNED = 1e-6  # change of the direction of friction that ends rounds
+MOST_ROUNDS = 100  # of the sets of points in contact
+PATIENCE = 10  # rounds without fewer wrong points, after which one point a round changes
+STEEPER = 2.0  # weight of depths in the merit, in the largest force: more than one makes the least merit feasible
+PORTION = 300  # unit forces that are solved for at once
 APART, SLIPS, STICKS = 0, 1, 2
 
 
+def _rule(first: bool, last: bool) -> tuple[Array, Array]:
+    """Return points and weights on the unit cell: Gauss's two, and with the edges of the shell Radau's or Lobatto's."""
+    # All are exact for cubics: what lies on a flat floor is pressed evenly, and nothing bends. As many points as a C1
+    # cubic spline has freedom: Gauss's alone would leave out the edges, which are what hits in the shell's own plane.
+    root = np.sqrt(6.0)
+    radau = np.array([0.0, (6 - root) / 10, (6 + root) / 10]), np.array([4.0, 16 + root, 16 - root]) / 36
+    if first and last:
+        return np.array([0.0, 0.5, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+    if first:
+        return radau
+    if last:
+        return 1 - radau[0][::-1], radau[1][::-1]
+    x, w = np.polynomial.legendre.leggauss(2)
+    return (x + 1) / 2, w / 2
+
+
 @dataclass(frozen=True)
-class Pressed:
-    """What obstacles exert on a displaced shell.
+class TouchingPoints:
+    """The n points of a mesh at which the gap is asked in motion.
 
     Attributes
     ----------
-    energy
-        Of the augmented Lagrangian, J: a potential of the forces.
-    gap, pressure
-        (n,) m, and Pa.
-    traction
-        (n, 3) of friction, Pa.
-    tried
-        (n,) magnitude of the force that would hold a point, Pa.
-    normal
-        (n, 3).
-    status
-        (n,) APART, SLIPS or STICKS.
+    points
+        (n, 2) in the domain, in rows along both coordinates.
+    operator
+        (3 n, 12 nodes) from scaled degrees of freedom to displacements.
+    lengths, reach
+        See `shellbench.problems.shell.contact.Touch`.
     """
 
-    energy: float
-    gap: Array
-    pressure: Array
-    traction: Array
-    tried: Array
-    normal: Array
-    status: Integers
+    case: Case
+    mesh: TensorMesh
+    points: Array
+    operator: sp.csr_matrix
+    lengths: Array
+    reach: Array
+
+    @classmethod
+    def on_mesh(cls, case: Case, mesh: TensorMesh) -> TouchingPoints:
+        """Choose the points of a mesh."""
+        rows = []
+        for axis, count in enumerate(mesh.cells):
+            ends = [
+                (k == 0, k == count - 1) if not mesh.domain.periodic[axis] else (False, False) for k in range(count)
+            ]
+            rules = [_rule(*end) for end in ends]
+            rows.append(
+                (
+                    np.repeat(np.arange(count), [len(x) for x, _ in rules]),
+                    *map(np.concatenate, zip(*rules, strict=True)),
+                )
+            )
+        (i, x, v), (j, y, w) = rows
+        cells = (i[:, None] * mesh.cells[1] + j).ravel()
+        unit, shares = (
+            np.stack(np.meshgrid(*pair, indexing="ij"), axis=-1).reshape(-1, 2) for pair in ((x, y), (v, w))
+        )
+        points = mesh.domain.wrap(mesh.origins[cells] + unit * mesh.sizes[cells])
+        base = Midsurface.at(case.surface.derivatives(points, order=2)).base
+        sides = np.linalg.norm(base, axis=-1).reshape(-1, 2) * mesh.sizes[cells]
+        values = (tabulate(unit, (0, 0)) * basis_scales(mesh, slice(None))[cells]).reshape(len(cells), -1)
+        # row: a point's component; column: node, component, kind
+        kinds = np.arange(len(KINDS))
+        columns = (mesh.nodes[cells][..., None] * COMPONENTS * len(KINDS) + kinds).reshape(len(cells), 1, -1)
+        columns = columns + (np.arange(COMPONENTS) * len(KINDS))[:, None]
+        each = np.broadcast_to(values[:, None], columns.shape)
+        starts = np.arange(0, columns.size + 1, columns.shape[-1])
+        shape = (COMPONENTS * len(cells), COMPONENTS * len(KINDS) * mesh.node_count)
+        operator = sp.csr_matrix((each.ravel(), columns.ravel(), starts), shape=shape)
+        return cls(case, mesh, points, operator, sides * shares, REACH * sides.max(axis=0))
+
+    def displacement(self, q: Array) -> Array:
+        """Return the displacement (n, 3) at the points of q (nodes, 12)."""
+        return np.asarray((self.operator @ q.ravel()).reshape(-1, COMPONENTS))
+
+    def nodal(self, forces: Array) -> Array:
+        """Return the nodal forces (nodes, 12) of forces (n, 3), N, at the points."""
+        return np.asarray((self.operator.T @ forces.ravel()).reshape(self.mesh.node_count, -1))
+
+    def touch(self, forces: Array) -> Touch:
+        """Return forces (n, 3) with what they act on."""
+        return Touch(self.points, forces, self.lengths, self.reach)
+
+
+@dataclass
+class Compliance:
+    """How far unit forces at some points move these, by a kept tangent: B K^-1 B^T.
+
+    Attributes
+    ----------
+    chosen
+        (w,) numbers of the points.
+    matrix
+        (w, 3, w, 3) m/N, in the step's own unknown.
+    """
+
+    points: TouchingPoints
+    solve: Solve
+    chosen: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    matrix: Array = field(default_factory=lambda: np.zeros((0, COMPONENTS, 0, COMPONENTS)))
+
+    def extend(self, more: Integers) -> None:
+        """Add points."""
+        old = len(self.chosen)
+        self.chosen = np.concatenate([self.chosen, more])
+        rows = self._rows(self.chosen)
+        columns = []
+        for start in range(0, len(more), PORTION):
+            unit = self._rows(more[start : start + PORTION]).T.toarray()
+            moved = self.solve(unit.reshape(self.points.mesh.node_count, -1, unit.shape[-1]))
+            columns.append(rows @ moved.reshape(unit.shape))
+        new = np.concatenate(columns, axis=1).reshape(len(self.chosen), COMPONENTS, len(more), COMPONENTS)
+        matrix = np.empty((len(self.chosen), COMPONENTS, len(self.chosen), COMPONENTS))
+        matrix[:old, :, :old], matrix[:, :, old:] = self.matrix, new
+        matrix[old:, :, :old] = new[:old].transpose(2, 3, 0, 1)
+        self.matrix = matrix
+
+    def _rows(self, points: Integers) -> sp.csr_matrix:
+        return self.points.operator[(COMPONENTS * points[:, None] + np.arange(COMPONENTS)).ravel()]
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """What obstacles exert in an iteration: forces (n, 3), N, and what counts in the equation of the step's unknown.
+
+    That is `nodal` and, of friction alone, `rubbing` (nodes, 12); `weight`, N, is that of depths in the merit.
+    """
+
+    forces: Array
+    nodal: Array
+    rubbing: Array
+    weight: float
 
 
 @dataclass(frozen=True)
@@ -75,106 +200,162 @@ class StepContact:
         Times, s.
     start
         (n, 3) displacement at the step's begin, m.
-    stiffness
-        k of the augmented Lagrangian, N/m^3.
-    pressure, traction
-        Its multipliers (n,) and (n, 3), Pa.
-    frame
-        (n, 3) normals to which friction is tangential: of the round before.
+    before
+        (n, 3) forces of the step before, N.
     """
 
-    points: ContactPoints
+    points: TouchingPoints
     begin: float
     end: float
     start: Array
-    stiffness: float
-    pressure: Array
-    traction: Array
-    frame: Array
+    before: Array
 
-    @classmethod
-    def on_step(
-        cls, points: ContactPoints, times: tuple[float, float], q: Array, before: tuple[Array, Array]
-    ) -> StepContact:
-        """Begin a step from q (nodes, 12) with pressures (n,) and tractions (n, 3) of the one before."""
-        start, h = points.displacement(q[..., None]), times[1] - times[0]
-        _, normal, _ = nearest_obstacle(points.case, points.points, start, times[0])
-        stiffness = STIFFNESS * points.case.material.areal_density / h**2
-        return cls(points, times[0], times[1], start, stiffness, *before, normal)
+    def gap(self, u: Array) -> tuple[Array, Array, Integers]:
+        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where the step ends at u (n, 3)."""
+        return nearest_obstacle(self.points.case, self.points.points, u, self.end)
 
-    def at(self, q: Array) -> Pressed:
-        """Return what obstacles exert where the step ends at q (nodes, 12)."""
-        # Of a force f = t - k s with a multiplier t and a way s, cut to what is allowed, the potential is |f|^2 / 2 k
-        # up to there, and linear beyond.
-        case, k, area = self.points.case, self.stiffness, self.points.areas.ravel()
-        u = self.points.displacement(q[..., None])
-        gap, normal, nearest = nearest_obstacle(case, self.points.points, u, self.end)
-        pressure = np.maximum(self.pressure - k * gap, 0.0)
-        moved = np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in case.obstacles])
-        slip = self._along(u - self.start - moved[nearest])
-        tried = self._along(self.traction) - k * slip
-        size = np.linalg.norm(tried, axis=-1)
-        # the bound is that of the pressure's multiplier: with one that moves with q there is no potential
-        bound = np.array([o.friction for o in case.obstacles])[nearest] * self.pressure
-        sticks = size <= bound
-        traction = tried * np.where(sticks, 1.0, bound / np.where(sticks, 1.0, size))[:, None]
-        rubbed = np.where(sticks, size**2 / 2, bound * size - bound**2 / 2)
-        status = np.where(pressure > 0, np.where(sticks & (bound > 0), STICKS, SLIPS), APART)
-        energy = float(area @ (pressure**2 / 2 + rubbed)) / k
-        return Pressed(energy, gap, pressure, traction, size, normal, status)
+    def depths(self, u: Array) -> Array:
+        """Return how deep points (n,) are in obstacles at the step's end, m."""
+        return np.maximum(-self.gap(u)[0], 0.0)
 
-    def _along(self, vectors: Array) -> Array:
-        """Return the parts of vectors (n, 3) along obstacles."""
-        return np.asarray(vectors - np.sum(vectors * self.frame, axis=-1, keepdims=True) * self.frame)
+    def pushed(self, u: Array, step: Array, compliance: Compliance, share: float, whole: float) -> tuple[Array, Array]:
+        """Return the forces (n, 3), N, that keep points out of obstacles, taken for planes, and the step with them.
 
-    def forces(self, pressed: Pressed) -> Array:
-        """Return the forces (n, 3) at the points, N."""
-        both = pressed.pressure[:, None] * pressed.normal + pressed.traction
-        return np.asarray(both * self.points.areas.reshape(-1, 1))
+        Parameters
+        ----------
+        u
+            (n, 3) displacement of the step's end now, m.
+        step
+            (nodes, 12) that the step's unknown would make without obstacles.
+        compliance
+            Of that unknown.
+        share, whole
+            What a force counts in the equation of the unknown, and what a change of the unknown moves the end by.
 
-    def nodal(self, pressed: Pressed) -> Array:
-        """Return the nodal forces (nodes, 12)."""
-        return self.points.nodal(self.forces(pressed))[..., 0]
+        Raises
+        ------
+        NotConvergedError
+            If no set of points in contact is found.
+        """
+        # Of interest are points that were pressed, those that would be inside, and those that the others push in.
+        gap, normal, nearest = self.gap(u)
+        obstacles = self.points.case.obstacles
+        friction = np.array([o.friction for o in obstacles])[nearest]
+        slip = u - self.start - np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in obstacles])[nearest]
+        free = whole * self.points.displacement(step)
+        least = ROUNDING * max(np.abs(gap).max(), np.abs(free).max())
+        forces, moved, answer = np.zeros_like(u), free, step
+        wanted = np.any(self.before != 0, axis=-1)
+        while True:
+            wanted |= gap + np.sum(normal * moved, axis=-1) < -least
+            wanted[compliance.chosen] = False
+            if np.any(wanted):
+                compliance.extend(np.flatnonzero(wanted))
+            elif answer is not step or not len(compliance.chosen):
+                return forces, answer
+            w = compliance.chosen
+            small = _Balance(
+                share * whole * compliance.matrix, normal[w], friction[w], (gap + np.sum(normal * free, axis=-1))[w],
+                (slip + free)[w], least,
+            )  # fmt: skip
+            forces[w] = small.forces(self.before[w])
+            answer = step + share * compliance.solve(self.points.nodal(forces)[..., None])[..., 0]
+            moved = whole * self.points.displacement(answer)
 
-    def add_stiffness(self, matrix: BlockMatrix, pressed: Pressed, factor: float) -> None:
-        """Add the second derivative of the potential, times a factor, to a matrix; curved obstacles count as planes."""
-        points = self.points
-        shape = points.areas.shape
-        touching = (pressed.pressure > 0) | np.any(pressed.traction != 0, axis=-1)
-        cells = np.flatnonzero(np.any(touching.reshape(shape), axis=1))
-        if not len(cells):
-            return
-        size = np.linalg.norm(pressed.traction, axis=-1)
-        heading = pressed.traction / np.where(size > 0, size, 1.0)[:, None]
-        plane = np.eye(COMPONENTS) - self.frame[:, :, None] * self.frame[:, None]
-        slips = size / np.where(pressed.tried > 0, pressed.tried, 1.0)
-        rubs = slips[:, None, None] * (plane - heading[:, :, None] * heading[:, None])
-        local = np.where((pressed.status == STICKS)[:, None, None], plane, rubs)
-        local = local + np.where(pressed.pressure > 0, 1.0, 0.0)[:, None, None] * (
-            pressed.normal[:, :, None] * pressed.normal[:, None]
-        )
-        local = local * (factor * self.stiffness * points.areas.ravel())[:, None, None]
-        values = points.values[cells]
-        weighted = local.reshape(*shape, COMPONENTS, COMPONENTS)[cells]
-        terms = np.einsum("emij,emak,embl->eiakjbl", weighted, values, values, optimize=True)
-        add_cell_matrices(matrix.blocks, points.mesh.nodes[cells], terms)
-
-    def settled(self, pressed: Pressed, size: float) -> bool:
-        """Return whether gaps are closed and pressures no longer change; `size` is the shell's, m."""
-        change = np.maximum(np.abs(pressed.pressure - self.pressure).max(), self._turned(pressed))
-        inside = np.where(pressed.pressure > 0, np.abs(pressed.gap), -pressed.gap).max()
-        return bool(inside <= CLOSED * size and change <= SETTLED * pressed.pressure.max())
-
-    def _turned(self, pressed: Pressed) -> float:
-        return float(np.abs(pressed.traction - self.traction).max())
-
-    def next_round(self, pressed: Pressed) -> StepContact:
-        """Take what presses as multipliers."""
-        return replace(self, pressure=pressed.pressure, traction=pressed.traction, frame=pressed.normal)
-
-    def work(self, pressed: Pressed) -> float:
-        """Return the work that moving obstacles do, J."""
+    def work(self, forces: Array) -> float:
+        """Return the work that moving obstacles do by forces (n, 3), J."""
         case = self.points.case
         _, _, nearest = nearest_obstacle(case, self.points.points, self.start, self.begin)
         moved = np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in case.obstacles])
-        return float(np.sum(self.forces(pressed) * moved[nearest]))
+        return float(np.sum(forces * moved[nearest]))
+
+
+@dataclass(frozen=True)
+class _Balance:
+    """Forces at w points that neither enter obstacles nor stick beyond Coulomb's limit.
+
+    Attributes
+    ----------
+    compliance
+        (w, 3, w, 3) of the step's end, m/N.
+    normal, friction
+        (w, 3) and (w,).
+    gap, slip
+        (w,) and (w, 3) without forces, m; of the slip only what is along the obstacle counts.
+    least
+        Gap that is rounding, m.
+    """
+
+    compliance: Array
+    normal: Array
+    friction: Array
+    gap: Array
+    slip: Array
+    least: float
+
+    def forces(self, before: Array) -> Array:
+        """Return them (w, 3), N; NotConvergedError if none are found. It begins with those pressed `before` (w, 3)."""
+        # A guess of who is apart, slips and sticks makes all conditions equations. Those whose answer contradicts the
+        # guess change (block principal pivoting), one at a time where that does not lessen the wrong ones.
+        own = np.einsum("iaia->i", self.compliance)
+        able = own > HELD * own.max()  # points that supports hold feel no obstacle
+        rough = self.friction > 0
+        status = np.where(np.any(before != 0, axis=-1) & able, np.where(rough, STICKS, SLIPS), APART)
+        heading = np.zeros_like(self.normal)
+        fewest, lives = len(status) + 1, PATIENCE
+        for _ in range(MOST_ROUNDS):
+            found = self._balanced(status, heading)
+            moved = (self.compliance.reshape(found.size, -1) @ found.ravel()).reshape(found.shape)
+            pressure = np.sum(self.normal * found, axis=-1)
+            # Alart & Curnier: what sticks or slips is told by the force less what would undo the slip
+            tried = self._along(found - (self.slip + moved) / np.where(able, own, np.inf)[:, None])
+            sizes, bound = np.linalg.norm(tried, axis=-1), self.friction * pressure * (1 + ROUNDING)
+            pressed = np.where(
+                status == APART, self.gap + np.sum(self.normal * moved, axis=-1) < -self.least, pressure >= 0
+            )
+            after = np.where(pressed & able, np.where(rough & (sizes <= bound), STICKS, SLIPS), APART)
+            after[(status == APART) & (after == SLIPS) & rough] = STICKS
+            wrong = np.flatnonzero(after != status)
+            turns = rough & (after == SLIPS)
+            against = tried / np.where(sizes > 0, sizes, 1.0)[:, None]
+            turned = np.linalg.norm(against - heading, axis=-1)[turns].max(initial=0.0)
+            if not len(wrong) and turned <= TURNED:
+                return found
+            heading = np.where(turns[:, None], against, heading)
+            if len(wrong) < fewest:
+                fewest, lives = len(wrong), PATIENCE
+            elif len(wrong) and (lives := lives - 1) <= 0:
+                wrong = wrong[-1:]
+            status[wrong] = after[wrong]
+        raise NotConvergedError
+
+    def _along(self, vectors: Array) -> Array:
+        """Return the parts of vectors (w, 3) along obstacles."""
+        return np.asarray(vectors - np.sum(vectors * self.normal, axis=-1, keepdims=True) * self.normal)
+
+    def _balanced(self, status: Integers, heading: Array) -> Array:
+        """Return the forces (w, 3) that close all gaps in contact and stop what sticks."""
+        # Unknowns are pressures and, of points that stick, two forces along the obstacle. Friction of points that slip
+        # goes with their pressure: it is no unknown, and the matrix has no symmetry.
+        pressed, stuck = np.flatnonzero(status != APART), np.flatnonzero(status == STICKS)
+        forces = np.zeros_like(self.normal)
+        if not len(pressed):
+            return forces
+        across = np.eye(COMPONENTS)[np.argmin(np.abs(self.normal[stuck]), axis=-1)]
+        first = np.cross(self.normal[stuck], across)
+        first /= np.linalg.norm(first, axis=-1, keepdims=True)
+        second = np.cross(self.normal[stuck], first)
+        place = np.concatenate([pressed, stuck, stuck])
+        tested = np.concatenate([self.normal[pressed], first, second])
+        rubbed = np.where((status == SLIPS)[:, None], self.friction[:, None] * heading, 0.0)
+        acting = np.concatenate([(self.normal + rubbed)[pressed], first, second])
+        matrix = np.einsum("kalb,ka,lb->kl", self.compliance[place][:, :, place], tested, acting, optimize=True)
+        right = np.concatenate(
+            [self.gap[pressed], np.sum(np.tile(self.slip[stuck], (2, 1)) * tested[len(pressed) :], axis=-1)]
+        )
+        try:
+            sizes = np.linalg.solve(matrix, -right)
+        except np.linalg.LinAlgError:
+            raise NotConvergedError from None
+        np.add.at(forces, place, sizes[:, None] * acting)
+        return forces

@@ -256,7 +256,8 @@ def follow(
     # One mesh in time, a step in four:
     # 1. Step. If Newton's method fails, or the local error is too large, halve the step and repeat it.
     # 2. Double the next one where the error leaves room, up to the usual length.
-    # 3. Keep the balance of energy: kinetic, elastic and sprung, less what loads and supports have supplied.
+    # 3. Keep the balance of energy: kinetic, elastic and sprung, less what loads and supports have supplied. What
+    #    impacts and friction take is no drift.
     # 4. Keep every n-th instant, and the ends of steps of another length.
     # Textbooks scale a step by a root of its error. Here it is halved and doubled only: lengths repeat, and a
     # factorised tangent serves one length (`time_step`).
@@ -291,13 +292,15 @@ def follow(
         # Reactions balance within the step, not at its end.
         middle = now.t + (1 - scheme.alpha_f) * h
         whole = h == usual
-        if kept[-1] is now:  # an impulse belongs to the begin of its step, and rates that are told to its middle
+        # An impulse belongs to the begin of its step, and rates that are told to its middle where something is pressed
+        # all along. An impact leaves the way before it alone.
+        if kept[-1] is now and now.touch is not None and np.any(now.touch):
             kept[-1] = replace(now, impulse=found.impulse)
         now = found
         if local <= ROOM * allowed:
             h = min(2 * h, usual)
         balance = sum(shell.energies(now)) - now.supplied
-        drift = max(drift, abs(balance))
+        drift = max(drift, abs(balance + now.lost))
         number = len(steps)
         steps.append(
             Step(number, time.perf_counter() - began, balance, unknowns, now.t, phase="time", iterations=now.iterations)
@@ -316,6 +319,7 @@ def follow(
         history=tuple(steps),
         diagnostics={
             "energy_drift": drift,
+            **({"lost_in_contact": now.lost} if case.obstacles else {}),
             "time_steps": len(steps),
             "newton_iterations": sum(s.iterations or 0 for s in steps),
             "shortest_time_step": float(np.diff([0.0, *(s.at for s in steps)]).min()),

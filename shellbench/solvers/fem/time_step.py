@@ -20,7 +20,7 @@ the generalized-alpha method, Journal of Applied Mechanics 60.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -28,8 +28,7 @@ from numpy.typing import NDArray
 
 from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.contact import ContactPoints
-from shellbench.solvers.fem.contact_in_motion import MOST_ROUNDS, Pressed, StepContact
+from shellbench.solvers.fem.contact_in_motion import CLOSED, STEEPER, Compliance, Pushed, StepContact, TouchingPoints
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.strain_energy import Strained
@@ -41,7 +40,6 @@ MOST_ITERATIONS = 20  # a step that takes more is cut
 SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
 SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
 SHORTEST_SEARCH = 2.0**-10  # of the Newton step
-OVERSHOT = 0.5  # of the work of the residual on a step: where it turns to less than minus that, the step was too long
 
 
 @dataclass(frozen=True)
@@ -93,10 +91,10 @@ class Instant:
         Newton iterations of the step that led here.
     supplied
         Work of the supports, loads and moving obstacles since rest, J.
+    lost
+        Energy that impacts and friction have taken since rest, J.
     touch
         (n, 3) what obstacles exerted on their points in the step before, N, or None where there are none.
-    pressure, traction
-        (n,) and (n, 3) of them, Pa.
     impulse
         (nodes, 12) what they change the velocity by in a step: v is that before an impulse.
     """
@@ -109,9 +107,8 @@ class Instant:
     length: float = 0.0
     iterations: int = 0
     supplied: float = 0.0
+    lost: float = 0.0
     touch: Array | None = None
-    pressure: Array | None = None
-    traction: Array | None = None
     impulse: Array | None = None
 
     @property
@@ -122,13 +119,11 @@ class Instant:
 
 @dataclass
 class _Kept:
-    """A factorised tangent that is used as long as it converges quickly; of one length of step and status of points."""
+    """A factorised tangent that is used as long as it converges quickly; of one length of step, without obstacles."""
 
     factor: Factor | None = None
     length: float = 0.0
-    status: bytes = b""
-    # without obstacles, where there are any: other points in contact need no new one
-    tangent: BlockMatrix | None = None
+    compliance: Compliance | None = None
 
 
 @dataclass(frozen=True)
@@ -150,9 +145,9 @@ class MovingShell:
         return spring_matrix(self.problem.case, self.problem.mesh) if self.problem.case.springs else None
 
     @cached_property
-    def points(self) -> ContactPoints | None:
+    def points(self) -> TouchingPoints | None:
         """Where obstacles are asked for their distance."""
-        return ContactPoints.on_mesh(self.problem.case, self.problem.mesh) if self.problem.case.obstacles else None
+        return TouchingPoints.on_mesh(self.problem.case, self.problem.mesh) if self.problem.case.obstacles else None
 
     @cached_property
     def _inertia(self) -> Factor:
@@ -213,30 +208,20 @@ class MovingShell:
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
         minimum = _Minimum(self, ties, loads, target, weight, self._kinetic(start.v), start.q, contact)
-        x, residual, iterations = minimum.find(x, h)
-        pressed: Pressed | None = None
-        for _ in range(MOST_ROUNDS if minimum.contact else 0):
-            assert minimum.contact is not None
-            pressed = minimum.contact.at(minimum.end(x))
-            if minimum.contact.settled(pressed, self._size):
-                break
-            minimum = replace(minimum, contact=minimum.contact.next_round(pressed))
-            x, residual, more = minimum.find(x, h)
-            iterations += more
-        else:
-            if minimum.contact:
-                raise NotConvergedError
+        x, residual, forces, iterations = minimum.find(x, h)
         q = minimum.end(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
         touched: dict[str, Array] = {}
-        supplied = start.supplied
-        if pressed is not None and minimum.contact is not None:
-            push = _on_free(ties, self._inertia, minimum.contact.nodal(pressed))
-            touched = {"pressure": pressed.pressure, "traction": pressed.traction, "impulse": h * push}
-            touched["touch"] = minimum.contact.forces(pressed)
-            supplied += minimum.contact.work(pressed)
+        supplied, lost = start.supplied, start.lost
+        if contact is not None:
+            nodal = contact.points.nodal(forces)
+            push = _on_free(ties, self._inertia, nodal)
+            touched = {"touch": forces, "impulse": h * push}
+            supplied += contact.work(forces)
+            # impulses change the kinetic energy by their work on the velocity in their middle
+            lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
             # the equation of x counts impulses `share` times, and supports feel them once
-            residual = residual + (minimum.share - 1) * (_times(self.mass, push) - minimum.contact.nodal(pressed))
+            residual = residual + (minimum.share - 1) * (_times(self.mass, push) - nodal)
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)
@@ -247,13 +232,11 @@ class MovingShell:
         exerted = reaction + late * (reaction - start.reaction)
         loaded = 0.5 * (problem.loads(start.t) + problem.loads(end)) + exerted
         supplied += float(np.sum(loaded * (q - start.q)))
-        return Instant(end, q, v, a, reaction, h, iterations, supplied, **touched)
+        return Instant(end, q, v, a, reaction, h, iterations, supplied, lost, **touched)
 
-    def _contact(self, points: ContactPoints, start: Instant, end: float) -> StepContact:
-        count = len(points.points)
-        pressure = np.zeros(count) if start.pressure is None else start.pressure
-        traction = np.zeros((count, 3)) if start.traction is None else start.traction
-        return StepContact.on_step(points, (start.t, end), start.q, (pressure, traction))
+    def _contact(self, points: TouchingPoints, start: Instant, end: float) -> StepContact:
+        before = np.zeros((len(points.points), 3)) if start.touch is None else start.touch
+        return StepContact(points, start.t, end, points.displacement(start.q), before)
 
     @cached_property
     def _size(self) -> float:
@@ -286,14 +269,14 @@ class _Minimum:
         """What a force that moves the step's end by h^2 M^-1 R counts in the equation of x, in R."""
         return (1 - self.shell.scheme.alpha_m) / self.shell.scheme.beta
 
-    def pressed(self, x: Array) -> Pressed | None:
-        """Return what obstacles exert."""
-        return None if self.contact is None else self.contact.at(self.end(x))
+    def find(self, x: Array, h: float) -> tuple[Array, Array, Array, int]:
+        """Return the minimum from a guess that satisfies the supports, and the residual, forces and iterations there.
 
-    def find(self, x: Array, h: float) -> tuple[Array, Array, int]:
-        """Return the minimum from a guess that satisfies the supports, the residual there, and the iterations."""
+        Forces (n, 3), N, are those of obstacles.
+        """
         # Newton's method on the incremental potential, with an old tangent as long as it will do:
-        # 1. step = K^-1 r; the decrement r . step is twice what the quadratic model gains.
+        # 1. step = K^-1 r; the decrement r . step is twice what the quadratic model gains. With obstacles it is the
+        #    least of the model among displacements that enter none: sequential quadratic programming.
         # 2. Backtrack by Armijo's rule, because an old tangent and one made definite may overshoot.
         # 3. Stop when a full step has a decrement at the floor.
         # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
@@ -302,74 +285,86 @@ class _Minimum:
         kept, energy = self.shell._kept, self.shell.problem.energy
         # c depends on the length of the step.
         if kept.length != h:
-            kept.factor, kept.tangent, kept.length = None, None, h
-        strained, pressed = energy.at(x), self.pressed(x)
-        value, size = self._potential(x, strained, pressed)
-        residual, before = self._residual(x, strained, pressed), np.inf
+            kept.factor, kept.length = None, h
+        strained = energy.at(x)
+        value, size = self._potential(x, strained)
+        residual, before = self._residual(x, strained), np.inf
         for iteration in range(1, MOST_ITERATIONS + 1):
             if not np.isfinite(value):
                 break
-            status = b"" if pressed is None else pressed.status.tobytes()
-            if kept.factor is None or status != kept.status:
-                kept.factor, kept.status = self._factorised(x, strained, pressed), status
+            if kept.factor is None:
+                kept.factor, kept.compliance = self._factorised(x, strained), None
                 before = np.inf
             step = _on_free(self.ties, kept.factor, residual)
-            decrement = float(np.sum(residual * step))
+            touch = Pushed(np.zeros((0, 3)), np.zeros(x.shape), np.zeros(x.shape), 0.0)
+            if self.contact is not None:
+                touch, step = self._pushed(self.contact, x, step, kept)
+            decrement = float(np.sum((residual + touch.nodal) * step))
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
-            share, floor, short, far = 1.0, CONVERGED * size, 0.0, 1.0
+            share, floor, merit = 1.0, CONVERGED * size, value + self._entered(x, touch)
             while True:
                 moved = x + share * step
-                strained, pressed = energy.at(moved), self.pressed(moved)
-                found, size = self._potential(moved, strained, pressed)
-                # Where friction changes sign the potential has next to a kink, which steps jump over to and fro. So
-                # the share is sought, by halves, at which the residual does no work against the step.
-                left = self._residual(moved, strained, pressed)
-                along = 0.0 if pressed is None else float(np.sum(left * step))
-                over = along < -max(OVERSHOT * decrement, floor)
-                if found <= value - SUFFICIENT * share * decrement + floor and not over:
-                    if along <= OVERSHOT * decrement or far == 1.0 or far - short < SHORTEST_SEARCH:
-                        break
-                    short = share
-                else:
-                    far = share
-                share = (short + far) / 2
+                strained = energy.at(moved)
+                found, size = self._potential(moved, strained)
+                if found + self._entered(moved, touch) <= merit - SUFFICIENT * share * decrement + floor:
+                    break
+                share /= 2
                 if share < SHORTEST_SEARCH:
                     raise NotConvergedError
-            x, value, residual = moved, found, left
-            if decrement <= floor and share == 1.0:
-                return x, residual, iteration
+            x, value, residual = moved, found, self._residual(moved, strained)
+            if decrement <= floor and share == 1.0 and self._closed(x):
+                return x, residual + touch.nodal, touch.forces, iteration
             # A new tangent has no decrement before it, so that it is never judged by its first step.
             if decrement > SLOW * before or share < 1.0:
-                kept.factor = kept.tangent = None
+                kept.factor = None
             before = decrement
         raise NotConvergedError
 
-    def _potential(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> tuple[float, float]:
+    def _pushed(self, contact: StepContact, x: Array, step: Array, kept: _Kept) -> tuple[Pushed, Array]:
+        """Return what obstacles exert where a step would enter them, and the step with that."""
+        factor, ties = kept.factor, self.ties
+        assert factor is not None
+        if kept.compliance is None:
+            kept.compliance = Compliance(contact.points, lambda right: _solved(ties, factor, right))
+        whole = 1 / (1 - self.shell.scheme.alpha_f)
+        u = contact.points.displacement(self.end(x))
+        forces, step = contact.pushed(u, step, kept.compliance, self.share, whole)
+        normal = contact.gap(u)[1]
+        pressure = np.sum(forces * normal, axis=-1, keepdims=True)
+        rubbing = self.share * contact.points.nodal(forces - pressure * normal)
+        weight = STEEPER * self.share / whole * float(pressure.max())
+        return Pushed(forces, self.share * contact.points.nodal(forces), rubbing, weight), step
+
+    def _entered(self, x: Array, touch: Pushed) -> float:
+        """Return what the merit has beside the potential, J: depths, and the work against friction as a dead force."""
+        if self.contact is None:
+            return 0.0
+        u = self.contact.points.displacement(self.end(x))
+        return touch.weight * float(self.contact.depths(u).sum()) - float(np.sum(touch.rubbing * x))
+
+    def _closed(self, x: Array) -> bool:
+        if self.contact is None:
+            return True
+        depths = self.contact.depths(self.contact.points.displacement(self.end(x)))
+        return bool(depths.max() <= CLOSED * self.shell._size)
+
+    def _potential(self, x: Array, strained: Strained) -> tuple[float, float]:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * _times(self.shell.mass, away)))
         elastic, work = strained.energy + self.shell._sprung(x), float(np.sum(self.loads * x))
-        if pressed is not None:
-            inertia += self.share * (1 - self.shell.scheme.alpha_f) * pressed.energy
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
-    def _residual(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> Array:
+    def _residual(self, x: Array, strained: Strained) -> Array:
         forces = self.loads - strained.forces - self.weight * _times(self.shell.mass, x - self.target)
-        if self.contact is not None and pressed is not None:
-            forces = forces + self.share * self.contact.nodal(pressed)
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
-    def _factorised(self, x: Array, strained: Strained, pressed: Pressed | None = None) -> Factor:
-        matrix, kept = self.shell._kept.tangent, self.shell._kept
-        if matrix is None:
-            matrix = self.shell.problem.energy.tangent(strained)
-            matrix.blocks[...] += self.weight * self.shell.mass.blocks
-            if self.shell.springs is not None:
-                matrix.blocks[...] += self.shell.springs.blocks
-        if self.contact is not None and pressed is not None:
-            kept.tangent, matrix = matrix, replace(matrix, blocks=matrix.blocks.copy())
-            self.contact.add_stiffness(matrix, pressed, self.share / (1 - self.shell.scheme.alpha_f))
+    def _factorised(self, x: Array, strained: Strained) -> Factor:
+        matrix = self.shell.problem.energy.tangent(strained)
+        matrix.blocks[...] += self.weight * self.shell.mass.blocks
+        if self.shell.springs is not None:
+            matrix.blocks[...] += self.shell.springs.blocks
         reduced = self.ties.reduce(matrix)
         if not np.all(np.isfinite(reduced.blocks)):
             raise NotConvergedError
@@ -384,5 +379,9 @@ def _times(matrix: BlockMatrix, vector: Array) -> Array:
 
 
 def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
-    free = ties.to_free(right[..., None])
-    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
+    return _solved(ties, factor, right[..., None])[..., 0]
+
+
+def _solved(ties: Ties, factor: Factor, right: Array) -> Array:
+    """Return the displacements (nodes, 12, n) that forces (nodes, 12, n) make on what supports leave free."""
+    return np.asarray(ties.to_nodal(factor.solve(ties.to_free(right)) * ties.free[..., None]))
