@@ -16,7 +16,7 @@ non-linear structural problem discretized via displacement-based finite elements
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -28,6 +28,7 @@ from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, on_free
 from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
@@ -45,99 +46,6 @@ HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 class NotConvergedError(ArithmeticError):
     """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
-
-
-@dataclass(frozen=True)
-class FiniteState:
-    """A state of equilibrium.
-
-    Attributes
-    ----------
-    t
-        Load factor.
-    q
-        (nodes, 12) scaled degrees of freedom.
-    strained
-        Strains and stresses.
-    angles
-        By edge moment (n,): the angles by which the normals have turned, rad.
-    factor
-        Factorisation of the tangent stiffness of the last iteration; None if it is singular, or there was none.
-    iterations
-        Newton iterations that led here.
-    residuals
-        Largest residual force before each of them, relative to the largest nodal force.
-    critical
-        Whether it is the last stable state before buckling.
-    forgiven
-        Negative eigenvalues of the tangent that belong to waves that may travel.
-    """
-
-    t: float
-    q: Array
-    strained: Strained
-    angles: tuple[Array, ...]
-    factor: TangentFactor | None
-    iterations: int = 0
-    residuals: tuple[float, ...] = ()
-    critical: bool = False
-    forgiven: int = 0
-
-    @property
-    def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
-
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
-        """
-        return self.factor is not None and self.factor.negative == self.forgiven
-
-    @property
-    def relieved(self) -> FiniteState:
-        """The state without what only the next step needs, which takes most of the memory."""
-        return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """One more equation, c . q + d t = s, for a path on which the load factor is unknown."""
-
-    row: Array
-    factor: float
-    value: float
-
-
-@dataclass(frozen=True)
-class Hold:
-    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
-
-    Attributes
-    ----------
-    row, answer
-        (nodes, 12) w, and what the shell answers to it as a force.
-    negative
-        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
-    """
-
-    row: Array
-    answer: Array | None = None
-    negative: bool = False
-
-    @classmethod
-    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
-        """Hold a direction, if there is one, beside the supports."""
-        if row is None:
-            return cls(np.zeros(0))
-        # w is held by a multiplier m: K dq + m w = r and w . dq = 0. That takes one more solve, A = K^-1 w. By the
-        # inertia of the bordered matrix, w . A < 0 says that K has one negative eigenvalue less across w.
-        answer = _on_free(ties, factor, row)
-        return cls(row, answer, bool(np.sum(row * answer) < 0))
-
-    def step(self, step: Array) -> Array:
-        """Return a step without what would move along w."""
-        if self.answer is None:
-            return step
-        # m = (w . K^-1 r) / (w . A), by which K itself and its factor stay as they are.
-        return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
 @dataclass(frozen=True)
@@ -293,7 +201,7 @@ class FiniteProblem:
         if state.factor is None:
             raise NotConvergedError
         ties = self.ties(state.t)
-        return _on_free(ties, state.factor, self._force_rate(state.q))
+        return on_free(ties, state.factor, self._force_rate(state.q))
 
     def equilibrium(self, start: FiniteState, t: float, tolerance: float = CONVERGED) -> FiniteState:
         """Return the state at a load factor, from another one.
@@ -321,7 +229,7 @@ class FiniteProblem:
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
         hold = Hold.from_ties(ties, factor, self.travelling(start.q))
-        return moved + hold.step(_on_free(ties, factor, right))
+        return moved + hold.step(on_free(ties, factor, right))
 
     @cached_property
     def revolution(self) -> Revolution | None:
@@ -381,7 +289,7 @@ class FiniteProblem:
                 raise NotConvergedError from None
             hold = Hold.from_ties(ties, factor, waves)
             if constraint is None:
-                step = hold.step(_on_free(ties, factor, right))
+                step = hold.step(on_free(ties, factor, right))
             else:
                 step, change = self._bordered(ties, factor, right, q, t, constraint)
                 t += change
@@ -440,11 +348,6 @@ class FiniteProblem:
 
     def _angles(self, q: Array, near: FiniteState) -> tuple[Array, ...]:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
-
-
-def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
-    free = ties.to_free(right[..., None])
-    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
 
 
 def _size(ties: Ties, forces: Array) -> float:
