@@ -38,6 +38,8 @@ class FiniteState:
         Whether it is the last stable state before buckling.
     forgiven
         Negative eigenvalues of the tangent that belong to waves that may travel.
+    pressure, touch
+        Of obstacles at the contact points, (n,), Pa, and (n, 3), N; None where there are none, or it is not known.
     """
 
     t: float
@@ -49,6 +51,8 @@ class FiniteState:
     residuals: tuple[float, ...] = ()
     critical: bool = False
     forgiven: int = 0
+    pressure: Array | None = None
+    touch: Array | None = None
 
     @property
     def stable(self) -> bool:
