@@ -25,6 +25,8 @@ from scipy.optimize import brentq, minimize_scalar
 
 from .contact_in_motion import INTEGRATED
 from .contact_in_motion import JUDGES as IN_MOTION
+from .heavy_contact import JUDGES as HEAVY
+from .heavy_contact import SECOND_FORMS as BY_ENERGY
 from .estimate import Estimate
 
 YOUNG, THICKNESS, LOAD = 1.2e7, 0.01, 3.0  # Pa, m, N/m^2
@@ -299,6 +301,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_plate_clamped": lambda: plate_on_floor(CLAMPED_PLATE),
     "contact_ridge": lambda: _estimates(_on_hill(span, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES),
     **IN_MOTION,
+    **HEAVY,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
@@ -310,4 +313,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
         _on_hill(span_by_collocation, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES
     ),
     **INTEGRATED,
+    **BY_ENERGY,
 }

@@ -5,8 +5,8 @@ The augmented Lagrangian is that of `contact`, with gaps g(q) and directions whe
     W(q) - f . q + sum over points of A (max(0, p - k g(q))^2 - p^2) / 2 k.
 
 Newton's method changes the points in contact from iteration to iteration. Once it has converged, the pressures become
-the multipliers p, until gaps are closed. A shell that comes from afar would be thrown back by a stiff obstacle: where no
-pressures are known, k begins as soft as bending over the shell's length, and hardens.
+the multipliers p, until gaps are closed. A shell that comes from afar would be thrown back by a stiff obstacle: where
+no pressures are known, k begins as soft as bending over the shell's length, and hardens.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Pressing:
 
     @property
     def penalty(self) -> Array:
-        """k (n,), N/m^3."""
+        """The stiffness k (n,), N/m^3."""
         return self.points.penalty * (self.softer[0] if self.softer else 1.0)
 
     @classmethod
