@@ -25,9 +25,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from .contact_in_motion import INTEGRATED
 from .contact_in_motion import JUDGES as IN_MOTION
+from .estimate import Estimate
 from .heavy_contact import JUDGES as HEAVY
 from .heavy_contact import SECOND_FORMS as BY_ENERGY
-from .estimate import Estimate
 
 YOUNG, THICKNESS, LOAD = 1.2e7, 0.01, 3.0  # Pa, m, N/m^2
 WIDTH, LENGTH = 0.1, 1.0  # of strips, m
