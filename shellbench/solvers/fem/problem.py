@@ -341,7 +341,6 @@ class FiniteProblem:
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
             idle = decrement <= max(tolerance * scale, membrane * moved**2)
             settled = idle and unbalanced <= max(BALANCED * largest, membrane * moved)
-            touched: dict[str, Array] = {}
             if pressing:
                 if pressing.softer and (settled or iteration % FEW == 0):
                     pressing, settled, first = replace(pressing, softer=pressing.softer[1:]), False, 0.0
@@ -350,11 +349,10 @@ class FiniteProblem:
                 if settled and not pressed.closed:
                     pressing, settled = pressing.next_round(pressed), False
                     pressed = pressing.at(q)
-                touched = {"pressure": pressed.pressure, "touch": pressed.forces}
             if settled:
                 angles, forgiven = self._angles(q, start), int(hold.negative)
                 found = FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
-                return replace(found, **touched)
+                return replace(found, pressure=pressed.pressure, touch=pressed.forces) if pressed else found
         raise NotConvergedError
 
     def _bordered(
