@@ -39,6 +39,7 @@ from . import (
     square_plate,
     square_plate_nonlinear,
 )
+from .ball_drape import JUDGES as DRAPE
 from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
@@ -95,6 +96,7 @@ CASES = {
     "hinged_roof_thin": hinged_roof_thin,
     **JUDGES,
     **CONTACT,
+    **DRAPE,
     **GARMENTS,
     **PASSPORT,
     **PLATES,

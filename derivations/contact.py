@@ -27,6 +27,8 @@ from . import bar_impact
 from .contact_in_motion import INTEGRATED
 from .contact_in_motion import JUDGES as IN_MOTION
 from .estimate import Estimate
+from .heavy_contact import JUDGES as HEAVY
+from .heavy_contact import SECOND_FORMS as BY_ENERGY
 
 YOUNG, THICKNESS, LOAD = 1.2e7, 0.01, 3.0  # Pa, m, N/m^2
 WIDTH, LENGTH = 0.1, 1.0  # of strips, m
@@ -301,6 +303,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_ridge": lambda: _estimates(_on_hill(span, True, RIDGE_TOP, RIDGE_RADIUS, RIDGE), SMALL_SLOPES),
     **IN_MOTION,
     **bar_impact.JUDGES,
+    **HEAVY,
 }
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
@@ -313,4 +316,5 @@ SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     ),
     **INTEGRATED,
     **bar_impact.SECOND_FORMS,
+    **BY_ENERGY,
 }

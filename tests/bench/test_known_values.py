@@ -9,6 +9,7 @@ import pytest
 
 import derivations as origins
 from derivations import (
+    ball_drape,
     contact,
     cylinder_modes,
     elastica,
@@ -85,6 +86,7 @@ ORIGINS = {
     **ropes.JUDGES,
     **fields.JUDGES,
     **contact.JUDGES,
+    **ball_drape.JUDGES,
     **garments.JUDGES,
     **passport.JUDGES,
     **plate_modes.JUDGES,
@@ -121,6 +123,7 @@ LONG = {
     "hemisphere_hole_nonlinear",
     *origins.HYPARS,
     *garments.JUDGES,
+    *ball_drape.JUDGES,
     *resultants.LONG,
 }
 SECOND_FORMS = {

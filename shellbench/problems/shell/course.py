@@ -32,8 +32,6 @@ def check_path(case: Shell) -> None:
     path = case.path
     if case.springs and not case.linear:
         raise ValueError("springs belong to the linear theory, or to a case with [dynamics]")
-    if case.obstacles and not case.linear:
-        raise ValueError("obstacles belong to the linear theory, or to a case with [dynamics]")
     if case.held_everywhere:
         raise ValueError("a component that is held on the whole surface belongs to a case with [dynamics]")
     if path.quantity is not None:

@@ -29,9 +29,10 @@ from shellbench.solvers.fem.assembly import COMPONENTS, BlockMatrix, weighted_pr
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.continuation import CUT, EASY, GROWTH, PathEndsError
 from shellbench.solvers.fem.dissection import Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import FiniteState
 from shellbench.solvers.fem.following import TangentFactor
 from shellbench.solvers.fem.mesh import KINDS
-from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 
 Array = NDArray[np.float64]
 

@@ -149,10 +149,14 @@ class ContactPoints:
         coarse = size / (self.reach.min() / REACH)
         return np.asarray([SOFTER**k for k in range(math.ceil(-math.log(coarse**4) / math.log(SOFTER)), 0, -1)])
 
+    def nearest(self, touch: Touch) -> NDArray[np.int64]:
+        """Return the numbers (c m,) of the nearest points of another mesh."""
+        _, nearest = cKDTree(touch.points / self.mesh.domain.size).query(self.points / self.mesh.domain.size)
+        return np.asarray(nearest)
+
     def pressed(self, touch: Touch) -> Flags:
         """Return which points (c m,) are nearest to pressed points of another mesh."""
-        _, nearest = cKDTree(touch.points / self.mesh.domain.size).query(self.points / self.mesh.domain.size)
-        return np.asarray(np.any(touch.forces[nearest] != 0, axis=-1))
+        return np.asarray(np.any(touch.forces[self.nearest(touch)] != 0, axis=-1))
 
     def touch(self, forces: Array) -> Touch:
         """Return forces (c m, 3) with what they act on."""

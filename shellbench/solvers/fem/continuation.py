@@ -19,12 +19,14 @@ from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.fem.assembly import COMPONENTS
+from shellbench.solvers.fem.finite_state import Constraint, FiniteState
 from shellbench.solvers.fem.mesh import KINDS, kind_scales, tabulate
-from shellbench.solvers.fem.problem import Constraint, FiniteProblem, FiniteState, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 
 Array = NDArray[np.float64]
 
 EASY = 6  # iterations after which the next step may be longer
+EASY_IN_CONTACT = 20  # the same where points come into contact, a few in each iteration
 GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did not converge
 SMALLEST_STEP = 1e-4  # of the whole path
 PATH_STEPS = 48  # steps of a path that is followed by displacement, and of its length by arc
@@ -85,7 +87,7 @@ def load_steps(
                 if step < shortest:
                     raise PathEndsError(reason)
                 continue
-            if found.iterations <= EASY:
+            if found.iterations <= (EASY if problem.points is None else EASY_IN_CONTACT):
                 step = max(step, (target - state.t) * GROWTH)
             state = found
             yield state

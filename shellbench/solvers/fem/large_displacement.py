@@ -18,6 +18,7 @@ from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
 from shellbench.solvers.fem.buckling import following_steps
+from shellbench.solvers.fem.contact_at_finite_strain import carried_pressure
 from shellbench.solvers.fem.continuation import (
     EASY,
     PathEndsError,
@@ -27,9 +28,10 @@ from shellbench.solvers.fem.continuation import (
     load_steps,
 )
 from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
+from shellbench.solvers.fem.finite_state import FiniteState
 from shellbench.solvers.fem.loads import Loading
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh
-from shellbench.solvers.fem.problem import FiniteProblem, FiniteState, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
 from shellbench.solvers.fem.solution import FemSolution
 
@@ -48,6 +50,8 @@ def declined(case: Case) -> str | None:
     moved = next((support for support in case.supports if support.motion is not None), None)
     if case.path.quantity is not None and moved is not None:
         return f"it can't move support '{moved.name}' on a path with control = '{case.path.control}'"
+    if case.obstacles and (case.path.quantity is not None or case.path.after_buckling == "follow"):
+        return "it touches obstacles at finite strain by load steps before buckling only"
     loose = free_motions(case)
     if case.following and (case.path.quantity is not None or case.path.after_buckling == "follow"):
         return "it follows a pressure along the deformed normal by load steps before buckling only"
@@ -142,6 +146,8 @@ def solve(
     if reason is not None:
         raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
     last = states[-1]
+    if problem.points is not None:
+        states, marks = [states[k] for k in kept], [marks[k] for k in kept]
     equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1])
     return equilibrium, _solution(problem, quadrature_order, states, marks, ())
 
@@ -210,6 +216,8 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
     for t in trail.states:
         near = before or problem.rest()
         guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
+        if problem.points is not None:
+            guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
         try:
             state = problem.equilibrium(guess, t)
         except NotConvergedError:
@@ -299,7 +307,7 @@ def _solution(
     marks: Sequence[float],
     history: tuple[Step, ...],
 ) -> FemSolution:
-    case, mesh = problem.case, problem.mesh
+    case, mesh, points = problem.case, problem.mesh, problem.points
     shape = (COMPONENTS, len(KINDS), len(states))
     scales = mesh.node_scales[:, None, :, None]
     coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
@@ -320,4 +328,5 @@ def _solution(
         quadrature_order=quadrature_order,
         parameters=_unknowns(problem),
         history=history,
+        touching=tuple(points.touch(s.touch) for s in states if points is not None and s.touch is not None),
     )

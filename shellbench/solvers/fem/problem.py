@@ -27,7 +27,10 @@ from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import NODE_DOFS, BlockMatrix, Quadrature
 from shellbench.solvers.fem.clamping import FiniteClamp, finite_clamps
 from shellbench.solvers.fem.constraints import Ties
+from shellbench.solvers.fem.contact import ContactPoints
+from shellbench.solvers.fem.contact_at_finite_strain import Pressed, Pressing
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
+from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, on_free
 from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
 from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
@@ -39,105 +42,14 @@ Array = NDArray[np.float64]
 CONVERGED = 1e-10  # work of the residual on the last step, relative to the energy: the next one's is its square
 BALANCED = 1e-3  # largest residual force before the last step, relative to the largest nodal force
 MOST_ITERATIONS = 14  # a step that takes more is cut
+MOST_IN_CONTACT = 40  # the same where points come into contact and part, and gaps close round by round
+FEW = 3  # iterations with an obstacle that is soft
 UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the rounding of a shell that is only moved
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 
 
 class NotConvergedError(ArithmeticError):
     """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
-
-
-@dataclass(frozen=True)
-class FiniteState:
-    """A state of equilibrium.
-
-    Attributes
-    ----------
-    t
-        Load factor.
-    q
-        (nodes, 12) scaled degrees of freedom.
-    strained
-        Strains and stresses.
-    angles
-        By edge moment (n,): the angles by which the normals have turned, rad.
-    factor
-        Factorisation of the tangent stiffness of the last iteration; None if it is singular, or there was none.
-    iterations
-        Newton iterations that led here.
-    residuals
-        Largest residual force before each of them, relative to the largest nodal force.
-    critical
-        Whether it is the last stable state before buckling.
-    forgiven
-        Negative eigenvalues of the tangent that belong to waves that may travel.
-    """
-
-    t: float
-    q: Array
-    strained: Strained
-    angles: tuple[Array, ...]
-    factor: TangentFactor | None
-    iterations: int = 0
-    residuals: tuple[float, ...] = ()
-    critical: bool = False
-    forgiven: int = 0
-
-    @property
-    def stable(self) -> bool:
-        """Whether the state is a minimum of the potential energy.
-
-        Under a pressure that follows there is none: then, whether all steps from the state do positive work.
-        """
-        return self.factor is not None and self.factor.negative == self.forgiven
-
-    @property
-    def relieved(self) -> FiniteState:
-        """The state without what only the next step needs, which takes most of the memory."""
-        return replace(self, factor=None, strained=replace(self.strained, deformations=(), stresses=()))
-
-
-@dataclass(frozen=True)
-class Constraint:
-    """One more equation, c . q + d t = s, for a path on which the load factor is unknown."""
-
-    row: Array
-    factor: float
-    value: float
-
-
-@dataclass(frozen=True)
-class Hold:
-    """A direction w in which a step makes no progress, w . dq = 0; none where `answer` is None.
-
-    Attributes
-    ----------
-    row, answer
-        (nodes, 12) w, and what the shell answers to it as a force.
-    negative
-        Whether it is along w that the tangent has a negative eigenvalue: holding w takes it away.
-    """
-
-    row: Array
-    answer: Array | None = None
-    negative: bool = False
-
-    @classmethod
-    def from_ties(cls, ties: Ties, factor: TangentFactor, row: Array | None) -> Hold:
-        """Hold a direction, if there is one, beside the supports."""
-        if row is None:
-            return cls(np.zeros(0))
-        # w is held by a multiplier m: K dq + m w = r and w . dq = 0. That takes one more solve, A = K^-1 w. By the
-        # inertia of the bordered matrix, w . A < 0 says that K has one negative eigenvalue less across w.
-        answer = _on_free(ties, factor, row)
-        return cls(row, answer, bool(np.sum(row * answer) < 0))
-
-    def step(self, step: Array) -> Array:
-        """Return a step without what would move along w."""
-        if self.answer is None:
-            return step
-        # m = (w . K^-1 r) / (w . A), by which K itself and its factor stay as they are.
-        return step - self.answer * (np.sum(self.row * step) / np.sum(self.row * self.answer))
 
 
 @dataclass(frozen=True)
@@ -180,6 +92,17 @@ class FiniteProblem:
         moments, clamps = tuple(edge_moments(case, mesh)), tuple(finite_clamps(case, mesh))
         pressure = FollowingPressure(case, energy) if case.following else None
         return cls(case, mesh, quadrature, energy, moments, clamps, pressure, dissection)
+
+    @cached_property
+    def points(self) -> ContactPoints | None:
+        """Where obstacles are asked for their distance; None without any, and in motion, whose steps ask them."""
+        if not self.case.obstacles or self.case.dynamics is not None:
+            return None
+        return ContactPoints.on_mesh(self.case, self.mesh)
+
+    def pressing(self, start: FiniteState, t: float) -> Pressing | None:
+        """Return what obstacles there are at a load factor, with the pressures of a state."""
+        return None if self.points is None else Pressing.from_pressure(self.points, t, start.pressure)
 
     @cached_property
     def ties(self) -> Callable[[float], Ties]:
@@ -254,6 +177,8 @@ class FiniteProblem:
         # What the shell asks less what the loads give. Of a clamp's terms between the nodes the part with dm is no
         # reaction.
         total = state.strained.forces - self.applied(state.q, state.t)
+        if self.points is not None and state.touch is not None:
+            total = total - self.points.nodal(state.touch)[..., 0]
         for clamp in self.clamps:
             total = total + clamp.at(state.q, state.t).gap_forces(len(total))
         return total
@@ -293,7 +218,7 @@ class FiniteProblem:
         if state.factor is None:
             raise NotConvergedError
         ties = self.ties(state.t)
-        return _on_free(ties, state.factor, self._force_rate(state.q))
+        return on_free(ties, state.factor, self._force_rate(state.q))
 
     def equilibrium(self, start: FiniteState, t: float, tolerance: float = CONVERGED) -> FiniteState:
         """Return the state at a load factor, from another one.
@@ -308,20 +233,31 @@ class FiniteProblem:
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
             moved = self.carried(start, t, ties, moved)
-        return self._newton(start, t, ties, moved, None, tolerance)
+        try:
+            return self._newton(start, t, ties, moved, None, tolerance)
+        except NotConvergedError:
+            if start.pressure is None:
+                raise
+            # by way of soft obstacles, which know nothing of the points that were in contact
+            return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance)
 
     def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> Array:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
         # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
-        right = self.forces(start.q, t) - start.strained.forces - (matrix @ moved[..., None])[..., 0]
+        right = self.forces(start.q, t) - start.strained.forces
+        if pressing := self.pressing(start, t):
+            pressed = pressing.at(start.q)
+            pressing.add_stiffness(matrix, pressed)
+            right = right + pressed.nodal
+        right = right - (matrix @ moved[..., None])[..., 0]
         try:
             factor = self._reduced_factor(ties, matrix)
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
         hold = Hold.from_ties(ties, factor, self.travelling(start.q))
-        return moved + hold.step(_on_free(ties, factor, right))
+        return moved + hold.step(on_free(ties, factor, right))
 
     @cached_property
     def revolution(self) -> Revolution | None:
@@ -353,22 +289,28 @@ class FiniteProblem:
         # 4. Predict the next stresses, C (eps + eps' dq), before q moves.
         # 5. Stop when the work r . dq is at rounding and r was already small before the step. Beside the shell's own
         #    forces and energy counts what rounding makes of a shell that is only moved, which has neither.
+        # 6. Obstacles press on all that, and add to K. Those that are touched for the first time are soft for a few
+        #    iterations, and ever harder. Where gaps are still open at the end, go on with the pressures as multipliers.
         # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
         # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
         # caller instead.
         q, strained, stresses = start.q, start.strained, start.strained.stresses
         factor: TangentFactor | None = None
+        pressing = self.pressing(start, t)
         if np.any(step):
             stresses = self.energy.predicted_stresses(strained, step)
             q = q + step
             strained = self.energy.at(q)
         elif start.factor is not None:
             factor = start.factor  # at the start itself the tangent is known
+        pressed = pressing.at(q) if pressing else None
         first, residuals, waves = 0.0, [], self.travelling(start.q)
         membrane = self.case.material.membrane_stiffness
-        for iteration in range(1, MOST_ITERATIONS + 1):
+        for iteration in range(1, (MOST_IN_CONTACT if pressing else MOST_ITERATIONS) + 1):
             forces = self.forces(q, t)
+            if pressed:
+                forces = forces + pressed.nodal
             right = forces - strained.forces
             # The start's forces count too: a shell that is unloaded has no others at its end.
             largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
@@ -376,12 +318,13 @@ class FiniteProblem:
             residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
             try:
                 if iteration > 1 or factor is None:
-                    factor = self._factorised(q, t, strained, stresses)
+                    contact = (pressing, pressed) if pressing and pressed else None
+                    factor = self._factorised(q, t, strained, stresses, contact)
             except NotPositiveDefiniteError:
                 raise NotConvergedError from None
             hold = Hold.from_ties(ties, factor, waves)
             if constraint is None:
-                step = hold.step(_on_free(ties, factor, right))
+                step = hold.step(on_free(ties, factor, right))
             else:
                 step, change = self._bordered(ties, factor, right, q, t, constraint)
                 t += change
@@ -397,9 +340,19 @@ class FiniteProblem:
                 break
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
             idle = decrement <= max(tolerance * scale, membrane * moved**2)
-            if idle and unbalanced <= max(BALANCED * largest, membrane * moved):
+            settled = idle and unbalanced <= max(BALANCED * largest, membrane * moved)
+            if pressing:
+                if pressing.softer and (settled or iteration % FEW == 0):
+                    pressing, settled, first = replace(pressing, softer=pressing.softer[1:]), False, 0.0
+                pressing = replace(pressing, held=None)
+                pressed = pressing.at(q)
+                if settled and not pressed.closed:
+                    pressing, settled = pressing.next_round(pressed), False
+                    pressed = pressing.at(q)
+            if settled:
                 angles, forgiven = self._angles(q, start), int(hold.negative)
-                return FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
+                found = FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
+                return replace(found, pressure=pressed.pressure, touch=pressed.forces) if pressed else found
         raise NotConvergedError
 
     def _bordered(
@@ -424,9 +377,18 @@ class FiniteProblem:
         """Return df/dt (nodes, 12); the loads are proportional to t where this is needed."""
         return self.applied(q, 1.0)
 
-    def _factorised(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> TangentFactor:
-        ties = self.ties(t)
-        symmetric = self._reduced_factor(ties, self.tangent(q, t, strained, stresses))
+    def _factorised(
+        self,
+        q: Array,
+        t: float,
+        strained: Strained,
+        stresses: tuple[Array, ...],
+        contact: tuple[Pressing, Pressed] | None = None,
+    ) -> TangentFactor:
+        ties, matrix = self.ties(t), self.tangent(q, t, strained, stresses)
+        if contact:
+            contact[0].add_stiffness(matrix, contact[1])
+        symmetric = self._reduced_factor(ties, matrix)
         if self.pressure is None:
             return symmetric
         return PressedFactor.on_free(symmetric, self.pressure.skew(q, t), ties)
@@ -440,11 +402,6 @@ class FiniteProblem:
 
     def _angles(self, q: Array, near: FiniteState) -> tuple[Array, ...]:
         return tuple(m.angles(q, a) for m, a in zip(self.moments, near.angles, strict=True))
-
-
-def _on_free(ties: Ties, factor: TangentFactor, right: Array) -> Array:
-    free = ties.to_free(right[..., None])
-    return np.asarray(ties.to_nodal(factor.solve(free) * ties.free[..., None])[..., 0])
 
 
 def _size(ties: Ties, forces: Array) -> float:

@@ -159,6 +159,7 @@ EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
 RESULTANT_LEEWAY = 50  # resultants may be so much less certain than displacements: they are derivatives
 SIZE_SAMPLES = 9  # points a side of the grid that gives the size of a shell
 WITHIN_CELL = 0.005  # of a cell: what two meshes agree on of an edge that lies anywhere in a cell may be chance
+WITHIN_CUBIC_CELL = 0.05  # the same at finite strain, in cubics
 PROBES = 41  # points a side at which the fields of two meshes are compared
 
 
@@ -281,7 +282,8 @@ def levels(
             found = estimate(values[q.name], resolutions, fastest)
             sure = max(found.uncertainty, least if isinstance(q, LargestDisplacement | DisplacementQuantity) else 0.0)
             if isinstance(q, ContactPoint):
-                sure = max(sure, WITHIN_CELL * cell_along(solution, q))
+                within = WITHIN_CELL if case.linear else WITHIN_CUBIC_CELL
+                sure = max(sure, within * cell_along(solution, q))
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
         # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
         error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)

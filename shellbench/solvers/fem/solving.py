@@ -57,6 +57,7 @@ USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/bench
 GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
+FIRST_TOUCH = 8  # most cells along a coordinate, as settings count them, where contact at finite strain begins
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
 FEWEST_TO_JUDGE = 3  # meshes after which such an answer is a failure
 MOST_AGAIN = 3  # meshes like the last ones of an earlier solution, with which an edit begins
@@ -227,6 +228,10 @@ def _solves(
 
         def follow(cells: Cells) -> equilibrium.Equilibrium:
             nonlocal trail
+            if of.obstacles and not (trail or earlier) and max(cells) > FIRST_TOUCH:
+                # points come into contact a few in each iteration: first where there are few of them
+                with contextlib.suppress(SolveFailure):
+                    follow((max(1, cells[0] // 2), max(1, cells[1] // 2)))
             mesh = _mesh(of, cells, settings, degree)
 
             def tell(t: float) -> None:
@@ -240,6 +245,9 @@ def _solves(
 
     if case.path.after_buckling == "follow":  # which wave pattern a shell buckles into is found anew on each mesh
         return (lambda cells: nonlinear(case, FIRST_STEP)(cells)), ()
+    if case.obstacles:
+        touching = nonlinear(case, FIRST_STEP)
+        return touching, (touching,)
     last = case.model_copy(update={"path": case.path.model_copy(update={"states": (case.path.until,)})})
     if case.path.control == "load":  # a trial needs the end of the path only
         last = last.model_copy(update={"quantities": (SHARE_OUT.model_copy(update={"at": case.path.until}),)})

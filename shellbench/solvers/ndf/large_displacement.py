@@ -63,6 +63,8 @@ class Rung:
 
 def why_not_followed(case: Case) -> str | None:
     """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
+    if case.obstacles:
+        return "it touches obstacles in the linear theory alone"
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
             return f"it can't tell how far the clamped support '{support.name}' turns"

@@ -8,8 +8,9 @@ from shellbench.problems.shell.case import build_case
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import functional
 from shellbench.solvers.fem.dissection import factorise
+from shellbench.solvers.fem.finite_state import Constraint
 from shellbench.solvers.fem.mesh import graded_mesh
-from shellbench.solvers.fem.problem import Constraint, FiniteProblem, NotConvergedError
+from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 
 TIGHT = 1e-20  # square of the last step's relative size: iterations go on to rounding
 PLATE, CURVED, ROOF, STRIP, RING = (

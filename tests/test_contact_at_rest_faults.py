@@ -1,0 +1,118 @@
+"""Contact at rest and finite strain: faults of its mechanics turn the gate red."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shellbench.bench import catalog
+from shellbench.errors import SolveFailure
+from shellbench.solvers.fem import contact_at_finite_strain as touching
+from shellbench.solvers.fem import problem as newton
+from shellbench.solvers.fem import solving
+from shellbench.solvers.fem.assembly import Quadrature
+from shellbench.solvers.fem.contact import ContactPoints
+from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.problem import FiniteProblem
+from shellbench.solvers.fem.solver import FemSolver
+from shellbench.solvers.ndf.ritz_solver import RitzSolver
+from tests.test_contact_faults import errors
+
+STRIP, DRAPE = "contact_heavy_strip", "contact_drape"
+CELLS = {STRIP: (40, 1), DRAPE: (16, 10)}  # fine enough where nothing is broken
+
+
+def upside_down(patch):
+    """Normals of the wrong side."""
+    asked = touching.gaps
+    patch.setattr(touching, "gaps", lambda *a: (asked(*a)[0], -asked(*a)[1]))
+
+
+def at_rest(patch):
+    """Gaps of the shell at rest instead of the displaced one."""
+    asked = touching.gaps
+    patch.setattr(touching, "gaps", lambda case, points, u, t: asked(case, points, 0 * u, t))
+
+
+def glued(patch):
+    """Points that have touched an obstacle stay in contact for good."""
+    patch.setattr(touching.Pressing, "at", stuck(touching.Pressing.at))
+
+
+def stuck(asked):
+    touched = {}
+
+    def at(self, q):
+        found = asked(self, q)
+        held = touched.get(len(found.active), False) | found.active
+        touched[len(held)] = held
+        return asked(replace(self, held=held), q)
+
+    return at
+
+
+def soft(patch):
+    """An obstacle that never hardens, and whose gaps nobody looks at."""
+    patch.setattr(ContactPoints, "penalty", property(lambda self: 1e-6 * self.stiffness.ravel()))
+    patch.setattr(touching.Pressed, "closed", property(lambda self: True))
+
+
+def doubled(patch):
+    """Forces twice as large as what presses."""
+    touch = ContactPoints.touch
+    patch.setattr(ContactPoints, "touch", lambda self, forces: touch(self, 2 * forces))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", CELLS)
+def test_one_coarse_mesh_is_green(name):
+    assert max(errors(name, CELLS[name]).values()) < 1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("fault", "name"),
+    [
+        (upside_down, STRIP),
+        (at_rest, STRIP),
+        (glued, STRIP),
+        (soft, STRIP),
+        (doubled, STRIP),
+        (upside_down, DRAPE),
+        (soft, DRAPE),
+    ],
+)
+def test_a_fault_is_red(fault, name, monkeypatch):
+    catalog.named_case(name)  # read before anything is broken
+    monkeypatch.setattr(solving, "SHORTEST_STEP", 0.1)  # of the path: what is right takes 0.1 and more
+    monkeypatch.setattr(newton, "MOST_IN_CONTACT", 30)
+    fault(monkeypatch)
+    try:
+        found = errors(name, CELLS[name])
+    except (SolveFailure, ValueError):
+        return  # no answer is red as well
+    assert not max(found.values()) < 1
+
+
+def test_the_stiffness_of_an_obstacle_is_the_derivative_of_its_forces():
+    case = catalog.named_case(DRAPE)
+    mesh = TensorMesh(case.surface.domain, (np.array([0, 0.5]), np.array([0, 0.3])))
+    points = ContactPoints.on_mesh(case, mesh)
+    problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, 5))
+    random = np.random.default_rng(0)
+    q, step = (size * random.standard_normal((4, 12)) for size in (0.02, 1e-6))
+    pressing = touching.Pressing(points, 1.0, np.full(len(points.points), 1e3), np.ones(len(points.points), dtype=bool))
+    matrix = problem.energy.tangent(problem.energy.at(q))
+    before = matrix.blocks.copy()
+    pressing.add_stiffness(matrix, pressing.at(q))
+    matrix.blocks[...] -= before
+    change = pressing.at(q - step).nodal - pressing.at(q + step).nodal
+    assert (matrix @ (2 * step)[..., None])[..., 0] == pytest.approx(change, rel=1e-5, abs=1e-6 * np.abs(change).max())
+
+
+def test_fields_and_paths_by_displacement_decline_obstacles_at_finite_strain():
+    case = catalog.named_case(STRIP)
+    assert RitzSolver().declines(case) == "it touches obstacles in the linear theory alone"
+    path = case.path.model_copy(update={"quantity": "tip_shortening", "control": "displacement"})
+    words = "it touches obstacles at finite strain by load steps before buckling only"
+    assert FemSolver().declines(case.model_copy(update={"path": path})) == words
