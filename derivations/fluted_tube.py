@@ -24,7 +24,7 @@ from .pinched_free import diaphragm_by_polynomials
 from .strip import Strip
 
 AROUND, ALONG = 40, 21  # waves around, half waves along
-PRESSURE = 1e-3  # Pa
+PRESSURE = 2e-2  # Pa
 
 
 def _joined(pinched: dict[str, Estimate], inward: float, share: float) -> dict[str, Estimate]:
