@@ -12,7 +12,6 @@ from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
 from .estimate import Estimate
-from .fluted_tube import fluted_tube, fluted_tube_by_polynomials
 from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .guided_plate import guided_plate, guided_plate_by_ritz
@@ -47,7 +46,6 @@ JUDGES: dict[str, Values] = {
     "strip_plate_1_50": partial(by_levy, strip_plate_1_50()),
     "rhombic_plate_60": partial(by_corners, 60.0),
     "rhombic_plate_30": partial(by_corners, 30.0),
-    "fluted_tube": fluted_tube,
     "ring_twist": ring_twist,
     "graded_strip": graded_strip,
     "oval_tube": oval_tube,
@@ -78,7 +76,6 @@ SECOND_FORMS: dict[str, Values] = {
     "strip_plate_1_50": partial(by_navier, strip_plate_1_50(), 200),
     "rhombic_plate_60": partial(by_elements, 60.0),
     "rhombic_plate_30": partial(by_elements, 30.0),
-    "fluted_tube": fluted_tube_by_polynomials,
     "ring_twist": ring_twist_by_ritz,
     "graded_strip": graded_strip_by_equilibrium,
     "oval_tube": oval_tube_by_exponentials,
