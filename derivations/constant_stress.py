@@ -185,6 +185,7 @@ def measured_deflection(w: Callable[[Array], float], plate: BentPlate) -> dict[s
     places = np.array([[x, y] for x in (0.0, plate.length) for y in (*plate.sides, sum(plate.sides) / 2)])
     return {
         "corner_lift": w(np.array([plate.length, plate.sides[0]])),
+        "corner_lift_50": w(np.array([plate.length, plate.sides[0]])) / 2,
         "mean_oblique": float(np.mean([w(bent_chart(xi)) for xi in BENT_POINTS])) * float(OBLIQUE[2]),
         # w = f(x) + g(y), both even about a side or the middle: there it is largest.
         "largest_displacement": max(abs(w(p)) for p in places),

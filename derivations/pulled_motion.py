@@ -31,16 +31,20 @@ def _force(e: Array) -> Array:
     return np.asarray(STRETCHING * WIDTH * (1 + e) * (e + e**2 / 2))
 
 
-def _values(moved: Array, kinetic: Array, membrane: Array, pull: float, wall: float, error: float) -> dict[str, Estimate]:  # fmt: skip
-    """Return what is asked from displacements along the pull and energies at both times, and the ends' forces, N."""
+def _values(moved: Array, kinetic: Array, membrane: Array, pull: float, wall: float, lost: float, error: float) -> dict[str, Estimate]:  # fmt: skip
+    """Return what is asked from displacements along the pull and energies at both times, the ends' forces, N, and what is lost, J."""
     arm = (LOWER + WIDTH / 2) * FRAME[1] - CENTRE
     numbers = {"pull_137ms": (pull * float(FRAME[0] @ ACROSS), "N")}
+    numbers["energy_balance_200ms"] = (lost, "J")
     numbers["wall_moment_200ms"] = (wall * float(np.cross(arm, FRAME[0]) @ AXIS), "N m")
     for k, label in enumerate(("137ms", "200ms")):
         numbers[f"mean_oblique_{label}"] = (float(moved[k].mean() * (FRAME[0] @ ASKEW)), "m")
         numbers[f"kinetic_energy_{label}"] = (float(kinetic[k]), "J")
         numbers[f"membrane_energy_{label}"] = (float(membrane[k]), "J")
-    return {name: Estimate(value, error * abs(value), unit) for name, (value, unit) in numbers.items()}
+    scales = {"energy_balance_200ms": float(kinetic[1] + membrane[1])}
+    return {
+        name: Estimate(value, error * scales.get(name, abs(value)), unit) for name, (value, unit) in numbers.items()
+    }
 
 
 def pulled_motion() -> dict[str, Estimate]:
@@ -50,7 +54,7 @@ def pulled_motion() -> dict[str, Estimate]:
     membrane = STRETCHING * LENGTH * WIDTH * (e + e**2 / 2) ** 2 / 2
     kinetic = DENSITY * WIDTH * LENGTH**3 / 6 * rate**2
     force = _force(e)
-    return _values(e[:, None] * PLACES, kinetic, membrane, float(force[0]), -float(force[1]), 1e-12)
+    return _values(e[:, None] * PLACES, kinetic, membrane, float(force[0]), -float(force[1]), 0.0, 1e-12)
 
 
 def pulled_motion_of_a_chain() -> dict[str, Estimate]:
@@ -73,22 +77,25 @@ def pulled_motion_of_a_chain() -> dict[str, Estimate]:
         return np.concatenate([tension, [0.0]]) - np.concatenate([[0.0], tension])
 
     def rates(t: float, state: Array) -> Array:
-        q, v = np.split(state, 2)
-        s, _, acceleration = driven(t)
+        q, v = np.split(state[:-1], 2)
+        s, speed, acceleration = driven(t)
         whole = np.array([0.0, *q, s])
         right = (forces + pulled(whole))[inner] - mass[inner, -1] * acceleration
-        return np.concatenate([v, np.linalg.solve(mass[inner, inner], right)])
+        a = np.linalg.solve(mass[inner, inner], right)
+        pull = (mass @ [0.0, *a, acceleration] - forces - pulled(whole))[-1]
+        return np.concatenate([v, a, [pull * speed + forces @ [0.0, *v, speed]]])  # the last one is power
 
-    found = solve_ivp(rates, (0, TIMES[1]), np.zeros(2 * BARS - 2), "DOP853", TIMES, rtol=TOLERANCE, atol=TOLERANCE)
+    found = solve_ivp(rates, (0, TIMES[1]), np.zeros(2 * BARS - 1), "DOP853", TIMES, rtol=TOLERANCE, atol=TOLERANCE)
     moved, kinetic, membrane, ends = [], [], [], []
     for t, state in zip(TIMES, found.y.T, strict=True):
         s, speed, acceleration = driven(t)
-        parts, rate = np.split(state, 2)
+        parts, rate = np.split(state[:-1], 2)
         q, v = np.array([0.0, *parts, s]), np.array([0.0, *rate, speed])
-        a = np.array([0.0, *rates(t, state)[BARS - 1 :], acceleration])
+        a = np.array([0.0, *rates(t, state)[BARS - 1 : -1], acceleration])
         strain = np.diff(q) / side
         moved.append(np.interp(PLACES, x, q))
         kinetic.append(v @ mass @ v / 2)
         membrane.append(STRETCHING * WIDTH * side * np.sum((strain + strain**2 / 2) ** 2) / 2)
         ends.append(mass @ a - forces - pulled(q))
-    return _values(np.array(moved), np.array(kinetic), np.array(membrane), float(ends[0][-1]), float(ends[1][0]), INTEGRATED)  # fmt: skip
+    lost = abs(float(kinetic[1] + membrane[1] - found.y[-1, -1]))
+    return _values(np.array(moved), np.array(kinetic), np.array(membrane), float(ends[0][-1]), float(ends[1][0]), lost, INTEGRATED)  # fmt: skip

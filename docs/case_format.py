@@ -158,7 +158,7 @@ EXAMPLES = {
         '[[quantities]]\nname = "field_error"\nkind = "field_error"\nexact = [0, 0, "1e-3*xi1**2*(1 - xi2)"]  # m, by component'
     ),
     "EnergyQuantity": Example('[[quantities]]\nname = "stored"\nkind = "strain_energy"  # or membrane_energy, bending_energy'),
-    "MotionEnergy": Example('[[quantities]]\nname = "kinetic"\nkind = "kinetic_energy"  # or total_energy\nat = 0.5', "motion"),
+    "MotionEnergy": Example('[[quantities]]\nname = "kinetic"\nkind = "kinetic_energy"  # or total_energy, energy_balance\nat = 0.5', "motion"),
     "PotentialEnergy": Example('[[quantities]]\nname = "potential"\nkind = "potential_energy"', "path"),
     "ReactionQuantity": Example('[[quantities]]\nname = "wall_force"\nkind = "reaction"\nsupport = "wall"\ndirection = [0, 0, 1]'),
     "TorqueQuantity": Example(

@@ -25,14 +25,15 @@ class EnergyQuantity(ShellQuantity):
 
 
 class MotionEnergy(ShellQuantity):
-    """Kinetic energy of the whole shell, or its total energy, J.
+    """Kinetic energy of the whole shell, its total energy, or the balance of its energy, J.
 
     The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
-    are constant in time: what starts from rest keeps it at zero.
+    are constant in time: what starts from rest keeps it at zero. The balance is the solver's own, as its history states
+    it at each step, with the work of whatever loads and supports: how far from zero it has been until the time.
     """
 
     powers: ClassVar[tuple[int, int]] = (1, 1)
-    kind: Literal["kinetic_energy", "total_energy"]
+    kind: Literal["kinetic_energy", "total_energy", "energy_balance"]
     unit: str = "J"
 
     def check_path(self, shell: Any) -> None:
@@ -48,10 +49,21 @@ class MotionEnergy(ShellQuantity):
             )
 
     def measure(self, solution: DisplacementField) -> float:
-        """Return the energy, J."""
+        """Return the energy, J.
+
+        Raises
+        ------
+        ValueError
+            If the history has no step of the motion until its time.
+        """
         if self.kind == "kinetic_energy":
             return kinetic_energy(solution, self.at)
-        return total_energy(solution, self.at)
+        if self.kind == "total_energy":
+            return total_energy(solution, self.at)
+        kept = [step for step in solution.history if step.phase == "time" and step.at <= self.at * (1 + 1e-9)]
+        if not kept:
+            raise ValueError(f"the history has no step of the motion until {self.at:g} s")
+        return max(abs(step.energy) for step in kept)
 
 
 class PotentialEnergy(ShellQuantity):
