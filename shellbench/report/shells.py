@@ -1,8 +1,7 @@
 """Pictures of shells: the reference surface as a light wire, the deformed one coloured by its displacement.
 
-They are seen by a camera without perspective and painted from back to front. matplotlib's own 3-D axes sort whole
-collections, so that a wire and a surface never hide each other rightly; here every facet and every piece of wire is
-sorted by its depth, in one collection.
+A camera without perspective sees them, painted from back to front. matplotlib's own 3-D axes sort whole collections, so
+that a wire and a surface never hide each other rightly. Here one collection has all facets and pieces of wire by depth.
 """
 
 from __future__ import annotations
@@ -263,12 +262,14 @@ def colour_bar(
     bar = figure.colorbar(_colours(shells), ax=axes, **look)
     bar.outline.set_linewidth(0.4)
     bar.ax.grid(visible=False)
-    unit = f"({shells[0].unit})" if shells[0].unit else "(scaled)"
-    bar.set_label(f"{what_is_coloured(shells[0])} {unit}", fontsize=7.5)
     bar.ax.tick_params(labelsize=7, length=2)
     bar.ax.locator_params(nbins=5)
     bar.ax.ticklabel_format(scilimits=PLAIN_ORDERS, useMathText=True)
-    bar.ax.xaxis.get_offset_text().set_fontsize(7)
+    # matplotlib would write the power of ten over the label where the bar is narrow
+    bar.formatter.set_locs(list(bar.ax.get_xticks()))
+    unit = (bar.formatter.get_offset().replace(r"\times", "") + f" {shells[0].unit or 'scaled'}").lstrip()
+    bar.ax.xaxis.get_offset_text().set_visible(False)
+    bar.set_label(f"{what_is_coloured(shells[0])} ({unit})", fontsize=7.5)
 
 
 def what_is_coloured(shell: Shell) -> str:
@@ -285,8 +286,7 @@ def what_is_coloured(shell: Shell) -> str:
 def axis_of(direction: Sequence[float]) -> tuple[str, str] | None:
     """Return sign and letter of the axis along which a direction is; None if it is along none."""
     axis = int(np.argmax(np.abs(direction)))
-    alone = np.count_nonzero(direction) == 1
-    return ("-" if direction[axis] < 0 else "", "xyz"[axis]) if alone else None
+    return ("-" if direction[axis] < 0 else "", "xyz"[axis]) if np.count_nonzero(direction) == 1 else None
 
 
 def times(scale: float) -> str:
@@ -372,9 +372,8 @@ def _paint(
 def _frame(axes: Axes, seen: Sequence[Array]) -> None:
     """Show all of the given points (..., 3) of the camera's frame at equal scales, without axes."""
     flat = np.concatenate([points.reshape(-1, 3) for points in seen])[:, :2]
-    flat = flat[np.isfinite(flat).all(axis=1)]
     axes.set_aspect("equal", adjustable="datalim")
-    axes.update_datalim(flat)
+    axes.update_datalim(flat[np.isfinite(flat).all(axis=1)])
     axes.margins(0.03)
     axes.autoscale_view()
     axes.set_axis_off()

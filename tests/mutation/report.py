@@ -262,10 +262,11 @@ def _not_reached(runs: Sequence[Entry]) -> Iterator[str]:
 
 def stale_excuses(said: Mapping[Key, Excuse], runs: Sequence[Entry] = ()) -> list[Key]:
     """Return the excuses of which the code makes no such mutant any more, and which no kept draw needs."""
-    modules = {module for target in TARGETS.values() for module in target.modules()} & {key[0] for key in said}
-    made = {mutant.key for mutant in all_mutants(modules)}
     needed = {key_of(entry) for run in runs for entry in run["results"] if not entry["red"]}
-    return [key for key in said if key not in made | needed]
+    left = [key for key in said if key not in needed]
+    modules = {module for target in TARGETS.values() for module in target.modules()} & {key[0] for key in left}
+    made = {mutant.key for mutant in all_mutants(modules)}
+    return [key for key in left if key not in made]
 
 
 PREFACE = """# The exam examined

@@ -1,6 +1,7 @@
 """Figures: what is drawn, in which colours, with which labels and units."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -193,6 +194,18 @@ def flat(**changes) -> Shell:
         "scale": 1.0, "camera": Camera(25, -60),
     }  # fmt: skip
     return Shell(**{**facts, **changes})
+
+
+def test_the_words_of_a_narrow_colour_bar_do_not_overlap():
+    sunk = flat(displacement=np.linspace(0, 2.3e-5, 48).reshape(4, 4, 3))
+    with style():
+        figure = course_figure([sunk, sunk])
+        figure.draw_without_rendering()
+    bar = next(axes for axes in figure.axes if axes.get_xlabel()).xaxis
+    words = [w for w in (*bar.get_ticklabels(), bar.label, bar.get_offset_text()) if w.get_text() and w.get_visible()]
+    boxes = [word.get_window_extent() for word in words]
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert [word.get_text().count("10^") for word in words] == [0] * (len(words) - 1) + [1]
 
 
 def test_a_shell_that_does_not_move_can_be_drawn():

@@ -35,6 +35,9 @@ class SupportQuantity(ShellQuantity):
 class ReactionQuantity(SupportQuantity):
     """The force that a support exerts on the shell, along a direction, N.
 
+    Where supports meet that hold the same direction, each has the force along its own edges, and an equal share of one
+    that is concentrated there, such as at a plate's corner.
+
     Attributes
     ----------
     direction

@@ -11,12 +11,14 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import COMPONENTS, Support
 from shellbench.problems.shell.places import Edge, Place
 from shellbench.problems.shell.surface import Domain
+from shellbench.solvers.fem.assembly import EdgeRule
 from shellbench.solvers.fem.bubbles import fitted_bubbles, moment_points
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
+GAUSS_POINTS = 6  # a cell's side
 STRAIGHT = 1e-10  # change of the unit normal along an edge below which it keeps its direction
 
 Motion = Mapping[Derivative, Array]  # derivative -> (n, 3, states)
@@ -28,6 +30,19 @@ def motion_at(
     """Return a support's motion at points and what is prescribed along with it, by derivative (n, 3, states)."""
     at = [case.motion(support, place, domain.wrap(points), t, order=2) for t in states]
     return {key: np.stack([m[key] for m in at], axis=-1) for key in at[0]}
+
+
+def kept_normal(case: Case, mesh: TensorMesh, edge: Edge) -> Array | None:
+    """Return the unit normal (3,) of an edge along which it keeps its direction; None where it turns.
+
+    Bubbles hold the slope of a clamp on the one kind of edge, and Nitsche's terms on the other: both ask here.
+    """
+    line = mesh.node_points[mesh.edge_nodes(edge), 1 - edge.axis]
+    between = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS).points
+    x = case.surface.derivatives(np.concatenate([mesh.domain.wrap(edge.points(mesh.domain, line)), between]), order=1)
+    normals = np.cross(x[1, 0], x[0, 1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return np.asarray(normals[0]) if np.ptp(normals, axis=0).max() <= STRAIGHT else None
 
 
 def bubble_conditions(
@@ -53,12 +68,8 @@ def bubble_conditions(
             mesh.degree, np.stack(sides, axis=1), at_inside[value].reshape(*inside.shape, *values.shape[1:])
         )
 
-    normals = np.zeros((0, 3))
-    if support.clamped:
-        x = case.surface.derivatives(domain.wrap(np.concatenate(at)), order=1)
-        normals = np.cross(x[1, 0], x[0, 1])
-        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        normals = normals[:1] if np.ptp(normals, axis=0).max() <= STRAIGHT else normals[:0]
+    kept = kept_normal(case, mesh, edge) if support.clamped else None
+    normals = np.zeros((0, 3)) if kept is None else kept[None]
     held = np.array([[float(c == name) for c in COMPONENTS] for name in support.held])
     if support.symmetry:
         normals = np.eye(3)[[c not in support.held for c in COMPONENTS]]

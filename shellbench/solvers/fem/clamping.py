@@ -45,7 +45,7 @@ from shellbench.solvers.fem.assembly import (
     EdgeRule,
     add_cell_matrices,
 )
-from shellbench.solvers.fem.bubble_conditions import STRAIGHT
+from shellbench.solvers.fem.bubble_conditions import GAUSS_POINTS, kept_normal
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
@@ -62,7 +62,6 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
-GAUSS_POINTS = 6  # a cell's side
 GAMMA = 20.0  # above 4, the inverse inequality of a moment that is linear across the cell, with room to spare
 
 
@@ -103,10 +102,10 @@ class ClampedEdge:
         # 4. Both as rows on the cells' degrees of freedom, with the length of edge and the spring k.
         # Textbook Nitsche replaces a strong condition. Here the ties hold theta strongly at the nodes. The terms see
         # only the gap between nodes.
+        if kept_normal(case, mesh, edge) is not None:
+            return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
         surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
-        if np.ptp(surface.normal, axis=0).max() <= STRAIGHT:
-            return None
         outward = outward_conormal(surface, edge)
         parts = np.einsum("pai,pi->pa", surface.base, outward)  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)  # n^a
@@ -266,10 +265,10 @@ class FiniteClamp:
         # 1. Gauss points on the edge, and the geometry there. An edge whose normal keeps its direction needs no terms.
         # 2. n^a for theta, and B H^{abcd} n_a n_b for m: both refer to the undeformed edge.
         # 3. Length of edge, and the spring k by the cell's extent across the edge.
+        if kept_normal(case, mesh, edge) is not None:
+            return None
         rule = EdgeRule.on_edge(mesh, edge, GAUSS_POINTS)
         surface = Midsurface.at(case.surface.derivatives(rule.points, order=2))
-        if np.ptp(surface.normal, axis=0).max() <= STRAIGHT:
-            return None
         parts = np.einsum("pai,pi->pa", surface.base, outward_conormal(surface, edge))  # n_a
         raised = np.einsum("pab,pb->pa", surface.contravariant_metric, parts)
         pairs = np.stack([parts[:, 0] ** 2, parts[:, 1] ** 2, parts[:, 0] * parts[:, 1]], axis=-1)

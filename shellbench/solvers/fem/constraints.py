@@ -32,6 +32,7 @@ from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, 
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
+from shellbench.solvers.fem.sharing import Conditions, Sharing
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -40,31 +41,6 @@ Flags = NDArray[np.bool_]
 RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """Linear conditions on the degrees of freedom of n nodes, r of each.
-
-    Attributes
-    ----------
-    support
-        Number of the support that states them.
-    nodes
-        (n,) different nodes.
-    rows
-        (n, r, 12) coefficients of the scaled degrees of freedom.
-    values
-        (n, r, states) right-hand sides.
-    acting
-        (n, 12) degrees of freedom on which the support can exert a force; a clamp acts on all slopes across its edge.
-    """
-
-    support: int
-    nodes: Integers
-    rows: Array
-    values: Array
-    acting: Flags
 
 
 def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterator[Conditions]:
@@ -112,7 +88,7 @@ def conditions(case: Case, mesh: TensorMesh, states: Sequence[float]) -> Iterato
                 # Ties and the terms between nodes both hold a clamp. These act on all slopes across the edge.
                 slopes = np.array([kind[edge.axis] == 1 for kind in mesh.kinds])
                 acting[:, np.tile(slopes, len(COMPONENTS))] = True
-            yield Conditions(number, nodes, rows, values, acting)
+            yield Conditions(number, nodes, rows, values, acting, edge)
 
 
 def support_nodes(mesh: TensorMesh, place: Place) -> Integers:
@@ -264,15 +240,15 @@ class Ties:
         (nodes, 12) which of z are unknowns.
     particular
         (nodes, 12, states) q0.
-    holders
-        (k, supports, 12) whether a support acts on a degree of freedom of these nodes.
+    sharing
+        Which supports bear what of the forces at these nodes.
     """
 
     nodes: Integers
     basis: Array
     free: Flags
     particular: Array
-    holders: Flags
+    sharing: Sharing
 
     @classmethod
     def from_case(cls, case: Case, mesh: TensorMesh, states: Sequence[float]) -> Ties:
@@ -302,13 +278,13 @@ class Ties:
         most = int(counts.max(initial=0))
         rows = np.zeros((len(nodes), most, carried))
         values = np.zeros((len(nodes), most, len(states)))
-        holders = np.zeros((len(nodes), len(case.supports), carried), dtype=bool)
+        owners = np.full((len(nodes), most), -1)
         for condition, start in zip(stated, starts, strict=True):
             at = np.searchsorted(nodes, condition.nodes)
             place = start[:, None] + np.arange(condition.rows.shape[1])
             rows[at[:, None], place] = condition.rows
             values[at[:, None], place] = condition.values
-            holders[at, condition.support] |= condition.acting
+            owners[at[:, None], place] = condition.support
         free = np.tile(mesh.carried, len(COMPONENTS))
         particular = np.zeros((mesh.node_count, carried, len(states)))
         basis = np.zeros((len(nodes), carried, carried))
@@ -329,25 +305,13 @@ class Ties:
         if misfit.size and misfit.max() > RANK_TOLERANCE * np.abs(values).max():
             node = nodes[np.unravel_index(np.argmax(misfit), misfit.shape)[0]]
             raise InputError(_contradiction(case, mesh, stated, int(node)))
-        return cls(nodes, basis, free, particular, holders)
+        return cls(nodes, basis, free, particular, Sharing.from_conditions(stated, nodes, rows, owners, mesh))
 
     def pinned(self, nodes: Integers, dofs: Integers) -> Ties:
         """Return the same ties with single degrees of freedom of untied nodes held at zero besides."""
         free = self.free.copy()
         free[nodes, dofs] = False
         return replace(self, free=free)
-
-    def shares(self, forces: Array) -> Array:
-        """Divide nodal forces (k, 12, n) equally among the supports that hold a degree of freedom.
-
-        Returns
-        -------
-        Array
-            (supports, k, 12, n).
-        """
-        # Where supports meet only their sum is determined. Equal shares are a convention.
-        number = np.maximum(self.holders.sum(axis=1), 1)
-        return np.asarray(np.swapaxes(self.holders / number[:, None], 0, 1)[..., None] * forces)
 
     def to_free(self, vector: Array) -> Array:
         """Return B^T vector (nodes, 12, n), zero where z is not free."""

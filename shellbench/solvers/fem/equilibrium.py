@@ -350,7 +350,7 @@ def solve(
     reactions = unbalanced[ties.nodes]
     scales = mesh.node_scales[:, None, :, None]
     shape = (COMPONENTS, len(mesh.kinds), len(states))
-    coefficients, shares = q.reshape(-1, *shape) / scales, ties.shares(reactions)
+    coefficients, shares = q.reshape(-1, *shape) / scales, ties.sharing.shares(reactions)
     if loose.size:
         coefficients = coefficients - mean_rigid_motion(case, mesh, quadrature, coefficients, loose)
     solution = FemSolution(

@@ -313,7 +313,9 @@ def _solution(
     coefficients = np.stack([state.q for state in states], axis=-1).reshape(-1, *shape) / scales
     ties = [problem.ties(state.t) for state in states]
     nodes = ties[0].nodes
-    shares = [tie.shares(problem.reactions(state)[nodes][..., None]) for tie, state in zip(ties, states, strict=True)]
+    shares = [
+        tie.sharing.shares(problem.reactions(state)[nodes][..., None]) for tie, state in zip(ties, states, strict=True)
+    ]
     forces = np.concatenate(shares, axis=-1).reshape(len(case.supports), len(nodes), *shape)
     loose = free_motions(case)
     if loose.size:

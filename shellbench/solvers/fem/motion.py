@@ -344,7 +344,7 @@ def _solution(
     shape = (mesh.node_count, COMPONENTS, len(KINDS), -1)
     ties = problem.ties(kept[-1].t)
     # What supports prescribe changes in time, which nodes they hold does not: the last instant's ties serve all.
-    shares = ties.shares(np.stack([r[ties.nodes] for _, r in reactions], axis=-1))
+    shares = ties.sharing.shares(np.stack([r[ties.nodes] for _, r in reactions], axis=-1))
     forces = shares.reshape(len(case.supports), len(ties.nodes), *shape[1:-1], len(reactions))
     return MotionSolution(
         case=case,

@@ -23,7 +23,7 @@ from shellbench.problems.shell.conditions import COMPONENTS, MomentLoad
 from shellbench.problems.shell.mirrors import Ends, Mirror, Sight, mirror_of, mirrored_supports
 from shellbench.problems.shell.surface import Domain
 from shellbench.problems.shell.symmetry import Part
-from shellbench.solvers.fem import clamping
+from shellbench.solvers.fem import bubble_conditions
 from shellbench.solvers.fem.constraints import support_nodes
 from shellbench.solvers.fem.equilibrium import Equilibrium
 from shellbench.solvers.fem.loads import EDGE_GAUSS_POINTS
@@ -211,7 +211,9 @@ class _Observed:
         self.gauss = quadrature_order // 2 + 1  # points of a cell along a coordinate
         self.runs = [_gauss_points(line, self.gauss) for line in mesh.lines]
         edges = [
-            np.concatenate([line, _gauss_points(line, EDGE_GAUSS_POINTS), _gauss_points(line, clamping.GAUSS_POINTS)])
+            np.concatenate(
+                [line, _gauss_points(line, EDGE_GAUSS_POINTS), _gauss_points(line, bubble_conditions.GAUSS_POINTS)]
+            )
             for line in mesh.lines
         ]
         self.along = edges[0], edges[1]

@@ -205,5 +205,34 @@ def test_nodal_forces_are_shared_without_loss():
     supports = [{"name": n, "on": [n], "clamped": n.endswith("min")} for n in EVERY_EDGE]
     case = shell("hypar", supports=supports)
     ties = Ties.from_case(case, graded_mesh(case, (2, 2), 2.0), [1.0])
-    forces = np.random.default_rng(0).normal(size=(len(ties.nodes), 12, 1)) * ties.holders.any(axis=1)[..., None]
-    assert np.allclose(ties.shares(forces).sum(axis=0), forces)
+    forces = (
+        np.random.default_rng(0).normal(size=(len(ties.nodes), 12, 1)) * ties.sharing.holders.any(axis=1)[..., None]
+    )
+    assert np.allclose(ties.sharing.shares(forces).sum(axis=0), forces)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_support_bears_what_its_edges_do_and_half_of_a_force_at_a_corner(alone):
+    # On a tilted plate with the strains e of its plane and the twist k resultants are the same everywhere. Alone, "a"
+    # holds the normal, and all of the force at a corner where it meets an edge with a load.
+    young, nu, h, width, k = 1e4, 0.3, 0.05, 1.0, 0.03
+    first, second, normal = np.array([[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])
+    e = np.array([[-nu * 1e-3, 0], [0, 1e-3]] if alone else [[0.002, 0.0005], [0.0005, -0.001]])
+    tension = young * h / (1 - nu**2) * (e + nu * (np.trace(e) * np.eye(2) - e))
+    moved = np.stack([first, second], axis=1) @ e  # u = moved . xi + k xi1 xi2 normal
+    motion = {
+        c: f"({m[0]})*xi1 + ({m[1]})*xi2 + ({k * n})*xi1*xi2" for c, m, n in zip("xyz", moved, normal, strict=True)
+    }
+    held = {"components": ["normal"]} if alone else {"motion": {"kind": "value", **motion}}
+    supports = [
+        {"name": "a", "on": ["xi1_min"], **held},
+        {"name": "b", "on": ["xi1_max", "xi2_max", "xi2_min"][: 3 - alone], "motion": {"kind": "value", **motion}},
+    ]
+    loads = [{"kind": "edge", "on": ["xi2_min"], "vector": list(-tension[1, 1] * second)}] if alone else []
+    tilted = {"kind": "expression", "x": "xi1", "y": "0.8*xi2", "z": "0.6*xi2", "xi1": [0, 2], "xi2": [0, width]}
+    solution = solved(tilted, supports, FemSettings(cells=(4, 4), degree=3), loads=loads)
+    half = young * h**3 / (12 * (1 + nu)) * k  # of twice the twisting moment
+    force, moment = solution.reaction("a", centre=second * width / 2)
+    known = -width * (tension[0, 0] * first + tension[0, 1] * second) + alone * half * normal
+    assert np.allclose(force, known, rtol=1e-9, atol=1e-12)
+    assert np.allclose(moment, -(1 + alone / 2) * width * half * first, rtol=1e-9, atol=1e-12)

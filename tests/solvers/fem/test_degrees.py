@@ -8,6 +8,7 @@ from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.assembly import Quadrature, stiffness
+from shellbench.solvers.fem.bubble_conditions import STRAIGHT
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.mesh import axis_functions, graded_mesh, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
@@ -209,3 +210,13 @@ def test_no_shell_has_converged_before_both_coordinates_were_refined():
     solution = FemSolver().solve(catalog.named_case("annular_plate@warped"), FemSettings())
     true = annular_plate()["largest_displacement"].value
     assert abs(measure_all(solution)["largest_displacement"] - true) <= 2 * solution.uncertainty["largest_displacement"]
+
+
+def test_a_clamp_holds_on_an_edge_whose_normal_hardly_turns():
+    def sunk(height):
+        surface = {"kind": "expression", "x": "xi1", "y": "xi2", "z": f"{height}*xi1*xi2", "xi1": [0, 1], "xi2": [0, 1]}
+        supports = [{"name": "rim", "on": EVERY_EDGE, "clamped": True}]
+        case = shell(surface, supports=supports, loads=[{"kind": "pressure", "value": 1.0}])
+        return solved(case, cells=(3, 3), degree=5, symmetry=False).displacement(np.array([[0.5, 0.5]]))[0, 2]
+
+    assert sunk(1.01 * STRAIGHT) == pytest.approx(sunk(0.0), rel=1e-4)

@@ -137,10 +137,8 @@ def test_values_repeat_when_points_are_off_by_rounding(
 ) -> None:
     primary = next(q for q in catalog.find_case(case).quantities if q.primary)
     values = [measure(answer(case), primary)]
-    for seed in (1, 2):
-        with monkeypatch.context() as patch:
-            for module in (static, trainer, training):
-                patch.setattr(module, "area_rule", perturbed(module.area_rule, seed))
-            values.append(measure(answer(case), primary))
+    for module in (static, trainer, training):
+        monkeypatch.setattr(module, "area_rule", perturbed(module.area_rule, 1))
+    values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"
     assert np.ptp(values) <= repeats * abs(values[0])
