@@ -92,6 +92,10 @@ class OnPatch:
         matrix = self.ansatz.factors.matrix(points, placement)
         return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
 
+    def displacement_jet(self, points: Array) -> Tensor:
+        """Return the same where the weights are."""
+        return self.jet(points, Placement(self.output.device, self.output.dtype))
+
 
 def balanced(found: Field, patch: Patch, degree: int) -> OnPatch:
     """Return the displacement on a patch that continues a field and is in equilibrium."""
@@ -141,12 +145,8 @@ class Recovery:
                     continue
                 if patch not in self.known:
                     self.known[patch] = tuple(balanced(self.found, patch, degree) for degree in DEGREES)
-                placement = self.found.features.placement
                 both = np.stack(
-                    [
-                        resultants(case, self.measure, lambda xi, u=u: u.jet(xi, placement), name, points[those])
-                        for u in self.known[patch]
-                    ]
+                    [resultants(case, self.measure, u.displacement_jet, name, points[those]) for u in self.known[patch]]
                 )
                 change = np.abs(both[1] - both[0]).max(axis=-1) / max(np.abs(values[1]).max(), np.abs(both).max())
                 better = change < differ[those]
