@@ -56,10 +56,10 @@ class Patch:
         for axis in (0, 1):
             half = (self.upper[axis] - self.lower[axis]) / 2
             y = (points[:, axis] - self.lower[axis]) / half - 1
-            bubble = np.ones(1)
+            bubble: Array = np.ones(1)
             for side, root in zip(SIDES, ((0.5, 0.5), (0.5, -0.5)), strict=True):
                 if (axis, side) in self.inner:
-                    bubble = legendre.legmul(bubble, legendre.legmul(root, root))
+                    bubble = np.asarray(legendre.legmul(bubble, legendre.legmul(root, root)), dtype=float)
             series = [legendre.legmul(bubble, one) for one in np.eye(degree + 1)]
             columns = [[legendre.legval(y, legendre.legder(s, k)) for s in series] for k in range(3)]
             tables.append([np.stack(order, axis=-1) / half**k for k, order in enumerate(columns)])
