@@ -18,7 +18,6 @@ Apply = Callable[[Array], Array]
 BLOCK = 8  # vectors at a time: no eigenvalue may occur more often
 MOST_STEPS = 60
 CLOSE = 1e-6  # residual of a pair relative to mu: the error of mu itself is its square over a gap
-LOOKED = 2  # steps from one look at the residuals to the next
 LOST = 1e-12  # squared length of what orthogonalisation leaves, relative, that is rounding
 
 
@@ -52,7 +51,7 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
     basis, known = (np.empty((size, most), order="F") for _ in range(2))
     projected = np.zeros((most, most))
     used = 0
-    for step in range(MOST_STEPS):
+    for _ in range(MOST_STEPS):
         before, used = used, used + columns.shape[1]
         basis[:, before:used], known[:, before:used] = columns, dual
         forward = apply(columns)
@@ -62,8 +61,7 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
         for _ in range(2):
             along = known[:, :used].T @ vectors
             vectors, rest = vectors - basis[:, :used] @ along, rest - known[:, :used] @ along
-        exhausted = step == MOST_STEPS - 1 or used + BLOCK > size
-        if used >= count and (step % LOOKED == 0 or exhausted):
+        if used >= count:
             values, shares = eigh(projected[:used, :used], subset_by_index=(used - count, used - 1))
             gram = vectors.T @ rest
             last = shares[before:]

@@ -127,7 +127,7 @@ class _Modes:
 
     def sum(self, *matrices: Matrix | None) -> Matrix:
         blocks = [matrix.blocks for matrix in matrices if matrix is not None]
-        return replace(self.plain, blocks=np.sum(blocks, axis=0))
+        return replace(self.plain, blocks=sum(blocks[1:], start=blocks[0]))
 
     def reduced(self, matrix: Matrix) -> Matrix:
         return self.ties.reduce_cells(matrix) if isinstance(matrix, CellMatrices) else self.ties.reduce(matrix)

@@ -1,4 +1,4 @@
-"""Stress resultants of a field, by its own derivatives.
+"""Stress resultants of a displacement, by its derivatives; `patches` says of which displacement.
 
 Membrane forces and moments are made of first and second derivatives of the displacement, which are exact. In contra-
 variant components n = D H eps and m = B H kappa; with e_1 along a_1 and e_2 = a_3 x e_1 they become physical ones.

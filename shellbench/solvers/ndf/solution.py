@@ -23,9 +23,9 @@ from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.patches import Recovery
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
-from shellbench.solvers.ndf.resultants import resultants
 from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.weights import (
@@ -128,8 +128,18 @@ class NdfSolution(FieldSolution):
 
     def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
+        return self.recovered(name, xi)[1]
+
+    def recovered(self, name: str, xi: Array) -> Array:
+        """Return resultants (2, N, ...) at points (N, 2), coarser and finer; see `Recovery.resultants`."""
         with torch.no_grad():
-            return resultants(self.case, self.spec.strain, self.field.jet, name, self.case.surface.domain.wrap(xi))
+            return self._recovery.resultants(name, self.case.surface.domain.wrap(xi))
+
+    @cached_property
+    def _recovery(self) -> Recovery:
+        linear = self.case.linear and self.spec.strain == "linear"
+        still = self.case.dynamics is None and not self.case.modal and self.touching is None
+        return Recovery(self.field, self.spec.strain, linear and still)
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""

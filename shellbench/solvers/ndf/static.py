@@ -217,6 +217,7 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss)
     area = surface_area(solution.field.ansatz, area_rule(solution.case.surface.domain, np.zeros((0, 2)), solution.rule))
     rounding = rounding_energy(solution.case.material.membrane_stiffness, area)
     scales = {q.name: scale(solution, q, last.values[q.name], rounding) for q in solution.case.quantities}
+    missed = missed.or_larger(_unrecovered(solution))
     gap = max(a.signs.gap + a.signs.jitter_share for a in (solved.first, solved.challenged))
     uncertainty = uncertainties(missed, gap, last.values, scales)
     others = {q.name for q in solution.case.quantities if not isinstance(q, ResultantQuantity)}
@@ -234,6 +235,17 @@ def _stated(last: Answer, solved: Solved, steps: tuple[Step, ...], missed: Miss)
         },
     )
     return stated, unsettled(uncertainty, scales)
+
+
+def _unrecovered(solution: NdfSolution) -> Miss:
+    """Return what the recovery of stress resultants misses at least: what its coarser degree changes."""
+    changed = {q.name: 0.0 for q in solution.case.quantities}
+    for q in solution.case.quantities:
+        if isinstance(q, ResultantQuantity):
+            points, weights = q.rule(solution.case)
+            coarser, finer = (q.component_of(values) for values in solution.recovered(q.kind, points))
+            changed[q.name] = abs(float(weights @ (finer - coarser)))
+    return Miss(changed, 0.0)
 
 
 def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float) -> Solved:
