@@ -89,9 +89,11 @@ def gaps(case: Any, points: Array, displacement: Array, t: float = 1.0) -> tuple
     return gap, normal
 
 
-def nearest_obstacle(case: Any, points: Array, displacement: Array, t: float) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return what `gaps` does, and the numbers (n,) of the nearest obstacles."""
-    places = case.surface.position(points) + displacement
+def nearest_obstacle(
+    case: Any, points: Array, displacement: Array, t: float, rest: Array | None = None
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return what `gaps` does, and the numbers (n,) of the nearest obstacles; `rest` (n, 3) are points at rest."""
+    places = (case.surface.position(points) if rest is None else rest) + displacement
     offsets = [places - obstacle.at(t)[0] for obstacle in case.obstacles]
     distances = [obstacle.distance(o) for obstacle, o in zip(case.obstacles, offsets, strict=True)]
     gradients = [obstacle.gradient(o) for obstacle, o in zip(case.obstacles, offsets, strict=True)]

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -125,6 +126,15 @@ class TouchingPoints:
         operator = sp.csr_matrix((each.ravel(), columns.ravel(), starts), shape=shape)
         return cls(case, mesh, points, operator, sides * shares, REACH * sides.max(axis=0))
 
+    @cached_property
+    def rest(self) -> Array:
+        """(n, 3) where the points are at rest, m."""
+        return self.case.surface.position(self.points)
+
+    def nearest(self, u: Array, t: float) -> tuple[Array, Array, Integers]:
+        """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where points are displaced by u (n, 3)."""
+        return nearest_obstacle(self.case, self.points, u, t, self.rest)
+
     def displacement(self, q: Array) -> Array:
         """Return the displacement (n, 3) at the points of q (nodes, 12)."""
         return np.asarray((self.operator @ q.ravel()).reshape(-1, COMPONENTS))
@@ -212,7 +222,7 @@ class StepContact:
 
     def gap(self, u: Array) -> tuple[Array, Array, Integers]:
         """Return gaps (n,), m, normals (n, 3) and numbers of obstacles (n,) where the step ends at u (n, 3)."""
-        return nearest_obstacle(self.points.case, self.points.points, u, self.end)
+        return self.points.nearest(u, self.end)
 
     def depths(self, u: Array) -> Array:
         """Return how deep points (n,) are in obstacles at the step's end, m."""
@@ -241,7 +251,7 @@ class StepContact:
         gap, normal, nearest = self.gap(u)
         obstacles = self.points.case.obstacles
         friction = np.array([o.friction for o in obstacles])[nearest]
-        slip = u - self.start - np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in obstacles])[nearest]
+        slip = u - self.start - self._shifts[nearest]
         free = whole * self.points.displacement(step)
         least = ROUNDING * max(np.abs(gap).max(), np.abs(free).max())
         forces, moved, answer = np.zeros_like(u), free, step
@@ -264,10 +274,13 @@ class StepContact:
 
     def work(self, forces: Array) -> float:
         """Return the work that moving obstacles do by forces (n, 3), J."""
-        case = self.points.case
-        _, _, nearest = nearest_obstacle(case, self.points.points, self.start, self.begin)
-        moved = np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in case.obstacles])
-        return float(np.sum(forces * moved[nearest]))
+        _, _, nearest = self.points.nearest(self.start, self.begin)
+        return float(np.sum(forces * self._shifts[nearest]))
+
+    @property
+    def _shifts(self) -> Array:
+        """(obstacles, 3) how far obstacles move in the step, m."""
+        return np.array([o.at(self.end)[0] - o.at(self.begin)[0] for o in self.points.case.obstacles])
 
 
 @dataclass(frozen=True)

@@ -120,16 +120,17 @@ def strain_operator(surface: Midsurface) -> Array:
         (n, 6, 3, 5): membrane strains eps_11, eps_22, eps_12, then bending strains kappa_11, kappa_22, kappa_12,
         by Cartesian component of u and by derivative in the order of `DERIVATIVES`.
     """
-    a1, a2 = surface.base[:, 0], surface.base[:, 1]
+    a1, a2 = surface.base[:, :1], surface.base[:, 1:]
     operator = np.zeros((len(surface.area), 6, 3, len(DERIVATIVES)))
     for row, (a, b) in enumerate(STRAINS):
         operator[:, row, :, a] += surface.base[:, b] / 2
         operator[:, row, :, b] += surface.base[:, a] / 2
+    normal = surface.normal[:, None]
+    curvature = np.sum(surface.second * normal, axis=-1, keepdims=True)
+    tangential = (surface.second - curvature * normal) / surface.area[:, None, None]
+    operator[:, 3:, :, 0] = np.cross(tangential, a2)
+    operator[:, 3:, :, 1] = np.cross(a1, tangential)
     for row, key in enumerate(SECOND):
-        curvature = np.sum(surface.second[:, row] * surface.normal, axis=-1, keepdims=True)
-        tangential = (surface.second[:, row] - curvature * surface.normal) / surface.area[:, None]
-        operator[:, 3 + row, :, 0] = -np.cross(a2, tangential)
-        operator[:, 3 + row, :, 1] = -np.cross(tangential, a1)
         operator[:, 3 + row, :, DERIVATIVES.index(key)] = -surface.normal
     return operator
 
@@ -211,7 +212,7 @@ class Deformation:
         u1, u2 = gradients[:, 0], gradients[:, 1]
         x1, x2 = reference.base[:, 0], reference.base[:, 1]
         before, normal = reference.area[:, None], reference.normal
-        m = np.cross(u1, x2) + np.cross(x1, u2) + np.cross(u1, u2)
+        m = np.cross(u1, x2 + u2) + np.cross(x1, u2)
         area = np.linalg.norm(before * normal + m, axis=-1, keepdims=True)
         growth = np.sum((2 * before * normal + m) * m, axis=-1, keepdims=True) / (area + before)
         current = Midsurface(

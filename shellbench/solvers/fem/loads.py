@@ -297,6 +297,8 @@ class _Builder:
         self._add_work(points, forces)
 
     def _add_work(self, points: Array, forces: Array) -> None:
+        if self.case.dynamics is not None:
+            return  # what moves needs no balance
         modes = rigid_modes(self.case.surface, points)[0, 0]
         self.resultant += np.einsum("pcm,pcs->ms", modes, forces)
         self.magnitude += np.einsum("pcm,pcs->m", np.abs(modes), np.abs(forces))

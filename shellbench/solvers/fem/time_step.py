@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from shellbench.solvers.fem.assembly import BlockMatrix, mass_matrix, spring_matrix
@@ -140,6 +141,16 @@ class MovingShell:
         return mass_matrix(self.problem.case, self.problem.mesh, self.problem.quadrature)
 
     @cached_property
+    def _sparse_mass(self) -> sp.csr_matrix:
+        matrix = self.mass.to_csr()
+        matrix.eliminate_zeros()  # components have nothing in common
+        return matrix
+
+    def momentum(self, v: Array) -> Array:
+        """Return the mass matrix times v (nodes, 12)."""
+        return np.asarray((self._sparse_mass @ v.ravel()).reshape(v.shape))
+
+    @cached_property
     def springs(self) -> BlockMatrix | None:
         """Stiffness of the springs, N/m."""
         return spring_matrix(self.problem.case, self.problem.mesh) if self.problem.case.springs else None
@@ -162,10 +173,10 @@ class MovingShell:
         # M a = f at rest, without stresses or springs. Supports that move reach their place at h by a constant
         # acceleration, u0 = a h^2 / 2.
         moved = 2 / h**2 * problem.ties(h).particular[..., 0]
-        right = problem.loads(0.0) - _times(self.mass, moved)
+        right = problem.loads(0.0) - self.momentum(moved)
         a = moved + _on_free(ties, self._inertia, right)
         reaction = np.zeros_like(q)
-        reaction[ties.nodes] = (_times(self.mass, a) - problem.loads(0.0))[ties.nodes]
+        reaction[ties.nodes] = (self.momentum(a) - problem.loads(0.0))[ties.nodes]
         return Instant(0.0, q, np.zeros_like(q), a, reaction)
 
     def energies(self, instant: Instant) -> tuple[float, float]:
@@ -173,7 +184,7 @@ class MovingShell:
         return self._kinetic(instant.v), sum(self.problem.energy.parts(instant.q)) + self._sprung(instant.q)
 
     def _kinetic(self, v: Array) -> float:
-        return 0.5 * float(np.sum(v * _times(self.mass, v)))
+        return 0.5 * float(np.sum(v * self.momentum(v)))
 
     def _sprung(self, q: Array) -> float:
         return 0.0 if self.springs is None else 0.5 * float(np.sum(q * _times(self.springs, q)))
@@ -221,7 +232,7 @@ class MovingShell:
             # impulses change the kinetic energy by their work on the velocity in their middle
             lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
             # the equation of x counts impulses `share` times, and supports feel them once
-            residual = residual + (minimum.share - 1) * (_times(self.mass, push) - nodal)
+            residual = residual + (minimum.share - 1) * (self.momentum(push) - nodal)
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)
@@ -352,12 +363,12 @@ class _Minimum:
     def _potential(self, x: Array, strained: Strained) -> tuple[float, float]:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
-        inertia = self.weight / 2 * float(np.sum(away * _times(self.shell.mass, away)))
+        inertia = self.weight / 2 * float(np.sum(away * self.shell.momentum(away)))
         elastic, work = strained.energy + self.shell._sprung(x), float(np.sum(self.loads * x))
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
     def _residual(self, x: Array, strained: Strained) -> Array:
-        forces = self.loads - strained.forces - self.weight * _times(self.shell.mass, x - self.target)
+        forces = self.loads - strained.forces - self.weight * self.shell.momentum(x - self.target)
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
     def _factorised(self, x: Array, strained: Strained) -> Factor:
