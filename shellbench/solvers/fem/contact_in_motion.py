@@ -30,6 +30,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, nearest_obstacle
@@ -164,6 +165,13 @@ class Compliance:
     solve: Solve
     chosen: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     matrix: Array = field(default_factory=lambda: np.zeros((0, COMPONENTS, 0, COMPONENTS)))
+    _framed: Framed | None = None
+
+    def framed(self, normal: Array, rough: bool) -> Framed:
+        """Return the matrix in axes of normals (w, 3): the last ones as long as these are the same."""
+        if self._framed is None or not np.array_equal(self._framed.axes[:, 0], normal):
+            self._framed = Framed.from_compliance(self.matrix, normal, rough)
+        return self._framed
 
     def extend(self, more: Integers) -> None:
         """Add points."""
@@ -183,6 +191,62 @@ class Compliance:
 
     def _rows(self, points: Integers) -> sp.csr_matrix:
         return self.points.operator[(COMPONENTS * points[:, None] + np.arange(COMPONENTS)).ravel()]
+
+
+@dataclass
+class Framed:
+    """A compliance of w points in axes of theirs, and the last of its parts that was factorised.
+
+    Attributes
+    ----------
+    axes
+        (w, d, 3) the normal and, with friction, two directions along the obstacle.
+    matrix
+        (w, d, w, d) m/N.
+    """
+
+    axes: Array
+    matrix: Array
+    _factored: tuple[bytes, Array, Array] | None = None
+
+    @classmethod
+    def from_compliance(cls, compliance: Array, normal: Array, rough: bool) -> Framed:
+        """Turn a compliance (w, 3, w, 3) into axes of normals (w, 3)."""
+        axes = normal[:, None]
+        if rough:
+            first = np.cross(normal, np.eye(COMPONENTS)[np.argmin(np.abs(normal), axis=-1)])
+            first /= np.linalg.norm(first, axis=-1, keepdims=True)
+            axes = np.stack([normal, first, np.cross(normal, first)], axis=1)
+        shape = axes.shape[:2]
+        half = (axes @ compliance.reshape(len(axes), COMPONENTS, -1)).reshape(-1, len(axes), COMPONENTS)
+        whole = half.transpose(1, 0, 2) @ axes.transpose(0, 2, 1)
+        return cls(axes, np.ascontiguousarray(whole.transpose(1, 0, 2)).reshape(*shape, *shape))
+
+    def forces(self, pressed: Integers, stuck: Integers, rubbed: Array, known: Array) -> Array:
+        """Return forces (w, d), N, that undo what is known (w, d), m: gaps, and slips of points that stick.
+
+        `rubbed` (w, d - 1) is the friction of points that slip, in their pressure.
+        """
+        count = self.axes.shape[1]
+        chosen = np.concatenate([count * pressed, count * stuck + 1, count * stuck + 2] if count > 1 else [pressed])
+        key, slips = chosen.tobytes(), bool(np.any(rubbed))
+        factored = None if slips else self._factored
+        if factored is None or factored[0] != key:
+            flat = self.matrix.reshape(known.size, known.size)
+            matrix = flat[chosen[:, None], chosen]
+            for axis in range(1, count) if slips else ():
+                matrix[:, : len(pressed)] += flat[chosen[:, None], count * pressed + axis] * rubbed[pressed, axis - 1]
+            factor, pivots, failed = lapack.dgetrf(matrix, overwrite_a=True)
+            if failed:
+                raise NotConvergedError
+            factored = key, factor, pivots
+        if not slips:  # what sticks is asked again, and so is what lies on a plane; directions of slip change
+            self._factored = factored
+        sizes = np.zeros(known.size)
+        sizes[chosen] = lapack.dgetrs(*factored[1:], -known.ravel()[chosen])[0]
+        forces = sizes.reshape(known.shape)
+        forces[:, 1:] += forces[:, :1] * rubbed
+        return forces
 
 
 @dataclass(frozen=True)
@@ -251,6 +315,7 @@ class StepContact:
         gap, normal, nearest = self.gap(u)
         obstacles = self.points.case.obstacles
         friction = np.array([o.friction for o in obstacles])[nearest]
+        rough = any(o.friction > 0 for o in obstacles)
         slip = u - self.start - self._shifts[nearest]
         free = whole * self.points.displacement(step)
         least = ROUNDING * max(np.abs(gap).max(), np.abs(free).max())
@@ -264,9 +329,10 @@ class StepContact:
             elif answer is not step or not len(compliance.chosen):
                 return forces, answer
             w = compliance.chosen
+            unit = share * whole
             small = _Balance(
-                share * whole * compliance.matrix, normal[w], friction[w], (gap + np.sum(normal * free, axis=-1))[w],
-                (slip + free)[w], least,
+                compliance.matrix, normal[w], friction[w], (gap + np.sum(normal * free, axis=-1))[w] / unit,
+                (slip + free)[w] / unit, least / unit, compliance.framed(normal[w], rough),
             )  # fmt: skip
             forces[w] = small.forces(self.before[w])
             answer = step + share * compliance.solve(self.points.nodal(forces)[..., None])[..., 0]
@@ -297,6 +363,8 @@ class _Balance:
         (w,) and (w, 3) without forces, m; of the slip only what is along the obstacle counts.
     least
         Gap that is rounding, m.
+    kept
+        `framed` of an earlier one with this compliance, and these normals.
     """
 
     compliance: Array
@@ -305,6 +373,12 @@ class _Balance:
     gap: Array
     slip: Array
     least: float
+    kept: Framed | None = None
+
+    @cached_property
+    def framed(self) -> Framed:
+        """The compliance along normals and, with friction, across them."""
+        return self.kept or Framed.from_compliance(self.compliance, self.normal, bool(np.any(self.friction > 0)))
 
     def forces(self, before: Array) -> Array:
         """Return them (w, 3), N; NotConvergedError if none are found. It begins with those pressed `before` (w, 3)."""
@@ -351,24 +425,11 @@ class _Balance:
         # Unknowns are pressures and, of points that stick, two forces along the obstacle. Friction of points that slip
         # goes with their pressure: it is no unknown, and the matrix has no symmetry.
         pressed, stuck = np.flatnonzero(status != APART), np.flatnonzero(status == STICKS)
-        forces = np.zeros_like(self.normal)
         if not len(pressed):
-            return forces
-        across = np.eye(COMPONENTS)[np.argmin(np.abs(self.normal[stuck]), axis=-1)]
-        first = np.cross(self.normal[stuck], across)
-        first /= np.linalg.norm(first, axis=-1, keepdims=True)
-        second = np.cross(self.normal[stuck], first)
-        place = np.concatenate([pressed, stuck, stuck])
-        tested = np.concatenate([self.normal[pressed], first, second])
-        rubbed = np.where((status == SLIPS)[:, None], self.friction[:, None] * heading, 0.0)
-        acting = np.concatenate([(self.normal + rubbed)[pressed], first, second])
-        matrix = np.einsum("kalb,ka,lb->kl", self.compliance[place][:, :, place], tested, acting, optimize=True)
-        right = np.concatenate(
-            [self.gap[pressed], np.sum(np.tile(self.slip[stuck], (2, 1)) * tested[len(pressed) :], axis=-1)]
-        )
-        try:
-            sizes = np.linalg.solve(matrix, -right)
-        except np.linalg.LinAlgError:
-            raise NotConvergedError from None
-        np.add.at(forces, place, sizes[:, None] * acting)
-        return forces
+            return np.zeros_like(self.normal)
+        axes = self.framed.axes
+        rubbed = np.where(status == SLIPS, self.friction, 0.0)[:, None, None] * (axes[:, 1:] @ heading[..., None])
+        known = np.zeros(axes.shape[:2])
+        known[:, 0], known[:, 1:] = self.gap, (axes[:, 1:] @ self.slip[..., None])[..., 0]
+        forces = self.framed.forces(pressed, stuck, rubbed[..., 0], known)
+        return np.asarray((forces[:, None] @ axes)[:, 0])
