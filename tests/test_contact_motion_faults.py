@@ -10,7 +10,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problems import obstacle
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import contact_in_motion, time_step
-from shellbench.solvers.fem.contact_in_motion import APART, SLIPS, _Balance
+from shellbench.solvers.fem.contact_balance import APART, SLIPS, Balance
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.fem.time_step import MovingShell
 from tests.injecting import given, shares_of_tolerances, wrapped
@@ -35,7 +35,7 @@ def worst(solution):
 
 def pulling(patch):
     """Forces of the wrong sign."""
-    wrapped(_Balance, "forces", lambda forces: -forces)(patch)
+    wrapped(Balance, "forces", lambda forces: -forces)(patch)
 
 
 def turned_normal(patch):
@@ -57,7 +57,7 @@ def standing(patch):
 
 def half_the_force(patch):
     """Half of the force acts."""
-    wrapped(_Balance, "forces", lambda forces: forces / 2)(patch)
+    wrapped(Balance, "forces", lambda forces: forces / 2)(patch)
 
 
 def glued(patch):
@@ -67,7 +67,7 @@ def glued(patch):
         held = np.any(before != 0, axis=-1) | (self.gap < 0)
         return self._balanced(np.where(held, SLIPS, APART), np.zeros_like(self.normal))
 
-    patch.setattr(_Balance, "forces", stuck)
+    patch.setattr(Balance, "forces", stuck)
 
 
 def without_edges(patch):
@@ -87,8 +87,8 @@ def without_impulse(patch):
 
 def rubbing(patch, friction):
     """Another coefficient of friction, whatever the case says."""
-    balanced = _Balance.forces
-    patch.setattr(_Balance, "forces", lambda self, b: balanced(replace(self, friction=0 * self.gap + friction), b))
+    balanced = Balance.forces
+    patch.setattr(Balance, "forces", lambda self, b: balanced(replace(self, friction=0 * self.gap + friction), b))
 
 
 def without_limit(patch):
@@ -103,13 +103,13 @@ def without_friction(patch):
 
 def pulling_along(patch):
     """Friction that drives instead of slowing down."""
-    balanced = _Balance.forces
+    balanced = Balance.forces
 
     def turned(self, before):
         forces = balanced(self, before)
         return forces - 2 * self._along(forces)
 
-    patch.setattr(_Balance, "forces", turned)
+    patch.setattr(Balance, "forces", turned)
 
 
 @pytest.mark.long

@@ -11,7 +11,8 @@ from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.cst.solver import CstSolver
 from shellbench.solvers.fem.assembly import Quadrature
-from shellbench.solvers.fem.contact_in_motion import TouchingPoints, _Balance
+from shellbench.solvers.fem.contact_balance import Balance
+from shellbench.solvers.fem.contact_in_motion import TouchingPoints
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.fem.time_step import mass_matrix
@@ -26,7 +27,7 @@ def test_forces_among_points_obey_signorini_and_coulomb():
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
     friction = np.where(np.arange(count) < 8, 0.3, 0.0)
     gap, slip = random.normal(size=count), 0.3 * random.normal(size=(count, 3))
-    small = _Balance(compliance, normal, friction, gap, slip, 1e-12)
+    small = Balance(compliance, normal, friction, gap, slip, 1e-12)
     forces = small.forces(np.zeros((count, 3)))
     moved = np.einsum("iajb,jb->ia", compliance, forces)
     pressure, open_ = np.sum(forces * normal, axis=-1), gap + np.sum(moved * normal, axis=-1)
