@@ -22,7 +22,7 @@ LATE = {"slide_200ms", "slide_600ms", "slide_900ms", "kinetic_energy_900ms"}  # 
 
 def solved(name, step=STEP):
     """Solve a case on one coarse mesh by long steps."""
-    settings = FemSettings(cells=(8, 1), time_step=0.002) if name == BAR else FemSettings(cells=(1, 1), time_step=step)
+    settings = FemSettings(cells=(8, 1), time_step=0.001) if name == BAR else FemSettings(cells=(1, 1), time_step=step)
     with np.errstate(all="ignore"):  # what is broken may overflow
         return FemSolver().solve(catalog.named_case(name), settings)
 
