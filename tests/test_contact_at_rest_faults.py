@@ -7,6 +7,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
+from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem import contact_at_finite_strain as touching
 from shellbench.solvers.fem import problem as newton
 from shellbench.solvers.fem import solving
@@ -14,7 +15,7 @@ from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.contact import ContactPoints
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem
-from shellbench.solvers.fem.solver import FemSolver
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 from tests.test_contact_faults import errors
 
@@ -108,6 +109,17 @@ def test_the_stiffness_of_an_obstacle_is_the_derivative_of_its_forces():
     matrix.blocks[...] -= before
     change = pressing.at(q - step).nodal - pressing.at(q + step).nodal
     assert (matrix @ (2 * step)[..., None])[..., 0] == pytest.approx(change, rel=1e-5, abs=1e-6 * np.abs(change).max())
+
+
+@pytest.mark.long
+def test_a_wall_and_a_floor_that_press_on_one_cell_share_the_weight():
+    case = catalog.named_case(STRIP)
+    floor = case.obstacles[0].model_copy(update={"centre": (0, 0, -0.003)})  # reached within the cell at the wall
+    asked = tuple(q for q in case.quantities if q.name in ("contact_force", "wall_force"))
+    near = case.model_copy(update={"obstacles": (floor,), "quantities": asked})
+    found = measure_all(FemSolver().solve(near, FemSettings(cells=(1, 1))))
+    assert found["contact_force"] + found["wall_force"] == pytest.approx(0.1 * 0.05, rel=1e-6)
+    assert found["wall_force"] > 0
 
 
 def test_fields_and_paths_by_displacement_decline_obstacles_at_finite_strain():
