@@ -47,7 +47,7 @@ Around = Callable[[Array], Array]
 def outward(t: Array) -> Array:
     """Return the load, Pa."""
     s, c = np.sin(t), np.cos(t)
-    return np.asarray(PRESSURE * (-2 + np.where(s > 0, s * (3 - 4 * s**2), -s * c * (6 - 35 * s**2 + 35 * s**4))))
+    return np.asarray(PRESSURE * (-2 + np.where(s < 0, -s * (3 - 4 * s**2), -s * c * (6 - 35 * s**2 + 35 * s**4))))
 
 
 @dataclass(frozen=True)
