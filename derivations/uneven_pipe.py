@@ -37,7 +37,7 @@ POINTS = {  # theta, degrees, and direction
     "side_deflection": ((40.0, (1.0, 0.0, 1.0)),),
     "mean_oblique": ((-75.0, (1.0, 2.0, -2.0)), (100.0, (3.0, 0.0, 4.0)), (165.0, (0.0, -1.0, 1.0))),
 }
-HARMONICS = 800
+HARMONICS = 400
 NODES = 40
 """Of a half: of its polynomials, and of Gauss's rule."""
 
