@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from .elastica import FORCES, Cantilever
 from .estimate import Estimate
-from .roll_up import MARKS, POTENTIALS, Strip
+from .roll_up import MARKS, Strip
 from .spiral import PRESSURES, named
 
 Array = np.ndarray
@@ -205,13 +205,12 @@ def cantilever_moment() -> dict[str, Estimate]:
         values[f"shortening_{name}"] = found[factor].shortening
         if factor < 1.0:
             values[f"deflection_{name}"] = found[factor].deflection
-    estimates = {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()}
-    for factor, name in POTENTIALS.items():
-        bent = found[factor]
-        stored = case.width * (bent.membrane + bent.bending)
-        potential = stored - case.width * factor * case.moment * bent.angle
-        estimates[name] = Estimate(potential, 1e3 * SPREAD * stored, "J")
-    return estimates
+    bent = found[1.0]
+    stored = case.width * (bent.membrane + bent.bending)
+    potential = stored - case.width * case.moment * bent.angle
+    return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()} | {
+        "potential_energy": Estimate(potential, 1e3 * SPREAD * stored, "J")
+    }
 
 
 def cantilever_pressure() -> dict[str, Estimate]:

@@ -23,7 +23,6 @@ import numpy as np
 from .estimate import Estimate
 
 MARKS = {0.25: "25", 0.5: "50", 0.75: "75", 1.0: "100"}
-POTENTIALS = {0.75: "potential_energy_75", 0.875: "potential_energy_875", 1.0: "potential_energy"}  # load factors
 
 
 @dataclass(frozen=True)
@@ -87,9 +86,9 @@ def energies(strip: Strip, arc: Arc) -> tuple[float, float]:
     return membrane, 0.5 * strip.bending_stiffness * (arc.stretch * arc.turning) ** 2 * area
 
 
-def potential(strip: Strip, arc: Arc, turned: float = 0.0, factor: float = 1.0) -> float:
-    """Potential energy under a part of the moment, J, which works on the angle of the tip; `turned`, rad: its wall's part."""
-    work = factor * strip.moment * strip.width * (arc.turning * arc.length + turned)
+def potential(strip: Strip, arc: Arc, turned: float = 0.0) -> float:
+    """Potential energy under the whole moment, J, which works on the angle of the tip; `turned`, rad: its wall's part."""
+    work = strip.moment * strip.width * (arc.turning * arc.length + turned)
     return sum(energies(strip, arc)) - work
 
 
@@ -124,7 +123,5 @@ def cantilever_moment() -> dict[str, Estimate]:
         "strain_energy": Estimate.exact(membrane + bending, "J"),
         "membrane_energy": Estimate.exact(membrane, "J"),
         "bending_energy": Estimate.exact(bending, "J"),
-    } | {
-        name: Estimate.exact(potential(strip, rolled_strip(strip, factor), factor=factor), "J")
-        for factor, name in POTENTIALS.items()
-    }  # fmt: skip
+        "potential_energy": Estimate.exact(potential(strip, arc), "J"),
+    }

@@ -35,6 +35,7 @@ from .ring_twist import ring_twist, ring_twist_by_ritz
 from .rippled_plate import rippled_plate, rippled_plate_by_ritz
 from .sprung_motion import sprung_motion, sprung_motion_by_splines
 from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
+from .uneven_pipe import uneven_pipe, uneven_pipe_by_statics
 
 Values = Callable[[], dict[str, Estimate]]
 
@@ -66,6 +67,7 @@ JUDGES: dict[str, Values] = {
     "raft": raft,
     "rippled_plate": rippled_plate,
     "blown_tube": blown_tube,
+    "uneven_pipe": uneven_pipe,
     "bridge_plate": bridge_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
@@ -96,5 +98,6 @@ SECOND_FORMS: dict[str, Values] = {
     "raft": raft_by_ritz,
     "rippled_plate": rippled_plate_by_ritz,
     "blown_tube": blown_tube_by_samples,
+    "uneven_pipe": uneven_pipe_by_statics,
     "bridge_plate": bridge_plate_by_ritz,
 }
