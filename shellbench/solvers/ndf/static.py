@@ -38,6 +38,7 @@ from shellbench.solvers.ndf.energy import (
 )
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.patches import Balance, Patch
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     KINDS,
@@ -159,10 +160,11 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     former: Miss | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
+    balances: dict[tuple[Patch, int], Balance] = {}
     before: Answer | None = None
     while level is not None:
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
-        solved = _solve_level(case, spec, settings, level, begin)
+        solved = _solve_level(case, spec, settings, level, begin, balances)
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
@@ -248,7 +250,14 @@ def _unrecovered(solution: NdfSolution) -> Miss:
     return Miss(changed, 0.0)
 
 
-def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float) -> Solved:
+def _solve_level(
+    case: Case,
+    spec: FieldSpec,
+    settings: RitzSettings,
+    level: Level,
+    begin: float,
+    balances: dict[tuple[Patch, int], Balance],
+) -> Solved:
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
@@ -298,6 +307,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
             bending=bending,
             parameters=len(features.pairs(part)),
             point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
+            balances=balances,
         )
         judged = len(answers) >= len(parts) - 4 and len(answers) != len(parts) - 2
         signs = Signs(
