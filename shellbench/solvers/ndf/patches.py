@@ -101,18 +101,10 @@ def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tu
 
 @dataclass(frozen=True)
 class Balance:
-    """How Q and P follow from a field on a patch: linearly, by maps that do not depend on the field.
+    """How Q and P follow from any field on a patch.
 
-    Attributes
-    ----------
-    points
-        (N, 2), Gauss points of the patch.
-    fit
-        (F, N): from the field's values there to the weights of Q.
-    loaded
-        (U,): weights of P where Q is zero.
-    response
-        (U, 3 F): from the weights of Q to what they take from those of P.
+    `fit` (F, N) takes the field's values at Gauss points (N, 2) to the weights of Q, and those of P are `loaded` (U,)
+    less `response` (U, 3 F) times these.
     """
 
     points: Array
@@ -149,17 +141,18 @@ class Balance:
         return torch.cat([fitted, balanced.view(3, -1)], dim=1)
 
 
+Balances = dict[tuple[Patch, int], Balance]
+"""By patch and degree: no field changes them, so that all fields of a case with the same supports may share them."""
+
+
 @dataclass(frozen=True)
 class Recovery:
-    """Stress resultants of a field; patches are for linear shells `at_rest` alone.
-
-    `known` keeps what is solved on patches, `balances` what of it serves all fields of a case.
-    """
+    """Stress resultants of a field; `known` keeps what is solved on patches, of linear shells `at_rest` alone."""
 
     found: Field
     measure: StrainName
     at_rest: bool
-    balances: dict[tuple[Patch, int], Balance] = field(default_factory=dict)
+    balances: Balances = field(default_factory=dict)
     known: dict[Patch, tuple[OnPatch, ...]] = field(default_factory=dict)
 
     def resultants(self, name: str, points: Array) -> Array:

@@ -24,7 +24,7 @@ from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.patches import Balance, Patch, Recovery
+from shellbench.solvers.ndf.patches import Balances, Recovery
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
 from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
@@ -103,7 +103,7 @@ class NdfSolution(FieldSolution):
     touching
         What obstacles exert, if there are any.
     balances
-        What stress resultants on patches need of the case alone; fields of one case with the same supports share it.
+        What stress resultants on patches need of the case and its supports alone.
     """
 
     case: Case
@@ -116,7 +116,7 @@ class NdfSolution(FieldSolution):
     parameters: int
     point_forces: tuple[float, ...] = ()
     touching: Touch | None = None
-    balances: dict[tuple[Patch, int], Balance] = kept(default_factory=dict, compare=False, repr=False)
+    balances: Balances = kept(default_factory=dict, compare=False, repr=False)
 
     def touch(self, at: float | None = None) -> Touch:
         """Return what obstacles exert on the shell."""

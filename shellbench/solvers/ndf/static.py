@@ -38,7 +38,7 @@ from shellbench.solvers.ndf.energy import (
 )
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.patches import Balance, Patch
+from shellbench.solvers.ndf.patches import Balances
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     KINDS,
@@ -140,11 +140,8 @@ class Solved:
         # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding. Where
         # the last step loses energy no further one would gain any: what one step changes is missed.
         (stiffest, stiffer, usual), best = self.regularised, self.challenged
-        if best is usual:
-            energies = stiffest.potential, stiffer.potential, usual.potential
-            softer = stiffer.missed(usual).times(tail(energies, STEPS_LEFT))
-        else:
-            softer = (stiffest if best is stiffer else stiffer).missed(best)
+        left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
+        softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
         return self.first.missed(best).or_larger(softer)
 
 
@@ -170,7 +167,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     former: Miss | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
-    balances: dict[tuple[Patch, int], Balance] = {}
+    balances: Balances = {}
     before: Answer | None = None
     while level is not None:
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
@@ -261,12 +258,7 @@ def _unrecovered(solution: NdfSolution) -> Miss:
 
 
 def _solve_level(
-    case: Case,
-    spec: FieldSpec,
-    settings: RitzSettings,
-    level: Level,
-    begin: float,
-    balances: dict[tuple[Patch, int], Balance],
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
 ) -> Solved:
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
@@ -289,9 +281,8 @@ def _solve_level(
     parts.append(np.arange(features.count))
     parts += [parts[-1]] * 2
     jitters = [JITTER] * (len(parts) - 3) + [STRONGER**2 * JITTER, STRONGER * JITTER, JITTER]
-    layers = [
-        solve_part(ansatz, features, equations, part, jitter) for part, jitter in zip(parts, jitters, strict=True)
-    ]
+    both = zip(parts, jitters, strict=True)
+    layers = [solve_part(ansatz, features, equations, part, level=jitter) for part, jitter in both]
     outputs = [layer.weights.view(3, -1) for layer in layers]
     fine = area_rule(case.surface.domain, focal, chosen.fine)
     certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
