@@ -5,7 +5,8 @@ the ball an area. Newton's method finds its least value while the weight grows, 
 penalty is of the first order in 1 / k, so that two of them are extrapolated. The pin is a stiff spring. Of the
 discretisation tells a coarser one.
 
-The second origin is `fem` on one mesh: conforming cubics, multipliers at points of its own, active sets.
+Beside it stands `fem` on two meshes, conforming cubics with multipliers: what is judged, so that one origin alone is apart
+from it.
 """
 
 from __future__ import annotations

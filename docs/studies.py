@@ -153,8 +153,7 @@ def case_file(run: Run) -> str:
             f'[[quantities]]\nname = "centre_{name}"\nkind = "centre_of_mass"\ndirection = {np.eye(3)[down].tolist()}\n'
         )
         text += f"at = {at!r}\nprimary = {primary}\nabsolute = true\n\n"
-        conserved = () if "*t" in text else ("total_energy",)  # a wind that changes does work
-        for energy in ("membrane_energy", "bending_energy", *conserved):
+        for energy in ("membrane_energy", "bending_energy", "total_energy"):
             absolute = "absolute = true\n" if energy == "total_energy" else ""
             text += f'[[quantities]]\nname = "{energy}_{name}"\nkind = "{energy}"\nat = {at!r}\n{absolute}\n'
     path = STORE / "cases" / f"{run.name}.toml"

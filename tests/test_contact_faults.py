@@ -108,6 +108,7 @@ def test_a_fault_is_red(fault, name, monkeypatch):
 
 DATA = tomllib.loads((catalog.data_folder("cases") / f"{STRIP}.toml").read_text(encoding="utf-8"))
 FLOOR = DATA["obstacles"][0]
+WHOLE = {"name": "all", "on": ["surface"], "motion": {"kind": "value", "x": "0", "y": "0", "z": "-0.1*xi1"}}
 
 
 @pytest.mark.parametrize(
@@ -118,6 +119,7 @@ FLOOR = DATA["obstacles"][0]
         ({"obstacles": [{**FLOOR, "friction": -0.1}]}, "friction"),
         ({"obstacles": [{**FLOOR, "friction": 0.1}]}, "without [dynamics] shells slide freely"),
         ({"obstacles": []}, "the case has no [[obstacles]]"),
+        ({"supports": [WHOLE], "quantities": DATA["quantities"][:1]}, "not to modes, nor to a prescribed displacement"),
     ],
 )
 def test_a_bad_file_is_one_sentence(change, words):

@@ -118,6 +118,8 @@ def check_contact(case: Any) -> None:
         return
     if case.remove_rigid_motions:
         raise ValueError("obstacles stand in space: no rigid motion is removed where there are any")
+    if case.modal or case.prescribed:
+        raise ValueError("obstacles belong to a shell that loads move: not to modes, nor to a prescribed displacement")
     for obstacle in case.obstacles:
         if obstacle.friction and case.dynamics is None:
             raise ValueError(
@@ -128,7 +130,7 @@ def check_contact(case: Any) -> None:
     size = float(np.ptp(case.surface.position(points), axis=0).max())
     for number, obstacle in enumerate(case.obstacles, start=1):
         alone = case.model_copy(update={"obstacles": (obstacle,)})
-        gap, _ = gaps(alone, points, rest, 1.0 if case.dynamics is None else 0.0)
+        gap, _ = gaps(alone, points, rest, 1.0 if case.linear else 0.0)  # a linear shell has one state, at t = 1
         deepest = int(np.argmin(gap))
         if not gap[deepest] >= -STARTS_INSIDE * size:
             where = ", ".join(f"{v:.4g}" for v in case.surface.domain.wrap(points)[deepest])

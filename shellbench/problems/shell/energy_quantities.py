@@ -28,8 +28,9 @@ class MotionEnergy(ShellQuantity):
     """Kinetic energy of the whole shell, its total energy, or the balance of its energy, J.
 
     The total energy is kinetic energy, strain energy and that of the springs, less the work of the loads, all of which
-    are constant in time: what starts from rest keeps it at zero. The balance is the solver's own, as its history states
-    it at each step, with the work of whatever loads and supports: how far from zero it has been until the time.
+    are constant in time: what starts from rest keeps it at zero. The balance is the solver's own, as its history
+    states it at each step, with the work of whatever loads and supports: how far from zero it has been until the time.
+    Impacts and friction take energy: no case with obstacles has one.
     """
 
     powers: ClassVar[tuple[int, int]] = (1, 1)
@@ -47,6 +48,8 @@ class MotionEnergy(ShellQuantity):
             raise ValueError(
                 f"quantity '{self.name}' needs supports at rest, and loads that are dead, constant and spread out"
             )
+        if self.kind == "energy_balance" and shell.obstacles:
+            raise ValueError(f"quantity '{self.name}' has no obstacles: impacts and friction take energy")
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the energy, J.

@@ -32,13 +32,12 @@ from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, 
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import local_axes
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
-from shellbench.solvers.fem.sharing import Conditions, Sharing
+from shellbench.solvers.fem.sharing import RANK_TOLERANCE, Conditions, Sharing
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
 

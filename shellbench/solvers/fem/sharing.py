@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+RANK_TOLERANCE = 1e-8  # a condition this close to a combination of the others adds nothing, and must agree with them
 CENTROID = 0.3  # of the Hermite cubic that is 1 at 0 and 0 at 1, from 0
 
 
@@ -114,7 +115,7 @@ class Sharing:
                 found += ends(c.support, at, mesh.node_points[c.nodes, 1 - c.edge.axis])
         # A force R^T m has its least multipliers m: unique where conditions differ, equal where they are the same.
         meeting = np.flatnonzero((holders.sum(axis=1) > 1).any(axis=1))
-        least = np.swapaxes(np.linalg.pinv(rows[meeting]), 1, 2)
+        least = np.swapaxes(np.linalg.pinv(rows[meeting], rcond=RANK_TOLERANCE), 1, 2)
         own = owners[meeting, None] == np.arange(count)[:, None]
         division = np.swapaxes(rows[meeting, None] * own[..., None], 2, 3) @ least[:, None]
         values = np.arange(len(COMPONENTS)) * len(mesh.kinds)

@@ -211,6 +211,22 @@ def test_nodal_forces_are_shared_without_loss():
     assert np.allclose(ties.sharing.shares(forces).sum(axis=0), forces)
 
 
+@pytest.mark.parametrize("tilt", [1e-13, 1e-9])
+def test_supports_that_hold_the_same_but_for_rounding_share_a_corner_alike(tilt):
+    def reaction(tilt):
+        plane = {"kind": "expression", "x": "xi1", "y": "xi2", "z": f"{tilt}*xi1", "xi1": [0, 1], "xi2": [0, 1]}
+        supports = [
+            {"name": "a", "on": ["xi1_min", "xi1_max"], "components": ["normal"]},
+            {"name": "b", "on": ["xi2_min", "xi2_max"], "components": ["z"]},
+            {"name": "c", "on": ["xi1_min,xi2_min"], "components": ["x", "y"]},
+            {"name": "d", "on": ["xi1_max,xi2_min"], "components": ["y"]},
+        ]
+        load = {"kind": "area", "vector": [0, 0, "-1.0 - xi1"]}
+        return solved(plane, supports, loads=[load]).reaction("a")[0][2]
+
+    assert reaction(tilt) == pytest.approx(reaction(0.0), rel=1e-6)
+
+
 @pytest.mark.parametrize("alone", [False, True])
 def test_a_support_bears_what_its_edges_do_and_half_of_a_force_at_a_corner(alone):
     # On a tilted plate with the strains e of its plane and the twist k resultants are the same everywhere. Alone, "a"
