@@ -78,45 +78,71 @@ class Patch:
 
 @dataclass(frozen=True)
 class OnPatch:
-    """The lift of an ansatz and M times polynomials on a patch, whose weights are `output` (3, M); itself a lift."""
+    """The displacement lift + M (Q + bubble P) on a patch; `output` (3, M) are the weights of Q, then of P."""
 
     ansatz: Ansatz
     patch: Patch
     degree: int
     output: Tensor
-    moves: bool = True
 
-    def jet(self, points: Array, placement: Placement) -> Tensor:
+    def jet(self, points: Array) -> Tensor:
         """Return the jet (6, N, 3) of the displacement at points (N, 2) of the patch."""
-        free = (self.patch.jets(points, self.degree, placement) @ self.output.T)[..., None]
+        placement = Placement(self.output.device, self.output.dtype)
+        free = (torch.cat(_bases(self.patch, self.degree, points, placement), dim=-1) @ self.output.T)[..., None]
         matrix = self.ansatz.factors.matrix(points, placement)
         return matrix_product(matrix, free)[..., 0] + self.ansatz.lift.jet(points, placement)
 
-    def displacement_jet(self, points: Array) -> Tensor:
-        """Return the same where the weights are."""
-        return self.jet(points, Placement(self.output.device, self.output.dtype))
+
+def _bases(patch: Patch, degree: int, points: Array, placement: Placement) -> tuple[Tensor, Tensor]:
+    """Return the jets (6, N, .) of what Q and bubble P are made of."""
+    plain = replace(patch, inner=frozenset())
+    return plain.jets(points, degree, placement), patch.jets(points, degree + MORE, placement)
 
 
-def balanced(found: Field, patch: Patch, degree: int) -> OnPatch:
-    """Return the displacement on a patch that continues a field and is in equilibrium."""
-    # 1. Q by least squares of M Q to M F at Gauss points.
-    ansatz, features, placement = found.ansatz, found.features, found.features.placement
-    fitted, rule = replace(patch, inner=frozenset()), patch.rule(degree + ORDER)
-    held = ansatz.factors.matrix(rule.points, placement)[VALUE]
-    weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
-    values = weights * fitted.jets(rule.points, degree, placement)[VALUE]
-    output = torch.linalg.lstsq(values, weights * (features.values(rule.points) @ found.output.T)).solution.T
-    # 2. P by Ritz's method, with M Q as a part of the lift.
-    ansatz, degree = replace(ansatz, lift=OnPatch(ansatz, fitted, degree, output)), degree + MORE
-    unknowns = 3 * (degree + 1) ** 2
-    stiffness, load = output.new_zeros((unknowns, unknowns)), output.new_zeros(unknowns)
-    for points, table in tables(ansatz, rule, placement):
-        jets = patch.jets(points, degree, placement)
-        rows = strain_matrix(table, jets)
-        add_gram(stiffness, rows)
-        load += value_vector(table.force, jets[VALUE]) - rows.T @ table.offset.reshape(-1)
-    solved = RegularisedInverse.from_matrix(mirrored(stiffness), JITTER) @ load[:, None]
-    return OnPatch(ansatz, patch, degree, solved.view(3, -1))
+@dataclass(frozen=True)
+class Balance:
+    """How Q and P follow from any field on a patch.
+
+    `fit` (F, N) takes the field's values at Gauss points (N, 2) to the weights of Q, and those of P are `loaded` (U,)
+    less `response` (U, 3 F) times these.
+    """
+
+    points: Array
+    fit: Tensor
+    loaded: Tensor
+    response: Tensor
+
+    @classmethod
+    def on(cls, ansatz: Ansatz, patch: Patch, degree: int, placement: Placement) -> Balance:
+        """Find the maps for polynomials of a degree."""
+        # 1. Q by least squares of M Q to M F at Gauss points.
+        rule = patch.rule(degree + ORDER)
+        held = ansatz.factors.matrix(rule.points, placement)[VALUE]
+        weights = (placement.tensor(rule.weights) * (held * held).sum(dim=(1, 2))).sqrt()[:, None]
+        plain = replace(patch, inner=frozenset()).jets(rule.points, degree, placement)[VALUE]
+        basis, triangle = torch.linalg.qr(weights * plain)
+        fit = torch.linalg.solve_triangular(triangle, (weights * basis).T, upper=True)
+        # 2. P by Ritz's method: K P = f - C Q.
+        unknowns, fitted = 3 * (degree + MORE + 1) ** 2, 3 * len(fit)
+        stiffness, right = weights.new_zeros((unknowns, unknowns)), weights.new_zeros((unknowns, 1 + fitted))
+        for points, table in tables(ansatz, rule, placement):
+            of_q, of_p = _bases(patch, degree, points, placement)
+            rows = strain_matrix(table, of_p)
+            add_gram(stiffness, rows)
+            right[:, 0] += value_vector(table.force, of_p[VALUE]) - rows.T @ table.offset.reshape(-1)
+            right[:, 1:].addmm_(rows.T, strain_matrix(table, of_q))
+        solved = RegularisedInverse.from_matrix(mirrored(stiffness), JITTER) @ right
+        return cls(rule.points, fit, solved[:, 0], solved[:, 1:])
+
+    def output(self, found: Field) -> Tensor:
+        """Return the weights (3, M) of Q, then of P, that continue a field."""
+        fitted = (self.fit @ (found.features.values(self.points) @ found.output.T)).T
+        balanced = self.loaded - self.response @ fitted.reshape(-1)
+        return torch.cat([fitted, balanced.view(3, -1)], dim=1)
+
+
+Balances = dict[tuple[Patch, int], Balance]
+"""By patch and degree: no field changes them, so that all fields of a case with the same supports may share them."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +152,7 @@ class Recovery:
     found: Field
     measure: StrainName
     at_rest: bool
+    balances: Balances = field(default_factory=dict)
     known: dict[Patch, tuple[OnPatch, ...]] = field(default_factory=dict)
 
     def resultants(self, name: str, points: Array) -> Array:
@@ -144,15 +171,19 @@ class Recovery:
                 if not (self.at_rest and self._plain(patch)):
                     continue
                 if patch not in self.known:
-                    self.known[patch] = tuple(balanced(self.found, patch, degree) for degree in DEGREES)
-                both = np.stack(
-                    [resultants(case, self.measure, u.displacement_jet, name, points[those]) for u in self.known[patch]]
-                )
+                    self.known[patch] = tuple(self._balanced(patch, degree) for degree in DEGREES)
+                both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
                 change = np.abs(both[1] - both[0]).max(axis=-1) / max(np.abs(values[1]).max(), np.abs(both).max())
                 better = change < differ[those]
                 where = np.array(those)[better]
                 values[:, where], differ[where] = both[:, better], change[better]
         return values
+
+    def _balanced(self, patch: Patch, degree: int) -> OnPatch:
+        ansatz, key = self.found.ansatz, (patch, degree)
+        if key not in self.balances:
+            self.balances[key] = Balance.on(ansatz, patch, degree, self.found.features.placement)
+        return OnPatch(ansatz, patch, degree, self.balances[key].output(self.found))
 
     def _patch(self, point: Array, share: float) -> Patch:
         domain, ends, inner = self.found.ansatz.case.surface.domain, [], set()

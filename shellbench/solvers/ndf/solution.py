@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from dataclasses import field as kept
 from functools import cached_property
 from pathlib import Path
 
@@ -23,7 +24,7 @@ from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.field import Ansatz, Features, Field
 from shellbench.solvers.ndf.jets import Array, Placement
-from shellbench.solvers.ndf.patches import Recovery
+from shellbench.solvers.ndf.patches import Balances, Recovery
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.reaction import edge_reaction
 from shellbench.solvers.ndf.strain_measures import Undeformed, stresses
@@ -101,6 +102,8 @@ class NdfSolution(FieldSolution):
         (k,) forces of the point supports, N, in the order of `shellbench.solvers.ndf.supports.point_supports`.
     touching
         What obstacles exert, if there are any.
+    balances
+        What stress resultants on patches need of the case and its supports alone.
     """
 
     case: Case
@@ -113,6 +116,7 @@ class NdfSolution(FieldSolution):
     parameters: int
     point_forces: tuple[float, ...] = ()
     touching: Touch | None = None
+    balances: Balances = kept(default_factory=dict, compare=False, repr=False)
 
     def touch(self, at: float | None = None) -> Touch:
         """Return what obstacles exert on the shell."""
@@ -128,7 +132,8 @@ class NdfSolution(FieldSolution):
 
     def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2)."""
-        return self.recovered(name, xi)[1]
+        finer: Array = self.recovered(name, xi)[1]
+        return finer
 
     def recovered(self, name: str, xi: Array) -> Array:
         """Return resultants (2, N, ...) at points (N, 2), coarser and finer; see `Recovery.resultants`."""
@@ -139,7 +144,7 @@ class NdfSolution(FieldSolution):
     def _recovery(self) -> Recovery:
         linear = self.case.linear and self.spec.strain == "linear"
         still = self.case.dynamics is None and not self.case.modal and self.touching is None
-        return Recovery(self.field, self.spec.strain, linear and still)
+        return Recovery(self.field, self.spec.strain, linear and still, self.balances)
 
     def _strained(self, xi: Array) -> tuple[Tensor, Tensor]:
         """Return membrane and bending strains (N, 6) at points (N, 2), and the energy density of each of them."""

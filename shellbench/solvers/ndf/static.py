@@ -38,6 +38,7 @@ from shellbench.solvers.ndf.energy import (
 )
 from shellbench.solvers.ndf.field import Field
 from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.patches import Balances
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     KINDS,
@@ -112,10 +113,10 @@ class Solved:
     ----------
     narrower
         Answers with parts of the usual features, for the convergence curve.
-    first, challenged
-        With the usual features, and with those of the challengers.
-    stiffer
-        As the last, regularised by `STRONGER` times as much, and by that much again before it.
+    first
+        With the usual features.
+    regularised
+        With those of the challengers: by `STRONGER` twice, once, and not more than usual.
     energies
         Gives the potential energy on the training rule when one kind of challenger joins, J, by kind.
     """
@@ -123,18 +124,25 @@ class Solved:
     level: Level
     narrower: tuple[Answer, ...]
     first: Answer
-    challenged: Answer
-    stiffer: tuple[Answer, Answer]
+    regularised: tuple[Answer, Answer, Answer]
     energies: Callable[[], dict[str, float]]
+
+    @property
+    def challenged(self) -> Answer:
+        """The answer with the challengers' features of least certified energy."""
+        # Less regularisation takes less energy on the rule that the field is solved on. Where it takes more on the
+        # finer one, the field exploits its rule: hardly in displacements, much in their third derivatives.
+        return min(self.regularised, key=lambda answer: answer.potential)
 
     def missed(self) -> Miss:
         """Return what the answers miss at least: what challengers change, and what less regularisation would change."""
         # Combinations of features that are softer than rounding stay out of reach. No challenger tells of them, as it
-        # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding.
-        stiffest, stiffer = self.stiffer
-        energies = stiffest.potential, stiffer.potential, self.challenged.potential
-        softer = stiffer.missed(self.challenged).times(tail(energies, STEPS_LEFT))
-        return self.first.missed(self.challenged).or_larger(softer)
+        # is regularised, too. But energies tell how much each step of the level gains, down to that of rounding. Where
+        # the last step loses energy no further one would gain any: what one step changes is missed.
+        (stiffest, stiffer, usual), best = self.regularised, self.challenged
+        left = tail((stiffest.potential, stiffer.potential, usual.potential), STEPS_LEFT) if best is usual else 1.0
+        softer = (stiffest if best is stiffer else stiffer).missed(best).times(left)
+        return self.first.missed(best).or_larger(softer)
 
 
 def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
@@ -159,10 +167,11 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     former: Miss | None = None
     steps: list[Step] = []
     answer: NdfSolution | None = None
+    balances: Balances = {}
     before: Answer | None = None
     while level is not None:
         progress(Progress(level.number, None, f"solving with {level.resolution.neurons} neurons and their challengers"))
-        solved = _solve_level(case, spec, settings, level, begin)
+        solved = _solve_level(case, spec, settings, level, begin, balances)
         last = solved.first if fixed else solved.challenged
         reason = refusal(last.signs, last.solution.spec, settings.largest_gap)
         alone = refusal(solved.first.signs, solved.first.solution.spec, settings.largest_gap)
@@ -248,7 +257,9 @@ def _unrecovered(solution: NdfSolution) -> Miss:
     return Miss(changed, 0.0)
 
 
-def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float) -> Solved:
+def _solve_level(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Level, begin: float, balances: Balances
+) -> Solved:
     spec = spec.model_copy(update={"detail": level.detail})
     placement, focal, chosen = Placement.on(settings.device), graded_points(case, spec), level.resolution
     ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
@@ -268,11 +279,10 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
     widths = sorted({math.ceil(share * chosen.neurons) for share in (NESTED if level.number == 0 else NESTED[-1:])})
     parts = [np.concatenate([np.arange(width), plain]) for width in widths]
     parts.append(np.arange(features.count))
-    layers = [solve_part(ansatz, features, equations, part) for part in parts]
     parts += [parts[-1]] * 2
-    layers += [
-        solve_part(ansatz, features, equations, parts[-1], level=times * JITTER) for times in (STRONGER**2, STRONGER)
-    ]
+    jitters = [JITTER] * (len(parts) - 3) + [STRONGER**2 * JITTER, STRONGER * JITTER, JITTER]
+    both = zip(parts, jitters, strict=True)
+    layers = [solve_part(ansatz, features, equations, part, level=jitter) for part, jitter in both]
     outputs = [layer.weights.view(3, -1) for layer in layers]
     fine = area_rule(case.surface.domain, focal, chosen.fine)
     certified = certify(ansatz, features, outputs, fine, concentrated(ansatz, chosen.fine, focal, placement))
@@ -282,7 +292,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         moved = springs.moved
     rounding = rounding_energy(case.material.membrane_stiffness, surface_area(ansatz, rule))
     answers: list[Answer] = []
-    for part, layer, output, energies in zip(parts, layers, outputs, certified, strict=True):
+    for part, jitter, layer, output, energies in zip(parts, jitters, layers, outputs, certified, strict=True):
         potential = potential_energy(equations, layer.weights)
         gap = energy_gap(potential, energies, moved, rounding)
         share = 1.0 if moved else energies.best
@@ -298,8 +308,9 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
             bending=bending,
             parameters=len(features.pairs(part)),
             point_forces=springs.point_forces(field) if springs else tuple((share * layer.reactions).tolist()),
+            balances=balances,
         )
-        judged = len(answers) >= len(parts) - 4 and len(answers) != len(parts) - 2
+        judged = len(answers) >= len(parts) - 4
         signs = Signs(
             gap=gap,
             taken_up=1.0 if moved else taken_up(equations),
@@ -318,7 +329,7 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         diagnostics = {
             "energy_gap": gap,
             "certified_energy": energies.potential(share),
-            "jitter": JITTER,
+            "jitter": jitter,
             "fixed_weights": network.parameters,
             "neurons": network.width if part is parts[-1] else chosen.neurons,
             "quadrature_points": len(rule.points),
@@ -346,8 +357,8 @@ def _solve_level(case: Case, spec: FieldSpec, settings: RitzSettings, level: Lev
         weights = [solve_part(ansatz, features, equations, part).weights for part in joined]
         return {k.name: potential_energy(equations, w) for k, w in zip(level.kinds, weights, strict=True)}
 
-    *narrower, alone, challenged, stiffest, stiffer = answers
-    return Solved(level, tuple(narrower), alone, challenged, (stiffest, stiffer), reached)
+    *narrower, alone, stiffest, stiffer, usual = answers
+    return Solved(level, tuple(narrower), alone, (stiffest, stiffer, usual), reached)
 
 
 def with_settings(usual: Resolution, settings: RitzSettings) -> Resolution:

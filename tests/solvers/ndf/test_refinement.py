@@ -35,7 +35,7 @@ from shellbench.solvers.ndf.refinement import (
 )
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.solve import JITTER
-from shellbench.solvers.ndf.static import Answer
+from shellbench.solvers.ndf.static import Answer, Solved
 from tests.solvers.ndf.shells import shell, support
 
 ALL = ("xi1_min", "xi1_max", "xi2_min", "xi2_max")
@@ -138,6 +138,20 @@ def test_tails_follow_the_last_gains():
     assert tail((3.0, 2.0, 1.0), 3.7) == 3.7  # as much again in each step
     assert tail((3.0, 2.0, 0.0), 3.7) == 3.7  # more and more: not believed
     assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
+
+
+@pytest.mark.parametrize(("energies", "best", "told"), [((3, 2, 1), 2, 3.7), ((3, 1, 2), 1, 1.0), ((1, 2, 3), 0, 1.0)])
+def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch, energies, best, told):
+    """Planted: each step of regularisation changes a value by 1e-3, and energy as said."""
+    monkeypatch.setattr(static, "STEPS_LEFT", 3.7)
+    solution, still = SimpleNamespace(case=named_case("square_plate")), np.zeros((4, 3))
+    answers = tuple(
+        Answer(solution, energy, 1.0, None, {"centre_deflection": 1e-3 * k}, still, None)
+        for k, energy in enumerate(energies)
+    )
+    solved = Solved(None, (), answers[best], answers, dict)
+    assert solved.challenged is answers[best]
+    assert solved.missed().changes["centre_deflection"] == pytest.approx(told * 1e-3)
 
 
 def test_a_displacement_that_hardly_changes_by_accident_is_no_surer_than_the_field():
