@@ -140,7 +140,10 @@ def test_tails_follow_the_last_gains():
     assert tail((1.0, 2.0, 1.0), 3.7) == 3.7
 
 
-@pytest.mark.parametrize(("energies", "best", "told"), [((3, 2, 1), 2, 3.7), ((3, 1, 2), 1, 1.0), ((1, 2, 3), 0, 1.0)])
+@pytest.mark.parametrize(
+    ("energies", "best", "told"),
+    [((3, 2, 1), 2, 3.7), ((3, 1, 2), 1, 1.0), ((1, 2, 3), 0, 1.0), ((2, 1, 1 + 1e-9), 2, 3.7)],
+)
 def test_the_answer_is_the_regularisation_of_least_certified_energy(monkeypatch, energies, best, told):
     """Planted: each step of regularisation changes a value by 1e-3, and energy as said."""
     monkeypatch.setattr(static, "STEPS_LEFT", 3.7)
