@@ -42,6 +42,7 @@ from shellbench.problems.shell.quantities import (
 )
 from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
+from shellbench.solvers.fem.kinematics import stiffness_moduli
 from shellbench.solvers.fem.mesh import FEWEST
 from shellbench.solvers.fem.solution import FemSolution
 
@@ -152,7 +153,6 @@ MOST_UNEVEN = 3  # largest share: a factor of 8 between the coordinates
 IDLE = 1e-12  # relative change of the potential energy that is rounding
 ENERGY_LEEWAY = 10  # energies and their parts may be so much less certain than displacements, forces and moments
 NEGLIGIBLE = 1e-3  # part of the largest displacement, force or moment below which a value's relative error is idle
-UNSTRAINED = 1e-6  # square of a strain that is none: it measures the energy of a shell that is only moved
 IDLE_STRAIN = 1e-14  # strain, relative to the displacements, that rounding makes of a shell that is only moved
 ROUNDING = 4.0  # of the change by the last refinement, as the error that rounding leaves
 EPSILON = 16 * float(np.finfo(float).eps)  # relative error that no sum escapes
@@ -221,8 +221,8 @@ class Level:
         Its values of the case's quantities.
     estimates
         By quantity, from all meshes so far.
-    error
-        Largest uncertainty of a quantity relative to its scale.
+    errors
+        By quantity, its uncertainty relative to its scale.
     difference
         Largest difference to the field of the mesh before, metres; None on the first.
     """
@@ -230,8 +230,13 @@ class Level:
     equilibrium: Equilibrium
     quantities: Mapping[str, float]
     estimates: Mapping[str, Estimate]
-    error: float
+    errors: Mapping[str, float]
     difference: float | None
+
+    @property
+    def error(self) -> float:
+        """Largest of the errors: the slowest quantity decides."""
+        return max(self.errors.values())
 
 
 def levels(
@@ -285,9 +290,9 @@ def levels(
                 within = WITHIN_CELL if case.linear else WITHIN_CUBIC_CELL
                 sure = max(sure, within * cell_along(solution, q))
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
-        # The slowest quantity decides. Each is compared with a scale, as a value near zero has no relative error.
-        error = max(estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities)
-        yield Level(equilibrium, quantities, estimates, error, difference)
+        # Each is compared with a scale, as a value near zero has no relative error.
+        errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities}
+        yield Level(equilibrium, quantities, estimates, errors, difference)
         before = solution
 
 
@@ -300,7 +305,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     """Return the magnitude that the uncertainty of a quantity is compared with.
 
     It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
-    strain energy are compared with the whole, and with the leeway that they are given.
+    strain energy are compared with the whole, and with the leeway that they are given. The energy of so small a part
+    of the largest displacement is idle. No scale has a size of its own: twice the load makes nothing surer.
     """
     value = abs(quantities[quantity.name])
     tiny = float(np.finfo(float).tiny)
@@ -309,8 +315,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             arm = 1.0 if quantity.kind == "moment" else 1 / _size(solution)
             return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
         case EnergyQuantity():
-            unstrained = UNSTRAINED * solution.case.material.membrane_stiffness * solution.area
-            return max(ENERGY_LEEWAY * sum(solution.energies(quantity.at)), unstrained, tiny)
+            idle = NEGLIGIBLE**2 * _least_energy(solution, quantity.at)
+            return ENERGY_LEEWAY * max(sum(solution.energies(quantity.at)), idle, tiny)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy() | ModeQuantity():
@@ -337,6 +343,18 @@ def _push(solution: FemSolution, at: float | None) -> float:
 
 def _largest_displacement(solution: FemSolution, at: float | None) -> float:
     return float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(at)], axis=1).max())
+
+
+def _least_energy(solution: FemSolution, at: float | None) -> float:
+    """Return the energy, J, of the shell's bending by its largest displacement in one arc over its whole size.
+
+    It is B/2 (w / L^2)^2 A, with the least B. Waves, and membrane strains, take more; a shell that is only moved less.
+    """
+    case, mesh = solution.case, solution.mesh
+    points = mesh.domain.wrap(mesh.domain.grid(SIZE_SAMPLES, SIZE_SAMPLES).reshape(-1, 2))
+    stiffness = float(stiffness_moduli(case.surface, case.material, points)[:, 1].min())
+    curvature = _largest_displacement(solution, at) / _size(solution) ** 2
+    return stiffness * curvature**2 * solution.area / 2
 
 
 def _unstrained_energy(solution: FemSolution) -> float:

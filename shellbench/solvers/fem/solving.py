@@ -126,7 +126,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             coarsest = coarsest or cells
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
-            solution = _finished(level, tuple(steps), differences, tolerance, chosen)
+            solution = _finished(level, tuple(steps), differences, tolerance, converged, chosen)
             solution = replace(solution, diagnostics={**solution.diagnostics, **meshes.told})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             if converged or 2 * unknowns > largest:
@@ -140,9 +140,10 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     assert solution is not None  # there is always a first mesh
     if len(steps) >= FEWEST_TO_JUDGE and level.error > MOST_UNCERTAIN:
         finest = "{} x {}".format(*solution.mesh.cells)
+        slowest_one = max(level.errors, key=level.errors.__getitem__)
         raise SolveFailure(
-            f"the meshes do not resolve the shell: on the finest one, {finest} cells, some quantity is uncertain by"
-            f" {level.error:.0%} of itself",
+            f"the meshes do not resolve the shell: on the finest one, {finest} cells, {slowest_one} is uncertain by"
+            f" {level.error:.0%} of its scale",
             partial=solution,
         )
     return solution
@@ -330,6 +331,7 @@ def _finished(
     steps: tuple[Step, ...],
     differences: list[dict[str, Any]],
     tolerance: float,
+    converged: bool,
     settings: FemSettings,
 ) -> FemSolution:
     found = level.equilibrium
@@ -343,9 +345,10 @@ def _finished(
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
         diagnostics={
-            "converged": level.error <= tolerance,
+            "converged": converged,
             "tolerance": tolerance,
             "relative_uncertainty": level.error if known else None,
+            "not_converged": [name for name, error in level.errors.items() if not error <= tolerance],
             "cells": list(found.solution.mesh.cells),
             "rates": {name: e.rate for name, e in known.items() if e.rate is not None},
             "residual": found.residual,

@@ -248,6 +248,43 @@ def test_a_limit_on_unknowns_gives_an_answer_that_is_not_called_converged():
     assert solution.parameters <= 1000
 
 
+def rippled(load, waves):
+    """Return a simply supported plate under half waves of pressure that asks for energies, and the energy, J.
+
+    Navier's series has one term: w = q / (B k^4) sin sin, and the energy is q w / 8 of an area of 1.
+    """
+    m, n = waves
+    case = shell(
+        PLATE,
+        supports=[{"name": "rim", "on": EVERY_EDGE}],
+        quantities=[
+            {"name": "strain_energy", "kind": "strain_energy", "primary": True},
+            {"name": "bending_energy", "kind": "bending_energy"},
+        ],
+        loads=[{"kind": "pressure", "value": f"{load}*sin({m}*pi*xi1)*sin({n}*pi*xi2)"}],
+    )
+    return case, load**2 / (8 * bending_stiffness() * np.pi**4 * (m**2 + n**2) ** 2)
+
+
+@pytest.mark.parametrize("load", [1e-6, 1e2])
+def test_energies_are_as_sure_as_convergence_says_however_small_the_load(load):
+    case, energy = rippled(load, (7, 5))
+    solution = solve(case)
+    found = solution.history[-1].quantities["strain_energy"]
+    assert solution.diagnostics["converged"]
+    assert solution.uncertainty["strain_energy"] <= 10 * 6e-7 * energy  # energies have a leeway of ten
+    assert abs(found - energy) <= solution.uncertainty["strain_energy"]
+    assert solution.diagnostics["not_converged"] == []
+
+
+def test_an_energy_that_is_not_sure_is_named():
+    case, energy = rippled(1e-6, (23, 17))
+    solution = solve(case, max_unknowns=3000)
+    assert abs(solution.history[-1].quantities["strain_energy"] / energy - 1) > 10 * 6e-7
+    assert solution.diagnostics["converged"] is False
+    assert solution.diagnostics["not_converged"] == ["strain_energy", "bending_energy"]
+
+
 def test_what_converged_before_a_failure_comes_with_it(monkeypatch):
     honest = equilibrium.solve
 
