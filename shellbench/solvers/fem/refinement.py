@@ -305,8 +305,8 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
     """Return the magnitude that the uncertainty of a quantity is compared with.
 
     It is the value itself, but not less than a small part of the largest displacement, force or moment. Parts of the
-    strain energy are compared with the whole, and with the leeway that they are given. The energy of so small a part
-    of the largest displacement is idle. No scale has a size of its own: twice the load makes nothing surer.
+    strain energy are compared with the whole, and with the leeway that they are given; the whole, not less than a small
+    part of what it takes to bend the shell so far. No scale has a size of its own: twice the load makes nothing surer.
     """
     value = abs(quantities[quantity.name])
     tiny = float(np.finfo(float).tiny)
@@ -315,7 +315,7 @@ def scale(solution: FemSolution, quantity: QuantityModel, quantities: Mapping[st
             arm = 1.0 if quantity.kind == "moment" else 1 / _size(solution)
             return RESULTANT_LEEWAY * max(value, NEGLIGIBLE * _push(solution, quantity.at) * arm, tiny)
         case EnergyQuantity():
-            idle = NEGLIGIBLE**2 * _least_energy(solution, quantity.at)
+            idle = NEGLIGIBLE * _arc_energy(solution, quantity.at)
             return ENERGY_LEEWAY * max(sum(solution.energies(quantity.at)), idle, tiny)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
@@ -345,7 +345,7 @@ def _largest_displacement(solution: FemSolution, at: float | None) -> float:
     return float(np.linalg.norm(solution.coefficients[:, :, 0, solution.state(at)], axis=1).max())
 
 
-def _least_energy(solution: FemSolution, at: float | None) -> float:
+def _arc_energy(solution: FemSolution, at: float | None) -> float:
     """Return the energy, J, of the shell's bending by its largest displacement in one arc over its whole size.
 
     It is B/2 (w / L^2)^2 A, with the least B. Waves, and membrane strains, take more; a shell that is only moved less.

@@ -129,7 +129,8 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             solution = _finished(level, tuple(steps), differences, tolerance, converged, chosen)
             solution = replace(solution, diagnostics={**solution.diagnostics, **meshes.told})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
-            if converged or 2 * unknowns > largest:
+            size = found.solution.mesh.dof_count if case.prescribed else unknowns  # nothing is solved for, or some
+            if converged or 2 * size > largest:
                 break
     except SolveFailure as failure:
         raise SolveFailure(str(failure), partial=solution or failure.partial) from None
