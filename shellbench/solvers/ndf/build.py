@@ -8,6 +8,7 @@ thicknesses, a hyperbolic paraboloid, and pinched and twisted cylinders.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -190,14 +191,26 @@ def resolution(case: Case) -> Resolution:
     return Resolution(240, 3.0, 2.0, _rule(case, 8, 6, 2.0), _rule(case, 11, 7, 2.0, 1))
 
 
-WIDTHS = (0.5, 1.0, 2.0, 3.5)  # of each rung, in units of the usual width
-LENGTHENED = (1.0, 1.0, 2.5, 5.0)  # at most, of the scale along the longer side of a flat shell
+WIDTHS = (0.5, 1.0, 2.0, 3.5, 3.5)  # of each rung, in units of the usual width
+LENGTHENED = (1.0, 1.0, 2.5, 5.0, math.inf)  # at most, of the scale along the longer side of a flat shell
 LENGTHWAYS, CROSSWAYS = 0.6, -0.25  # powers of the sides' ratio by which scales follow it
 
 
 def rung_count(case: Case) -> int:
-    """Return the number of rungs; where forces act at points the first ones are wide already, and there is one less."""
-    return len(WIDTHS) - bool(foci(case))
+    """Return the number of rungs.
+
+    Where forces act at points the first ones are wide already, and there is one less. The last one is for strips that
+    are so long that the scales of the others do not follow their sides.
+    """
+    usual = len(WIDTHS) - 1
+    if foci(case):
+        return usual - 1
+    return usual + (is_flat(case) and _slenderness(case) ** LENGTHWAYS > LENGTHENED[usual - 1])
+
+
+def _slenderness(case: Case) -> float:
+    lengths = side_lengths(case)
+    return max(lengths) / min(lengths)
 
 
 def rung(case: Case, number: int) -> Resolution:
@@ -210,9 +223,8 @@ def rung(case: Case, number: int) -> Resolution:
     less = int(number == 0 or (number == 1 and not foci(case)))
     rule = replace(usual.rule, order=usual.rule.order - less)  # fewer features need fewer points
     finer = replace(usual, neurons=round(WIDTHS[number] * neurons), rule=rule)
-    lengths = side_lengths(case)
-    longer, ratio = int(np.argmax(lengths)), max(lengths) / min(lengths)
-    factor = min(ratio**LENGTHWAYS, LENGTHENED[number])
+    longer = int(np.argmax(side_lengths(case)))
+    factor = min(_slenderness(case) ** LENGTHWAYS, LENGTHENED[number])
     if factor == 1.0 or not is_flat(case):
         return finer
     along = [factor ** (CROSSWAYS / LENGTHWAYS)] * 2

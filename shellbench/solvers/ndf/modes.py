@@ -119,9 +119,11 @@ def solve(
         missed = gained
         if before is not None and told is not None:
             # Challengers can only lower a quotient. Where it is higher on the finer rule they have exploited their own:
-            # they are no part of the answer, and what they change tells nothing. What the level changed still does.
+            # they are no part of the answer, and what they change tells nothing. What the level changed still does: it
+            # is larger than what the former challengers told, and no factor is to make it larger once more.
             if whole.gap > plain.gap and whole.values.mean() > plain.values.mean():
                 kept, gained = plain, np.abs(before - plain.values)
+                told = np.maximum(told, gained)
             missed = still_missed(gained, told, np.abs(before - kept.values))
         sure = SAFETY * (missed + kept.gap * np.abs(kept.values))
         for found in (plain, whole):

@@ -38,7 +38,7 @@ STEPS = 3  # patches begin at every third of their side, so that points lie near
 DEGREES = (8, 10)  # of Q along each side
 MORE = 2  # degrees of P
 ORDER = 16  # Gauss points along a side of the patch, beside one a degree
-AGREED = 1e-4  # difference of two degrees, by the largest resultant asked for, at which no smaller patch is tried
+AGREED = 1e-4  # difference of two degrees, by the largest component at a point, at which no smaller patch is tried
 SLACK = 1e-9  # of a side: places that are nearer are the same
 
 
@@ -165,7 +165,8 @@ class Recovery:
         differ = np.full(len(points), np.inf)
         for share in SIDES_OF_PATCHES:
             groups: dict[Patch, list[int]] = {}
-            for k in np.flatnonzero(differ > AGREED):
+            # Of a point alone, so that its patch does not depend on what else is asked.
+            for k in np.flatnonzero(differ > AGREED * np.abs(values).max(axis=(0, 2))):
                 groups.setdefault(self._patch(points[k], share), []).append(int(k))
             for patch, those in groups.items():
                 if not (self.at_rest and self._plain(patch)):
@@ -173,7 +174,7 @@ class Recovery:
                 if patch not in self.known:
                     self.known[patch] = tuple(self._balanced(patch, degree) for degree in DEGREES)
                 both = np.stack([resultants(case, self.measure, u.jet, name, points[those]) for u in self.known[patch]])
-                change = np.abs(both[1] - both[0]).max(axis=-1) / max(np.abs(values[1]).max(), np.abs(both).max())
+                change = np.abs(both[1] - both[0]).max(axis=-1)
                 better = change < differ[those]
                 where = np.array(those)[better]
                 values[:, where], differ[where] = both[:, better], change[better]

@@ -23,6 +23,7 @@ from shellbench.problems.shell.quantities import (
     CriticalPoint,
     DisplacementQuantity,
     EnergyQuantity,
+    LargestDisplacement,
     LimitPoint,
     QuantityModel,
 )
@@ -194,12 +195,15 @@ class Found:
         Of the history.
     gained
         Energy, as a share of what is stored.
+    of_displacements
+        The share by which displacements err (see `_share_of_work`).
     """
 
     solutions: tuple[NdfSolution, NdfSolution]
     probed: tuple[Array, Array]
     steps: tuple[Step, Step]
     gained: float
+    of_displacements: float
 
 
 def challenged(
@@ -255,9 +259,11 @@ def challenged(
         changed = changes(case, values[0], values[1], last.probed)
         scales[q.name] = scale(last.solutions[0], q, values[0][q.name], problem.unstrained, last.probed[0])
         gains.append(max(found.gained for found in there.values()))
+        moved = isinstance(q, DisplacementQuantity | LargestDisplacement)
+        share = max(found.of_displacements for found in there.values()) if moved else gains[-1]
         # The gain is one of the whole energy, of which a small part errs by less; its own change is asked for, too.
         of = max(abs(values[0][q.name]), PART * scales[q.name]) if isinstance(q, EnergyQuantity) else scales[q.name]
-        uncertainty |= uncertainties(Miss(changed, gains[-1]), gap, values[0], {q.name: of})
+        uncertainty |= uncertainties(Miss(changed, share), gap, values[0], {q.name: of})
     return replace(
         solution,
         uncertainty=uncertainty,
@@ -307,5 +313,21 @@ def _found(
         replace(solution, membrane=deformed.membrane, bending=deformed.bending),
         challenge.field(solution, weights + change, energies, forces),
     )
-    stored = deformed.membrane + deformed.bending + problem.unstrained
-    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, abs(gained) / stored)
+    share = abs(gained) / (deformed.membrane + deformed.bending + problem.unstrained)
+    of_work = share if held else _share_of_work(challenge.problem, deformed, change, state.t, abs(gained))
+    return Found(solutions, (probed(solutions[0]), probed(solutions[1])), steps, share, min(share, of_work))
+
+
+def _share_of_work(problem: PathProblem, deformed: Deformed, change: Tensor, t: float, gained: float) -> float:
+    """Return by which share the displacement that dead loads work on errs, as a Newton step (3 M,) tells.
+
+    Let the loads be s times what they are, and w their work at s = 1. In equilibrium the potential energy falls with s
+    as the loads' work on the displacement: dPi/ds = -w (Hellmann and Feynman). A field whose energy is too high by
+    e(s) does so, too. So its w is too small by de/ds, which to first order is the loads' work on the Newton step. In
+    linear shells e grows as s^2: de/ds = 2 e, and with w = 2 U the share is e / U, as there. Where loads do more work
+    than twice what is stored, as in a strip that hangs, e / U is no share of any displacement.
+    """
+    # The work on the step may be small by accident, the energy can't: so 2 e is the least.
+    if problem.moments or problem.pressure is not None or not deformed.work:
+        return math.inf  # what they do is no work of dead loads
+    return max(2 * gained, abs(float(problem.forces(t)[0] @ change))) / abs(deformed.work)

@@ -195,6 +195,15 @@ def test_rungs_are_ever_wider_and_longer_along_a_strip():
     np.testing.assert_allclose(scales / coarse.scales(Inputs.from_case(lying)), fine.along)
 
 
+def test_a_last_rung_of_slender_strips_is_longer_and_no_wider():
+    strip = shell({"kind": "plane", "xi1": [0, 40], "xi2": [0, 1]})
+    before, last = rung(strip, rung_count(strip) - 2), rung(strip, rung_count(strip) - 1)
+    assert last.neurons == before.neurons
+    assert last.along[0] == pytest.approx(40**0.6)
+    assert last.along[0] > before.along[0]
+    assert last.rule.panels[0] > before.rule.panels[0]
+
+
 @pytest.mark.parametrize("case", [shell("plane"), shell("roof"), shell("tube")])
 def test_rungs_of_squares_and_of_curved_shells_keep_scales_and_panels(case):
     usual = resolution(case)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from shellbench.solvers.ndf import patches
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.field import Field, Network
 from shellbench.solvers.ndf.jets import Placement
@@ -51,6 +52,19 @@ def test_at_a_wall_resultants_are_its_reactions(name, wanted, tolerance):
     assert finer == pytest.approx(wanted, rel=tolerance)
     assert abs(own / wanted - 1) > 10 * abs(finer / wanted - 1)
     assert abs(finer / coarser - 1) < 10 * tolerance
+
+
+@torch.no_grad()
+def test_a_point_asked_alone_has_the_value_it_has_beside_others(monkeypatch):
+    monkeypatch.setattr(patches, "DEGREES", (4, 6))  # quicker, and less alike
+    case, turning = shell(**BENT), LENGTH * (1 / 2 - 1 / 12**0.5)  # where the moment changes sign
+    field, points = layered(case), np.array([[0.0, 0.1], [turning, 0.1]])
+    together = Recovery(field, "linear", at_rest=True)
+    both = together.resultants("moment", points)
+    assert np.abs(both[1, 1]).max() < 1e-3 * np.abs(both[1, 0]).max()
+    for k, point in enumerate(points):
+        alone = Recovery(field, "linear", at_rest=True, balances=together.balances)
+        assert alone.resultants("moment", point[None])[:, 0] == pytest.approx(both[:, k], rel=1e-6, abs=1e-10)
 
 
 @torch.no_grad()

@@ -7,7 +7,8 @@ import pytest
 from shellbench.bench.catalog import known_values, named_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.ndf import large_displacement, path_challenge
-from shellbench.solvers.ndf.path_challenge import Challenge, challenged
+from shellbench.solvers.ndf.continuation import PathState, equilibrium
+from shellbench.solvers.ndf.path_challenge import Challenge, _share_of_work, challenged
 from shellbench.solvers.ndf.refinement import SAFETY
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 
@@ -54,3 +55,25 @@ def test_a_change_that_is_small_by_accident_is_found(coarse, monkeypatch):
     planted = challenged(*given)
     for name in ("centre_deflection", "largest_displacement"):
         assert planted.uncertainty[name] > 0.1 * solution.uncertainty[name]
+
+
+def test_the_work_that_loads_do_on_a_step_is_how_the_gain_grows_with_them(coarse):
+    """Of small loads it is twice the gain, and the share of work is that of energy; of large ones it is no longer."""
+    _, (problem, states, solution, usual, seed, _) = coarse
+    challenge = Challenge.of_path(problem, solution.states[-1], usual, seed)
+
+    def at(state):
+        weights, deformed = challenge.start(problem, state)
+        change, _, _ = challenge.step(weights, deformed, state.t, held=False)
+        gained = float(deformed.residual @ change) / 2
+        share = _share_of_work(challenge.problem, deformed, change, state.t, gained)
+        return gained, share, deformed
+
+    gained, share, deformed = at(equilibrium(problem, PathState.rest(problem), 1e-3))
+    assert share == pytest.approx(gained / (deformed.membrane + deformed.bending), rel=1e-3)
+    gained, share, deformed = at(states[-1])
+    below, _, _ = at(equilibrium(problem, states[-1], 0.98))
+    above, _, _ = at(equilibrium(problem, states[-1], 1.02))
+    grows = (above - below) / 0.04  # dW and W at a load factor of 1
+    assert grows > 2.2 * gained
+    assert share * deformed.work == pytest.approx(grows, rel=2e-2)
