@@ -178,6 +178,27 @@ def trained() -> list[str]:
     return table(("shell", "repaired training with", "certified energy above the least", "displacement"), rows)
 
 
+BASES = {"cartesian": "Cartesian", "covariant": "covariant"}
+ARC = "roof_by_arc_length"
+
+
+def basis_of(line: Line) -> str:
+    """Say which components the output layer gives."""
+    return BASES[line["settings"]["components"]] + (", by arc length" if line["case"] == ARC else "")
+
+
+def components() -> list[str]:
+    rows = []
+    for line in lines_of("components"):
+        course = line["course"] or {}
+        above = [percent(course[at][0]) if at in course else "–" for at in ("500", "1000")]
+        shell = "scordelis_lo" if line["case"] == ARC else line["case"]
+        what = (shell, basis_of(line) + ended(line), f"{line['seed']:.0f}")
+        rows.append((*what, *above, percent(line["above"]), percent(line["error"])))
+    heads = ("shell", "output", "seed", "energy above the least at 500", "at 1000", "at the end")
+    return table((*heads, "displacement"), rows)
+
+
 def by(key: str, lines: list[Line]) -> Iterator[tuple[Any, list[Line]]]:
     """Yield the lines of each value, in their order."""
     for value in dict.fromkeys(line[key] for line in lines):
@@ -258,6 +279,25 @@ def figures() -> Iterator[tuple[str, Any]]:
     add_legend(figure, entries, 3)
     yield "runtime", figure
 
+    figure, panels = open_figure((7.6, 5.6), 2, 2, sharex=True)
+    entries = {}
+    for line in (one for one in lines_of("components") if one["course"]):
+        at = [int(iteration) for iteration in line["course"]]
+        above, error = zip(*line["course"].values(), strict=True)
+        dashes = DASHES[(line["case"] == ARC) + (line["settings"]["components"] == "covariant")]
+        ink, column = INKS["ndf-published"], int(line["case"] == "pinched_cylinder_diaphragm")
+        for axes, values in zip(panels[:, column], (above, error), strict=True):
+            heights = [100 * value for value in values]
+            axes.plot(at, heights, color=ink.colour, marker=ink.marker, linestyle=dashes, markersize=3.5)
+        entries[basis_of(line)] = entry(ink, linestyle=dashes)
+    for axes, title in zip(panels[0], ("Scordelis-Lo roof", "Pinched cylinder, diaphragms"), strict=True):
+        finish([axes], y="certified energy above the least (%)", title=title, log="y")
+    for axes in panels[1]:
+        finish([axes], "iterations", "displacement off the known value (%)", log="")
+        axes.axhline(0.0, color="black", linewidth=0.6)
+    add_legend(figure, entries, 3)
+    yield "components", figure
+
     figure, ((left, middle, right),) = open_figure((9.0, 3.2), 1, 3)
     groups = grouped(lines_of("long"))
     entries = curves(left, groups, "until", "seconds")
@@ -288,7 +328,7 @@ def main() -> None:
 
 
 TABLES: dict[str, Callable[[], list[str]]] = {
-    one.__name__: one for one in (thin, times, runtime, long, constant, droop, trained)
+    one.__name__: one for one in (thin, times, runtime, long, constant, droop, trained, components)
 }
 
 if __name__ == "__main__":
