@@ -38,6 +38,7 @@ from shellbench.solvers.ndf.solution import PathSolution
 
 DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
 SHUT = 1e-6  # of the largest displacement: gap of a point that the step before left in contact
+PASSES = 2  # of smoothing forces: with one of them their resultant is short by 1e-4
 STIFF = 100.0  # of a point in contact, in the mean stiffness of such points at rest
 
 
@@ -144,7 +145,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
             break
         if decrement <= CONVERGED * scale:
             largest = float(np.abs(points.displacement(weights, t)).max())
-            smooth = smoothest(compliance, offset, forces, unit, points.line, largest)[:, None] * normal
+            smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))
             state = PathState(t, weights, replace(deformed, residual=residual), iteration)
             return state, replace(points.touch, forces=smooth)

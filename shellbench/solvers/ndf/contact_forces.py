@@ -107,11 +107,14 @@ def typical_compliance(compliance: Array, touch: Touch) -> Array:
     return np.asarray(np.mean(np.diag(compliance)) * area.mean() / area)
 
 
-def smoothest(compliance: Array, gap: Array, forces: Array, unit: Array, line: Flags, largest: float) -> Array:
+def smoothest(
+    compliance: Array, gap: Array, forces: Array, unit: Array, line: Flags, largest: float, passes: int = 1
+) -> Array:
     """Return the forces (n,) >= 0, N, that move the shell as `forces` do and vary least.
 
     They act where gaps are closed. `gap` (n,) is that without them, `unit` their `typical_compliance`, `line` (n,) are
-    those on an edge of contact, and `largest` is how far the shell moves, m.
+    those on an edge of contact, and `largest` is how far the shell moves, m. What a pass leaves of the response, as
+    obstacles give, the next one adds.
     """
     # Of forces with the same response, those of least sum of squares per area. The textbook takes the multipliers.
     # There are more points than a smooth basis tells apart, so these are a few spikes, whose resultants are right and
@@ -119,7 +122,9 @@ def smoothest(compliance: Array, gap: Array, forces: Array, unit: Array, line: F
     near = (gap + compliance @ forces <= CLOSED * largest) | (forces > 0)
     give = (SMOOTH * unit / np.where(line, LINE_FORCE, 1.0))[near]
     smooth = np.zeros(len(forces))
-    smooth[near] = least_forces(compliance[np.ix_(near, near)], -(compliance @ forces)[near], give)
+    among, asked = compliance[np.ix_(near, near)], (compliance @ forces)[near]
+    for _ in range(passes):
+        smooth[near] = least_forces(among, -asked - give * smooth[near], give)
     return smooth
 
 
