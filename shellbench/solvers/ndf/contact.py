@@ -1,21 +1,19 @@
-"""Contact of a linear Ritz field with obstacles: the least energy among fields that enter none at the points asked.
+"""Contact of a Ritz field with obstacles: the least energy among fields that enter none at the points asked.
 
-Forces at points are the multipliers. They are found from the dual problem, least squares with unknowns that are not
-negative (Lawson & Hanson 1974, chapter 23). Smooth fields can't tell many forces apart, so a great many of them give
-the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the shear force jumps
-there. So edges of contact along coordinate lines are looked for in the gap, and the field is given features that jump
-as well (see `creases`).
+Forces at points are the multipliers (see `contact_forces`). Smooth fields can't tell many forces apart, so a great
+many of them give the same displacement: the smoothest are taken. And smooth fields ring where contact begins, as the
+shear force jumps there. So edges of contact along coordinate lines are looked for in the gap, and the field is given
+features that jump as well (see `creases`). Two answers say how sure the second one is. A single one is that of linear
+statics here, or that of a path (see `contact_at_finite_strain`).
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
-from scipy.optimize import nnls
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
@@ -34,17 +32,28 @@ from shellbench.solvers.ndf.build import (
     resolution,
     side_lengths,
 )
+from shellbench.solvers.ndf.contact_forces import (
+    ALONG,
+    GUARD,
+    SLIGHT,
+    contact_points,
+    least_forces,
+    on_creases,
+    smoothest,
+    typical_compliance,
+)
 from shellbench.solvers.ndf.creases import Crease
 from shellbench.solvers.ndf.energy import certify, concentrated, energy_gap, normal_equations
 from shellbench.solvers.ndf.field import Ansatz, Features, Field, random_features
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.quadrature import area_rule
+from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.refinement import (
     Miss,
     changes,
     finer_rule,
     first_level,
     is_slender,
+    lengthwise,
     probed,
     scale,
     uncertainties,
@@ -52,89 +61,21 @@ from shellbench.solvers.ndf.refinement import (
 )
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.signs import Signs, jitter_share, refusal, rounding_energy, unseen_turning
-from shellbench.solvers.ndf.solution import NdfSolution
+from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.solve import JITTER, HeldInverse, OutputLayer, held_part, potential_energy, spread
 from shellbench.solvers.ndf.static import with_settings
 
-POINTS = 600  # at which gaps are asked, while no edge of contact is known
-ALONG, LEAST, MOST = 80, 5, 12  # of them across the edges of contact, and along these
-GUARD = 2.0  # spacings outside an edge of contact that its own row stands for
-LINE_FORCE = 10.0  # times as much of a force costs nothing more on such a row: a line force is no noise
-SLIGHT = 1e-9  # share of the mean compliance by which obstacles give: what makes forces unique at all
-SMOOTH = 1e-3  # the same, where forces are made smooth
-CLOSED = 3e-4  # of the largest displacement: gaps at which smooth forces may act
 STRAIGHT = 0.02  # of a side: spread of an edge of contact along its line
 LOOKED, ROWS = 501, 9  # points of a line on which an edge of contact is looked for, and lines
 NEAREST, FARTHEST, DEGREE = 1e-2, 0.5, 3  # shares of the largest gap whose cube root is fitted, and how
+FARTHEST_TURNED = 0.1  # the same at finite strain: fits that reach farther disagree with each other by degree
 SETTLED_EDGE = 1e-3  # of a side: change of an edge of contact with which it is found
 ROUNDS = 5  # of looking for edges of contact
 PLANES = 8  # steps in which the planes that touch an obstacle are found
 STILL = 1e-9  # of the largest displacement: change after which these planes stay
 FINER = 1.4  # times the neurons, and times the points and panels by its root: the answer after the first
 ALONG_SLENDER = (1.5, 0.3)  # of the scale along and across a slender shell, which bends along its length
-REACH, FAR_REACH = 2.0, 8.0  # spacings over which forces make a pressure, with edges of contact known or not
 SETTLED_POINT = 1e-2  # of where contact begins
-
-
-def contact_points(case: Case, creases: tuple[Crease, ...], finer: float) -> Touch:
-    """Return the points at which the gap is asked, in rows along both coordinates, with no force on them."""
-    domain, sides = case.surface.domain, np.asarray(side_lengths(case))
-    if creases:
-        across = {axis for axis, _, _ in creases}
-        alike = ALONG * sides / sides[min(across)]
-        counts = [ALONG if axis in across else int(np.clip(alike[axis], LEAST, MOST)) for axis in (0, 1)]
-    else:
-        counts = [max(4, round(float(np.sqrt(POINTS / sides.prod()) * side))) for side in sides]
-    found = []
-    for axis in (0, 1):
-        # The row of an edge of contact stands for half a spacing inside, and for `GUARD` of them outside, where the gap
-        # opens with the cube of the distance.
-        h = domain.size[axis] / round(finer * counts[axis])
-        lines = sorted((at, side) for other, at, side in creases if other == axis)
-        breaks = [domain.lower[axis]]
-        for at, side in lines:
-            below, above = (0.5, GUARD) if side > 0 else (GUARD, 0.5)
-            breaks += [at - below * h, at + above * h]
-        breaks.append(domain.upper[axis])
-        if np.any(np.diff(breaks) <= 0):
-            raise SolveFailure("edges of contact lie closer than the points at which gaps are asked")
-        points: list[Array] = []
-        lengths: list[Array] = []
-        for k, (start, stop) in enumerate(pairwise(breaks)):
-            if k % 2:
-                points.append(np.array([lines[k // 2][0]]))
-                lengths.append(np.array([stop - start]))
-                continue
-            number = max(1, round((stop - start) / h))
-            points.append(start + (stop - start) * (np.arange(number) + 0.5) / number)
-            lengths.append(np.full(number, (stop - start) / number))
-        found.append((np.concatenate(points), np.concatenate(lengths)))
-    grid, sizes = (
-        np.stack(np.meshgrid(found[0][k], found[1][k], indexing="ij"), axis=-1).reshape(-1, 2) for k in (0, 1)
-    )
-    x = case.surface.derivatives(grid, 1)
-    speeds = np.stack([np.broadcast_to(np.linalg.norm(x[k], axis=-1), len(grid)) for k in ((1, 0), (0, 1))], axis=-1)
-    spacing = np.array([domain.size[axis] / round(finer * counts[axis]) for axis in (0, 1)]) * speeds.max(axis=0)
-    return Touch(grid, np.zeros((len(grid), 3)), sizes * speeds, (REACH if creases else FAR_REACH) * spacing)
-
-
-def least_forces(compliance: Array, gap: Array, give: Array) -> Array:
-    """Return forces x (n,) >= 0 with gap + (compliance + give) x >= 0, one of both zero: N from m and m/N.
-
-    Raises
-    ------
-    SolveFailure
-        If there are none that rounding can tell.
-    """
-    if not np.any(gap < 0):
-        return np.zeros(len(gap))  # SciPy's routine takes no empty matrix
-    # min x A x / 2 + gap x over x >= 0 with A = R^T R is the distance of R x from -R^-T gap: least squares.
-    try:
-        root = cholesky(compliance + np.diag(give))
-        found, _ = nnls(root, -solve_triangular(root, gap, trans="T"), maxiter=50 * len(gap))
-    except (LinAlgError, RuntimeError, ValueError) as error:
-        raise SolveFailure(f"the forces of obstacles can't be found ({error})") from None
-    return np.asarray(found)
 
 
 @dataclass(frozen=True)
@@ -144,20 +85,42 @@ class Touching:
     Attributes
     ----------
     solution
-        The field.
+        The field, or those of a path.
     potential
-        On its fine rule, J.
+        Of the last one, on its fine rule, J.
     signs
         Whether it is an answer.
     """
 
-    solution: NdfSolution
+    solution: NdfSolution | PathSolution
     potential: float
     signs: Signs
 
+    @property
+    def last(self) -> NdfSolution:
+        """The field at the path's end."""
+        return self.solution.states[-1] if isinstance(self.solution, PathSolution) else self.solution
 
-def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: ProgressCallback) -> NdfSolution:
+
+Answer = Callable[
+    [Case, FieldSpec, RitzSettings, Resolution, int, float],
+    Touching,
+]
+"""Answers on a resolution, with a seed, and with so many times the usual contact points a side."""
+
+
+def solve(
+    case: Case,
+    spec: FieldSpec,
+    settings: RitzSettings,
+    progress: ProgressCallback,
+    answer: Answer | None = None,
+    settled: float = 1e-3,
+) -> NdfSolution | PathSolution:
     """Answer twice, on two resolutions with other features; the second is the answer, and their change what it misses.
+
+    `answer` is that of linear statics, if none is given. Figures are taken for found whose uncertainty is at most
+    `settled` of their scales.
 
     Raises
     ------
@@ -165,9 +128,16 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
         If a field is no answer (see `shellbench.solvers.ndf.signs`), or the forces of obstacles are not found.
     """
     begin = time.perf_counter()
-    spec = spec.model_copy(update={"detail": 1})
     fixed = settings.neurons is not None, settings.panels is not None
-    chosen = first_level(case, with_settings(resolution(case), settings), *fixed).resolution
+    # Along a path there are no features of edge layers: those of linear theory are too fine for Newton's method.
+    chosen = first_level(
+        case, with_settings(resolution(case), settings), fixed[0], fixed[1] or not case.linear
+    ).resolution
+    if case.linear:
+        spec = spec.model_copy(update={"detail": 1})
+    else:
+        rules = [spec if fixed[1] else lengthwise(case, spec) for spec in (chosen.rule, chosen.fine)]
+        chosen = replace(chosen, edge_scale=0.0, rule=rules[0], fine=rules[1])
     if is_slender(case):
         longer = int(np.argmax(side_lengths(case)))
         chosen = replace(chosen, along=(ALONG_SLENDER[longer], ALONG_SLENDER[1 - longer]))
@@ -180,7 +150,7 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     for number, level in enumerate((chosen, fine)):
         progress(Progress(number, None, f"looking for contact with {level.neurons} neurons"))
         given = settings.seed + number * 2**20
-        last, creases = _located(case, spec, settings, level, creases, given, root**number)
+        last, creases = _located(case, spec, settings, level, creases, given, root**number, answer or _answer)
         steps.append(
             Step(
                 iteration=number,
@@ -192,13 +162,13 @@ def solve(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
             )
         )
         answers.append(last)
-    solution = _stated(answers[0], answers[1], tuple(steps))
-    if (reason := refusal(answers[1].signs, solution.spec, settings.largest_gap)) is not None:
+    solution = _stated(answers[0], answers[1], tuple(steps), settled)
+    if (reason := refusal(answers[1].signs, spec, settings.largest_gap)) is not None:
         raise SolveFailure(reason, solution)
     return solution
 
 
-def _stated(before: Touching, last: Touching, steps: tuple[Step, ...]) -> NdfSolution:
+def _stated(before: Touching, last: Touching, steps: tuple[Step, ...], settled: float) -> NdfSolution | PathSolution:
     """Return the last answer with what is known of its uncertainty, and of its figures."""
     solution, case = last.solution, last.solution.case
     try:
@@ -226,11 +196,11 @@ def _stated(before: Touching, last: Touching, steps: tuple[Step, ...]) -> NdfSol
     stated |= {n: u for n, u in uncertainties(Miss(changed, 0.0), gap, second, scales).items() if n in depths}
     open_ones = [
         unsettled({n: u for n, u in stated.items() if (n in edges) == edge}, scales, limit)
-        for edge, limit in ((False, 1e-3), (True, SETTLED_POINT))
+        for edge, limit in ((False, settled), (True, max(settled, SETTLED_POINT)))
     ]
-    return replace(
-        solution, history=steps, uncertainty=stated, unsettled=next((words for words in open_ones if words), None)
-    )
+    own = (replace(step, iteration=len(steps) + step.iteration) for step in solution.history)
+    words = next((words for words in open_ones if words), None)
+    return replace(solution, history=(*steps, *own), uncertainty=stated, unsettled=words)
 
 
 def _located(
@@ -241,17 +211,18 @@ def _located(
     creases: tuple[Crease, ...],
     seed: int,
     finer: float,
+    answer: Answer,
 ) -> tuple[Touching, tuple[Crease, ...]]:
     """Return the answer on a resolution whose edges of contact are where its features jump."""
     size = case.surface.domain.size
     for _ in range(ROUNDS):
-        answer = _answer(case, spec.model_copy(update={"creases": creases}), settings, level, seed, finer)
-        found = edges_of_contact(answer.solution)
+        touching = answer(case, spec.model_copy(update={"creases": creases}), settings, level, seed, finer)
+        found = edges_of_contact(touching.last)
         same = [(axis, side) for axis, _, side in found] == [(axis, side) for axis, _, side in creases]
         if same and all(abs(a[1] - b[1]) <= SETTLED_EDGE * size[a[0]] for a, b in zip(found, creases, strict=True)):
             break
         creases = found
-    return answer, creases
+    return touching, creases
 
 
 def _settled(
@@ -261,19 +232,14 @@ def _settled(
     # 1. The gap g and its direction n where the shell is: obstacles that are curved are planes for this step.
     # 2. Rows G = n . u of the weights, their response A^-1 G^T, and the compliance G A^-1 G^T of the points.
     # 3. Forces from the dual problem: gaps of the loads alone, g + G w, and what forces add to them.
-    # 4. Of forces with the same response, those of least sum of squares per area. They act where gaps are closed.
+    # 4. Of forces with the same response, the smoothest. They act where gaps are closed.
     # 5. All over again at the new place, until it stays. From rest on, so that no shell goes through an obstacle.
-    # Textbooks take the multipliers of step 3. There are more points than a smooth basis tells apart, so these are a
-    # few spikes, whose resultants are right and whose places mean nothing.
     case, placement = ansatz.case, features.placement
     values = features.values(touch.points)
     matrix = ansatz.factors.matrix(touch.points, placement)[VALUE]
     lift = ansatz.lift.jet(touch.points, placement)[VALUE]
-    area = touch.lengths.prod(axis=1)
-    line = np.zeros(len(area), dtype=bool)
-    for axis, at, _ in creases:
-        line |= np.abs(touch.points[:, axis] - at) <= 1e-9 * case.surface.domain.size[axis]
-    free, nothing = held.layer(), held.targets.new_zeros((len(held.targets), len(area)))
+    line = on_creases(case, touch, creases)
+    free, nothing = held.layer(), held.targets.new_zeros((len(held.targets), len(touch.points)))
 
     def moved(weights: Tensor) -> Array:
         every = weights.new_zeros(3 * features.count)
@@ -281,23 +247,19 @@ def _settled(
         u = (matrix @ (values @ every.view(3, -1).T)[..., None])[..., 0] + lift
         return np.asarray(u.cpu().numpy())
 
-    u = np.zeros((len(area), 3))
+    u = np.zeros((len(touch.points), 3))
     for _ in range(PLANES):
         gap, normal = gaps(case, touch.points, u, ansatz.t)
         along = (matrix.mT @ placement.tensor(normal)[..., None])[..., 0]
-        rows = (along[:, :, None] * values[:, None, :]).reshape(len(area), -1)[:, kept]
+        rows = (along[:, :, None] * values[:, None, :]).reshape(len(touch.points), -1)[:, kept]
         response, _ = held.solve(rows.T, nothing)
         compliance = (rows @ response).cpu().numpy()
         compliance = (compliance + compliance.T) / 2
-        unit = float(np.mean(np.diag(compliance))) * area.mean() / area
         offset = gap + np.sum(normal * (moved(free.weights) - u), axis=1)
+        unit = typical_compliance(compliance, touch)
         forces = least_forces(compliance, offset, SLIGHT * unit)
-        pressed = moved(free.weights + response @ placement.tensor(forces))
-        opened = gap + np.sum(normal * (pressed - u), axis=1)
-        near = (opened <= CLOSED * np.abs(pressed).max()) | (forces > 0)
-        give = (SMOOTH * unit / np.where(line, LINE_FORCE, 1.0))[near]
-        smooth = np.zeros(len(area))
-        smooth[near] = least_forces(compliance[np.ix_(near, near)], -(compliance @ forces)[near], give)
+        largest = float(np.abs(moved(free.weights + response @ placement.tensor(forces))).max())
+        smooth = smoothest(compliance, offset, forces, unit, line, largest)
         last, u = u, moved(free.weights + response @ placement.tensor(smooth))
         if np.abs(u - last).max() <= STILL * np.abs(u).max():
             break
@@ -324,7 +286,7 @@ def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
                 points = np.full((LOOKED, 2), domain.lower[1 - axis] + share * domain.size[1 - axis])
                 points[:, axis] = along
                 gap, _ = gaps(case, points, solution.displacement(points), solution.spec.t)
-                edge = _root_of_gap(along, gap)
+                edge = _root_of_gap(along, gap, FARTHEST if case.linear else FARTHEST_TURNED)
                 if edge is not None:
                     at.append(edge)
             if len(at) == ROWS and float(np.ptp(at)) <= STRAIGHT * domain.size[axis]:
@@ -334,21 +296,22 @@ def edges_of_contact(solution: NdfSolution) -> tuple[Crease, ...]:
     return tuple(
         crease
         for crease in found
-        if all(
+        if domain.lower[crease[0]] < crease[1] < domain.upper[crease[0]]
+        and all(
             abs(crease[1] - at) > apart[crease[0]]
             for at in (*ends[crease[0]], *(other[1] for other in found if other != crease and other[0] == crease[0]))
         )
     )
 
 
-def _root_of_gap(along: Array, gap: Array) -> float | None:
+def _root_of_gap(along: Array, gap: Array, farthest: float = FARTHEST) -> float | None:
     largest = gap.max()
     closed = np.flatnonzero(gap < NEAREST**2 * largest)
     if not len(closed):
         return None
     peak = int(np.argmax(gap[: closed[0]])) if closed[0] else 0
     x, g = along[peak : closed[0]], gap[peak : closed[0]]
-    fitted = (g > NEAREST * largest) & (g < FARTHEST * largest)
+    fitted = (g > NEAREST * largest) & (g < farthest * largest)
     if fitted.sum() < 4 * DEGREE:
         return None
     x, g = x[fitted], g[fitted]
@@ -358,17 +321,25 @@ def _root_of_gap(along: Array, gap: Array) -> float | None:
     return float(roots[np.argmin(np.abs(roots - x[-1]))]) if len(roots) else None
 
 
-def _answer(
-    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float
-) -> Touching:
+def drawn(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int
+) -> tuple[Ansatz, Features, tuple[RuleSpec, RuleSpec], Array]:
+    """Return a field's supports and features, the rules to train and to judge it, and what these are graded toward."""
     placement, focal = Placement.on(settings.device), graded_points(case, spec)
     joints = tuple(
         tuple(sorted({*own, *(at for a, at, _ in spec.creases if a == axis)})) for axis, own in enumerate(case.kinks)
     )
-    rule_spec, fine_spec = (replace(one, joints=(joints[0], joints[1])) for one in (level.rule, level.fine))
-    ansatz, inputs = build_ansatz(case, spec), build_inputs(case, spec)
+    rule, fine = (replace(one, joints=(joints[0], joints[1])) for one in (level.rule, level.fine))
+    inputs = build_inputs(case, spec)
     network = random_features(placement.tensor(level.scales(inputs)), level.neurons, seed, settings.activation)
-    features = build_features(case, spec, network, placement, inputs)
+    return build_ansatz(case, spec), build_features(case, spec, network, placement, inputs), (rule, fine), focal
+
+
+def _answer(
+    case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolution, seed: int, finer: float
+) -> Touching:
+    ansatz, features, (rule_spec, fine_spec), focal = drawn(case, spec, settings, level, seed)
+    placement = features.placement
     rule, fine = (area_rule(case.surface.domain, focal, one) for one in (rule_spec, fine_spec))
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, rule_spec, focal, placement))
     kept, held = held_part(ansatz, features, equations, np.arange(features.count))

@@ -9,7 +9,7 @@ more equation on a path.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,6 +87,10 @@ def equilibrium(problem: PathProblem, start: PathState, t: float, neutral: float
     # Point supports are moved first. Steps in the basis leave them where they are.
     change = basis.held @ (problem.targets(t) - problem.constraints @ start.weights)
     return _newton(problem, start, t, change, None, neutral)
+
+
+Find = Callable[[PathProblem, PathState, float], PathState]
+"""Finds the state at a load factor from another one, or raises `NotConvergedError`."""
 
 
 def on_path(problem: PathProblem, start: PathState, constraint: Constraint, guess: tuple[Tensor, float]) -> PathState:
@@ -255,8 +259,8 @@ class PathEndsError(Exception):
     """The path can't be followed further; the message is a clause that says why."""
 
 
-def load_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:
-    """Yield the states from rest to the last of increasing load factors.
+def load_steps(problem: PathProblem, marks: Sequence[float], find: Find = equilibrium) -> Iterator[PathState]:
+    """Yield the states from rest to the last of increasing load factors, each found from the one before.
 
     Raises
     ------
@@ -271,7 +275,7 @@ def load_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathSta
         while state.t < mark:
             target = landing(state.t, mark, step)
             try:
-                found = equilibrium(problem, state, target)
+                found = find(problem, state, target)
                 reason = "" if found.stable else f"the state at load factor {target:.6g} is not stable"
             except NotConvergedError:
                 found, reason = state, f"no equilibrium was found at load factor {target:.6g}"

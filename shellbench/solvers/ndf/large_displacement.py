@@ -18,7 +18,7 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
 from shellbench.problems.shell.edit import between
-from shellbench.problems.shell.quantities import DisplacementQuantity
+from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity, LimitPoint
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, Resolution, build_ansatz
@@ -63,8 +63,8 @@ class Rung:
 
 def why_not_followed(case: Case) -> str | None:
     """Return why a field can't follow a non-linear case, as one clause, or None if it can."""
-    if case.obstacles:
-        return "it touches obstacles in the linear theory alone"
+    if case.obstacles and (reason := _why_not_touched(case)) is not None:
+        return reason
     for support in case.supports:
         if support.clamped and isinstance(support.motion, Value):
             return f"it can't tell how far the clamped support '{support.name}' turns"
@@ -81,6 +81,18 @@ def why_not_followed(case: Case) -> str | None:
     if free.size and np.abs(free[3:]).max() > RIGID:
         name = RIGID_MOTIONS[3 + int(np.argmax(np.abs(free[3:]).max(axis=1)))]
         return f"it needs supports against {name} at finite strain"
+    return None
+
+
+def _why_not_touched(case: Case) -> str | None:
+    if case.path.control != "load" or case.path.after_buckling == "follow":
+        return "it touches obstacles by load steps before buckling only"
+    if any(isinstance(q, CriticalPoint | LimitPoint) for q in case.quantities):
+        return "it tells of no turning or critical points where there are obstacles"
+    if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
+        return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
+    if free_motions(case).size:
+        return "it needs supports against all rigid motions where there are obstacles"
     return None
 
 
@@ -265,7 +277,10 @@ class _Run:
             kept.append(len(states) - 1)
         fine = replace(self.problem, rule_spec=self.rung.fine)
         certified = [self._certified(fine, states[k]) for k in kept]
-        gaps = {k: self._gap(states[k].deformed, deformed) for k, deformed in zip(kept, certified, strict=True)}
+        gaps = {
+            k: disagreement(states[k].deformed, deformed, self.problem.unstrained)
+            for k, deformed in zip(kept, certified, strict=True)
+        }
         fields = tuple(self._state(states[k], deformed) for k, deformed in zip(kept, certified, strict=True))
         history = tuple(
             self._step(k, state, after, gaps.get(k))
@@ -301,11 +316,6 @@ class _Run:
         ]
         return fine.deform(state.weights, state.t, tuple(near))
 
-    def _gap(self, trained: Deformed, certified: Deformed) -> float:
-        """Return the disagreement of two potential energies, relative to what they are made of."""
-        magnitude = certified.membrane + certified.bending + abs(certified.work)
-        return abs(trained.potential - certified.potential) / max(magnitude, self.problem.unstrained)
-
     def _step(self, number: int, state: PathState, seconds: float, gap: float | None) -> Step:
         return Step(
             iteration=number,
@@ -327,24 +337,35 @@ class _Run:
 
     def _field(self, state: PathState) -> NdfSolution:
         """Return the solution of a state, its energies left out."""
-        features, combined = self.rung.features, self.problem.features
-        output = state.weights.view(3, -1)
-        if isinstance(combined, Combined):
-            output = output @ combined.combine.T
-        spec = self.spec.model_copy(update={"t": state.t})
-        field = Field(build_ansatz(self.case, spec), features, output, output.new_zeros(6))
-        rule = area_rule(self.case.surface.domain, self.rung.focal, self.rung.rule)
-        supports = point_supports(self.case, state.t)
-        # Where all is prescribed there is no basis, and no point is held.
-        held = -self.problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
-        return NdfSolution(
-            case=self.case,
-            solver=self.solver,
-            spec=spec,
-            field=field.less_rigid(rigid_part(field, rule)),
-            rule=self.rung.fine,
-            membrane=float("nan"),
-            bending=float("nan"),
-            parameters=0 if self.prescribed else output.numel() + self.rung.trained,
-            point_forces=tuple(held[: len(supports)].tolist()),
-        )
+        return state_solution(self.problem, self.rung, self.solver, state)
+
+
+def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathState) -> NdfSolution:
+    """Return the solution of a state of a path, its energies left out."""
+    features, combined, case = rung.features, problem.features, problem.ansatz.case
+    output = state.weights.view(3, -1)
+    if isinstance(combined, Combined):
+        output = output @ combined.combine.T
+    spec = problem.spec.model_copy(update={"t": state.t})
+    field = Field(build_ansatz(case, spec), features, output, output.new_zeros(6))
+    rule = area_rule(case.surface.domain, rung.focal, rung.rule)
+    supports = point_supports(case, state.t)
+    # Where all is prescribed there is no basis, and no point is held.
+    held = -problem.basis.held.T @ state.deformed.residual if supports else output.new_zeros(0)
+    return NdfSolution(
+        case=case,
+        solver=solver,
+        spec=spec,
+        field=field.less_rigid(rigid_part(field, rule)),
+        rule=rung.fine,
+        membrane=float("nan"),
+        bending=float("nan"),
+        parameters=0 if case.prescribed else output.numel() + rung.trained,
+        point_forces=tuple(held[: len(supports)].tolist()),
+    )
+
+
+def disagreement(trained: Deformed, certified: Deformed, rounding: float) -> float:
+    """Return that of two potential energies, relative to what they are made of, or to one that is rounding, J."""
+    magnitude = certified.membrane + certified.bending + abs(certified.work)
+    return abs(trained.potential - certified.potential) / max(magnitude, rounding)

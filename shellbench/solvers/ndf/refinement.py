@@ -169,17 +169,18 @@ def is_slender(case: Case) -> bool:
     return is_flat(case) and max(lengths) > SLENDER * min(lengths)
 
 
-def _lengthwise(case: Case, panels: tuple[int, int]) -> tuple[int, int]:
-    """Return panels that are twice as many along the longer side, whose inputs run through its ends' layers, too."""
-    first, second = side_lengths(case)
-    return (2 * panels[0], panels[1]) if first > second else (panels[0], 2 * panels[1])
+def lengthwise(case: Case, spec: RuleSpec) -> RuleSpec:
+    """Return a rule of a slender shell with twice the panels along it, for its inputs run through the ends' layers."""
+    if foci(case) or not is_slender(case):
+        return spec
+    along = int(np.argmax(side_lengths(case)))
+    panels = (2 * spec.panels[0], spec.panels[1]) if along == 0 else (spec.panels[0], 2 * spec.panels[1])
+    return replace(spec, panels=panels)
 
 
 def _with_layers(case: Case, usual: Resolution) -> Resolution:
     """Return a resolution whose rules are graded toward edges, if nothing acts at points, and toward corners."""
-    rule, fine = usual.rule, usual.fine
-    if not foci(case) and is_slender(case):
-        rule, fine = (replace(spec, panels=_lengthwise(case, spec.panels)) for spec in (rule, fine))
+    rule, fine = (lengthwise(case, spec) for spec in (usual.rule, usual.fine))
     return replace(usual, rule=layered(case, rule), fine=layered(case, fine, CORNER_CUTS + 1))
 
 

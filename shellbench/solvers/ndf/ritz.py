@@ -16,7 +16,7 @@ import torch
 from shellbench.errors import InputError
 from shellbench.problem import ProgressCallback, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.ndf import contact, large_displacement, modes, motion, static
+from shellbench.solvers.ndf import contact, contact_at_finite_strain, large_displacement, modes, motion, static
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     Resolution,
@@ -32,6 +32,7 @@ from shellbench.solvers.ndf.field import Network, random_features
 from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
+from shellbench.solvers.ndf.path_challenge import SETTLED
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -43,8 +44,9 @@ def solve(
 ) -> NdfSolution | PathSolution | MotionSolution:
     """Solve a case; see `shellbench.solvers.ndf.ritz_solver.RitzSolver`."""
     spec = field_spec(case, settings)
-    if start is not None and case.dynamics is None and not large_displacement.is_path(case):
-        what = "it trains nothing, and solves linear shells anew"
+    anew = case.dynamics is None and (case.obstacles or not large_displacement.is_path(case))
+    if start is not None and anew:
+        what = "it trains nothing, and solves linear shells and those in contact anew"
         raise InputError(f"{RitzSolver.name} can't go on from an earlier solution in {case.name}: {what}")
     begin = load_solution(start, RitzSolver.name) if isinstance(start, Path) else start
     if begin is not None:
@@ -54,6 +56,8 @@ def solve(
             return _move(case, spec, settings, progress)
         if case.modal:
             return modes.solve(case, spec, settings, progress)
+        if case.obstacles and not case.linear:
+            return contact.solve(case, spec, settings, progress, contact_at_finite_strain.answer, SETTLED)
         if large_displacement.is_path(case):
             return _follow(case, spec, settings, begin, progress)
         if case.obstacles:

@@ -280,7 +280,7 @@ def read_states(
         bending=header.bending,
         point_forces=header.point_forces,
     )
-    solutions = []
+    solutions: list[NdfSolution] = []
     for state, weights, motion in zip(
         header.states or (one,), output.view(-1, 3, features.count), rigid.view(-1, 6), strict=True
     ):
@@ -296,7 +296,7 @@ def read_states(
                 bending=state.bending,
                 parameters=header.parameters,
                 point_forces=state.point_forces,
-                touching=touching[0] if touching else None,
+                touching=touching[len(solutions)] if touching else None,
             )
         )
     return tuple(solutions)
@@ -351,6 +351,10 @@ class PathSolution(FieldSolution):
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the shell."""
         return self.state(at).reaction_at(number, centre, None)
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the shell."""
+        return self.state(at).touch()
+
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors of the features, which all states share, and those of all states."""
         return {
@@ -380,4 +384,5 @@ class PathSolution(FieldSolution):
             for mark, s in zip(self.marks, self.states, strict=True)
         )
         header = self.states[-1].header.model_copy(update={**self.facts(), "states": headers})
-        return write(path, header, self.tensors())
+        touched = kept_touch([s.touching for s in self.states if s.touching is not None])
+        return write(path, header, {**self.tensors(), **{k: torch.as_tensor(v) for k, v in touched.items()}})
