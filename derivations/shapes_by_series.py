@@ -16,6 +16,7 @@ from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
 from .guided_plate import guided_plate, guided_plate_by_ritz
 from .guided_ring import guided_ring, guided_ring_by_ritz
+from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
@@ -68,6 +69,7 @@ JUDGES: dict[str, Values] = {
     "rippled_plate": rippled_plate,
     "blown_tube": blown_tube,
     "uneven_pipe": uneven_pipe,
+    "held_corner": held_corner,
     "bridge_plate": bridge_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
@@ -99,5 +101,6 @@ SECOND_FORMS: dict[str, Values] = {
     "rippled_plate": rippled_plate_by_ritz,
     "blown_tube": blown_tube_by_samples,
     "uneven_pipe": uneven_pipe_by_statics,
+    "held_corner": held_corner_by_ritz,
     "bridge_plate": bridge_plate_by_ritz,
 }

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import ast
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from shellbench.bench.reference import Tolerance
+from shellbench.bench.row import Finding
 from tests.bench.test_classes import figure
 from tests.mutation.draw import Mutant, all_mutants, draw, mutants_of, mutated
-from tests.mutation.exam import VALUE, finds_a_mistake
+from tests.mutation.exam import CONFIDENT, VALUE, finds_a_mistake, first_mistake
 from tests.mutation.operators import RULES
 from tests.mutation.report import (
     PAGE,
@@ -189,6 +191,18 @@ def test_the_exam_tells_a_fault_from_none(change: tuple[str, str, str], red: boo
 def test_an_answer_that_passes_against_expectation_is_no_mistake(error: float, found: bool) -> None:
     opened = Tolerance(relative=1e-3, open_finding="known to be off")
     assert finds_a_mistake(figure(error).judged(opened).finding()) is found
+
+
+def test_a_figure_within_its_tolerance_that_is_wrong_with_confidence_is_a_mistake() -> None:
+    row = figure(5e-4).judged(Tolerance(relative=1e-3))
+    sure = Finding(row, "red", "its error is 6 times the uncertainty that it states")
+    silent = SimpleNamespace(accuracy=(row.finding(),), calibration=())
+    assert first_mistake(silent, row.case) == ""
+    assert first_mistake(SimpleNamespace(accuracy=(row.finding(),), calibration=(sure,)), row.case).startswith(
+        CONFIDENT
+    )
+    opened = Finding(row, "expected failure", sure.sentence)
+    assert first_mistake(SimpleNamespace(accuracy=(row.finding(),), calibration=(opened,)), row.case) == ""
 
 
 def entry(name: str, red: str) -> dict[str, Any]:

@@ -20,7 +20,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100, help="mutants of each target")
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of the longest case that is asked")
     parser.add_argument("--patience", type=float, default=math.inf, help="seconds of the longest exam of one mutant")
-    parser.add_argument("--case", action="append", default=[], help="ask these alone, however long they take")
+    parser.add_argument("--case", action="append", default=[], help="ask these alone, or SOLVER:CASE")
     parser.add_argument("--processes", type=int, default=2, help="beside each other, one thread each")
     parser.add_argument("--store", type=Path, default=Path("reports/mutation"), help="folder of what is kept")
     chosen = parser.parse_args()

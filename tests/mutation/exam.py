@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import chain
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
@@ -25,6 +26,7 @@ from tests.mutation.targets import ROOT
 
 MOST_MEMORY = 12 * 2**30  # bytes that an exam may ask for: a mutant can want any number
 VALUE, FAILED, DECLINED, CRASH, TIME = "value", "failed run", "declined", "crash", "time limit"  # why a row is red
+CONFIDENT = "calibration"  # why a figure is that is within its tolerance: its error is many times what is stated
 UNCHANGED = "0" * 64  # stands for the digest of the source
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -90,7 +92,7 @@ def examine(mutant: Mutant | None, questions: Sequence[Question], modules: Seque
 
 
 def first_red(question: Question) -> str:
-    """Return the first red row of the accuracy gate in words, empty if all are green.
+    """Return the first red row of the accuracy gate, or else of calibration, in words; empty if all are green.
 
     The lock is not asked: it notices that a question changed, whatever a solver answers, and would examine nothing.
     """
@@ -110,11 +112,22 @@ def first_red(question: Question) -> str:
             return f"{DECLINED}: {plan.declined[0].reason}" if plan.declined else f"{CRASH}: nothing was planned"
         for task in plan.tasks:
             store.commit(place := store.begin(task.run_id), run(task, place, lambda _: None))
-        findings = gates.gate(store, None, Scope((), (question.solver,), (0,))).accuracy
-    judged = [finding for finding in findings if finding.row.case == question.case]
+        verdict = gates.gate(store, None, Scope((), (question.solver,), (0,)))
+    return first_mistake(verdict, question.case)
+
+
+def first_mistake(verdict: Any, case: str) -> str:
+    """Return why a verdict on a case is red, in words: a value or a run, or else a figure that is wrong with confidence."""
+    judged = [finding for finding in verdict.accuracy if finding.row.case == case]
     if not judged:
         return f"{FAILED}: no row is judged"
-    return next((_told(finding) for finding in judged if finds_a_mistake(finding)), "")
+    accuracy = (_told(finding) for finding in judged if finds_a_mistake(finding))
+    calibration = (
+        f"{CONFIDENT}: {finding.row.quantity}: {finding.sentence}"
+        for finding in verdict.calibration
+        if finding.colour == "red"
+    )
+    return next(chain(accuracy, calibration), "")
 
 
 def finds_a_mistake(finding: Any) -> bool:

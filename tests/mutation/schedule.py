@@ -32,6 +32,7 @@ from tests.mutation.report import excuses
 from tests.mutation.targets import ROOT, TARGETS, Target, file_of
 
 SUITES = ("obstacle_course", "verification", "variants", "shapes", "nonlinear", "cloth")
+SUITES += ("modes", "buckling", "resultants", "contact")
 LIBRARIES = ("numpy", "scipy.sparse.linalg", "scipy.interpolate", "scipy.optimize", "scipy.special", "skfem", "torch")
 LIBRARIES += ("pydantic", "safetensors.numpy", "psutil", "threadpoolctl")
 LONGER = 5.0  # times as long as the code as it is while its lines are noted, which takes twice as long: else red
@@ -80,7 +81,7 @@ def examined(
     patience
         Seconds that the code as it is takes for the cases that are asked of one mutant.
     only
-        Cases that are asked; all that are not too long if there are none.
+        Cases that are asked, those of one solver as `solver:case`; all that are not too long if there are none.
     """
     everything = all_mutants(target.modules())
     exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, only, processes, say)]
@@ -176,7 +177,8 @@ def _cases(solver: str, longest: float, only: Collection[str]) -> list[str]:
     ]
     names = {case.name: seconds.get(case.base, 0.0) for case in found if case.base in held}
     if only:
-        return sorted(names.keys() & set(only), key=lambda name: (names[name], name))
+        asked = [name for name in names if {name, f"{solver}:{name}"} & set(only)]
+        return sorted(asked, key=lambda name: (names[name], name))
     return sorted((name for name, cost in names.items() if cost <= longest), key=lambda name: (names[name], name))
 
 
