@@ -479,7 +479,9 @@ def materials() -> str:
     tables = {"ranges": conditioned.Ranges, "held_out": conditioned.HeldOut, "asked": conditioned.Asked}
     for name, cls in tables.items():
         parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
-    parts.append("`[[quantities]]` have the fields that those of shells have in common; `at` is the time of a motion, s.")
+    parts.append(
+        "`[[quantities]]` have the fields that those of shells have in common; `at` is the time of a motion, s."
+    )
     common = {"kind", *quantities.ShellQuantity.model_fields}
     for cls in (of_materials.Value, of_materials.Sensitivity):
         kind = cls.model_json_schema()["properties"]["kind"]["const"]
