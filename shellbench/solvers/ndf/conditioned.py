@@ -23,8 +23,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.errors import InputError, SolveFailure
-from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.errors import SolveFailure
+from shellbench.problem import FULL, Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
@@ -52,6 +52,7 @@ from shellbench.solvers.ndf.weights import described, network_of, network_tensor
 
 FORMAT = "ndf-conditioned, format 1"
 CANDIDATES = (9, 7)  # thicknesses and Poisson's ratios of the grid that materials are chosen from
+TOLERANCE = 1e-6  # change of the asked displacement, by the last fields, that ends it
 LAST = 2  # fields that must not change the displacement of any candidate any more
 CHALLENGED = 8  # fields that are solved for without challengers, too: the first ones, at the ends of the ranges
 ASKED_TIMES = 50  # answers by which their time is measured
@@ -111,7 +112,7 @@ class ConditionedField(ConditionedAnswer):
         InputError
             If the material is beyond the ranges, or figures are missing.
         """
-        chosen = self._material(material)
+        chosen = self.case.chosen_material(material)
         c = torch.as_tensor(self.reduced.coefficients(chosen), dtype=self.layers.dtype)
         flat = self.case.shell_of(chosen).surface.domain.wrap(np.asarray(points, dtype=float).reshape(-1, 2))
         field = Field(self._ansatz, self.features, torch.tensordot(c, self.layers, 1), c @ self.rigid)
@@ -119,31 +120,19 @@ class ConditionedField(ConditionedAnswer):
             found = field.displacement(flat).cpu().numpy()
         return np.asarray(found.reshape(*np.shape(points)[:-1], 3))
 
-    def _material(self, given: Material | Mapping[str, float] | None) -> Material:
-        if given is None:
-            return self.case.middle
-        if not isinstance(given, Material):
-            if set(given) != set(Material._fields):
-                names = ", ".join(Material._fields)
-                raise InputError(f"{self.case.name}: a material has {names}, but found {', '.join(given) or 'none'}")
-            given = Material(**{name: float(value) for name, value in given.items()})
-        if reason := self.case.ranges.outside(given):
-            raise InputError(f"{self.case.name}: {reason}")
-        return given
-
     def asked(self, material: Material | Mapping[str, float]) -> float:
         """Return the asked displacement, m, at any material of the ranges; InputError beyond them."""
-        return self.reduced.value(self._material(material))
+        return self.reduced.value(self.case.chosen_material(material))
 
     def derivative(self, material: Material | Mapping[str, float], by: Parameter) -> float:
         """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges."""
-        return self.reduced.sensitivity(self._material(material), by)
+        return self.reduced.sensitivity(self.case.chosen_material(material), by)
 
-    def value(self, number: int) -> float:
+    def value(self, number: int, at: float = FULL) -> float:
         """Return the asked displacement, m, at a held-out material."""
         return self.asked(self.case.materials[number])
 
-    def sensitivity(self, number: int, by: Parameter) -> float:
+    def sensitivity(self, number: int, by: Parameter, at: float = FULL) -> float:
         """Return the derivative of its logarithm at a held-out material."""
         return self.derivative(self.case.materials[number], by)
 
@@ -296,7 +285,7 @@ class _Build:
                 alone.append(solve_part(self.ansatz, self.features, at, usual).weights)
             energy = -0.5 * float(at.load @ layer)
             steps.append(Step(number, time.perf_counter() - self.begin, energy, len(layer)))
-            if len(full) > LAST + 1 and self._moved(equations, full) <= self.settings.tolerance:
+            if len(full) > LAST + 1 and self._moved(equations, full) <= (self.settings.tolerance or TOLERANCE):
                 break
         return full, alone, steps
 
