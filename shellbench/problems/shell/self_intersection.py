@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.account import SelfIntersection
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.portrait import ShellPortrait
 from shellbench.problems.shell.sampling import GOLDEN, state_at
 from shellbench.problems.shell.series import frames
-from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Domain
 
 Array = NDArray[np.float64]
@@ -37,7 +37,7 @@ SHALLOW = 1e-6  # of the size of the surface, by which an edge must reach throug
 TRIANGLE_EDGES = ((0, 1), (1, 2), (2, 0))
 
 
-def self_intersection_study(solution: DisplacementField, case: Shell) -> tuple[SelfIntersection, ...]:
+def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[SelfIntersection, ...]:
     """Look at the kept states in order until the surface passes through itself.
 
     Nothing of a linear case, whose displacement is infinitesimal, and of states that were not reached.
@@ -77,7 +77,7 @@ def words(found: SelfIntersection, mark_words: Callable[[float], str]) -> str:
     )
 
 
-def grid_size(case: Shell) -> tuple[int, int]:
+def grid_size(case: Case) -> tuple[int, int]:
     """Return how many points the grid has along each coordinate: about `POINTS`, cells nearly square at rest."""
     shape = case.surface.position(case.surface.domain.grid(FEWEST, FEWEST))
     across = [float(np.linalg.norm(np.diff(shape, axis=axis), axis=-1).sum(axis=axis).mean()) for axis in (0, 1)]
@@ -159,7 +159,7 @@ def crossings(points: Array, triangles: Indices) -> Indices:
     for order, above in zip(((0, 1), (1, 0)), heights, strict=True):
         crossed |= _pierced(corners, pairs[:, order], above, SHALLOW * size)
     found = pairs[crossed]
-    return found[np.lexsort(found.T[::-1])]
+    return np.asarray(found[np.lexsort(found.T[::-1])])
 
 
 def _near(corners: Array) -> Indices:
