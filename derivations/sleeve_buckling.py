@@ -161,12 +161,26 @@ def sleeve_compression() -> dict[str, Estimate]:
 
 
 def sleeve_compression_thin() -> dict[str, Estimate]:
-    """Critical compression of the sleeve of h = 0.0012 m."""
+    """Known values of the compressed sleeve of h = 0.0012 m: on the way, and where it buckles."""
     loads = (0.0018, 0.0023, 0.0026, 0.0027)
-    return compression_estimates(*(critical(THIN, compressing, range(21), loads, n) for n in (88, 72)))
+    values = compression_estimates(*(critical(THIN, compressing, range(21), loads, n) for n in (88, 72)))
+    for millimetres in (1, 2):
+        fine, coarse = (axisymmetric(Sleeve(THIN, functions=n), compressing(millimetres / 1000)) for n in (88, 72))
+        values[f"force_{millimetres}mm"] = Estimate.between(fine.force, coarse.force, "N", ROUNDING * fine.force)
+        values |= {f"{name}_{millimetres}mm": energy for name, energy in energy_estimates(fine, coarse).items()}
+    return values
 
 
 def sleeve_twist_thin() -> dict[str, Estimate]:
-    """Critical twist of the sleeve of h = 0.0012 m."""
+    """Known values of the twisted sleeve of h = 0.0012 m: on the way, and where it buckles."""
     loads = (0.003, 0.004, 0.005)
-    return twist_estimates(*(critical(THIN, twisting, range(17), loads, n) for n in (44, 34)))
+    values = twist_estimates(*(critical(THIN, twisting, range(17), loads, n) for n in (44, 34)))
+    fine, coarse = (axisymmetric(Sleeve(THIN, functions=n), twisting(0.004)) for n in (44, 34))
+    values["torque_4mrad"] = Estimate.between(fine.torque, coarse.torque, "N m", ROUNDING * fine.torque)
+    return values | {"strain_energy_4mrad": energy_estimates(fine, coarse)["strain_energy"]}
+
+
+def energy_estimates(fine: State, coarse: State) -> dict[str, Estimate]:
+    """Energies, J, of two discretisations."""
+    pairs = {"strain_energy": (fine.energy, coarse.energy), "bending_energy": (fine.energies[1], coarse.energies[1])}
+    return {name: Estimate.between(*pair, "J", ROUNDING * pair[0]) for name, pair in pairs.items()}

@@ -73,3 +73,19 @@ def sleeve_torque(twist: float = 1.0, thickness: float = 0.0012) -> dict[str, Es
         "membrane_energy": Estimate.exact(membrane, "J"),
         "bending_energy": Estimate.exact(bending, "J"),
     }
+
+
+FINITE = 10.0
+"""Squares of the shear strain by which finite strains change torque and energy, at most: a rim that is held axially
+pulls on the generators as they slant, and hoops give way, each by about one such square."""
+
+
+def sleeve_twist_thin_by_torsion() -> dict[str, Estimate]:
+    """Second origin of the sleeve of h = 0.0012 m twisted by 0.004 rad: linear torsion, and how far strains are finite."""
+    sleeve, twist = Sleeve(), 0.004
+    share = FINITE * (sleeve.radius * twist / sleeve.length) ** 2
+    torque = torque_per_radian(sleeve) * twist
+    return {
+        "torque_4mrad": Estimate(torque, share * torque, "N m"),
+        "strain_energy_4mrad": Estimate(torque * twist / 2, share * torque * twist / 2, "J"),
+    }

@@ -129,6 +129,35 @@ class FrameRateStep(Model):
     largest_displacement: Amount
 
 
+class SelfIntersection(Model):
+    """Whether triangles on a grid of a deformed surface pass through each other.
+
+    Attributes
+    ----------
+    points
+        Of the grid, along each coordinate.
+    states
+        Kept states that were looked at, in their order: up to the first in which the surface passes through itself.
+    free_until
+        Mark of the last of them in which it does not; None if it does in the first.
+    at, places
+        Mark of the first in which it does, and two of the material points that meet there; None and none if it never
+        does.
+    sag
+        About how far the triangles lie from the surface, at most, m.
+    words
+        All that in a clause; empty if it never does.
+    """
+
+    points: tuple[Count, Count]
+    states: Count
+    free_until: Figure | None = None
+    at: Figure | None = None
+    places: tuple[tuple[Figure, Figure], ...] = ()
+    sag: Amount = 0.0
+    words: str = ""
+
+
 class PrecisionStep(Model):
     """The same solution with its stored numbers rounded to a shorter format.
 

@@ -84,7 +84,8 @@ def is_module(name: str) -> bool:
 
 
 def test_only_solvers_need_a_solver_library():
-    looking_up = ("load_curve", "body", "spline")  # between values, the nearest place, or least squares of a mesh
+    # between values, the nearest place or triangles, or least squares of a mesh
+    looking_up = ("load_curve", "body", "self_intersection", "spline")
     for path in (path for path in MODULES if layer(path) != SOLVERS):
         refused = HEAVY - ({"scipy"} if layer(path) == "report" or path.stem in looking_up else set())
         found = {name for name in imports(path) if name.split(".")[0] in refused}

@@ -272,6 +272,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
         status=record.status,
         reason=record.reason,
+        remark="; ".join(one.words for one in record.self_intersection if one.words),
         seconds=record.seconds,
         peak_memory_bytes=record.peak_memory_bytes,
         idle_memory_bytes=record.idle_memory_bytes,

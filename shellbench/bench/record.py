@@ -24,6 +24,7 @@ from shellbench.account import (
     PrecisionStep,
     ResolutionStep,
     Seconds,
+    SelfIntersection,
     Series,
     StateEnergies,
 )
@@ -159,6 +160,8 @@ class Record(Model):
         Of each kept state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
     series
         Quantities over time, or forces and torques along a path; a failed run has them as far as it came.
+    self_intersection
+        One entry of a surface whose displacement is finite; none of anything else.
     fields_file
         npz beside the record: `xi` (n, n, 2), `position` (n, n, 3), `displacement` (n, n, 3), metres; of a
         non-linear case also `marks` (k,) and `displacements` (k, n, n, 3) of its kept states, in single precision,
@@ -196,6 +199,7 @@ class Record(Model):
     resolution: tuple[ResolutionStep, ...] = ()
     frame_rates: tuple[FrameRateStep, ...] = ()
     precision: tuple[PrecisionStep, ...] = ()
+    self_intersection: tuple[SelfIntersection, ...] = ()
     energies: tuple[StateEnergies, ...] = ()
     series: tuple[Series, ...] = ()
     environment: Environment

@@ -81,6 +81,8 @@ class Row(Model):
         Difference of the energy between the solve's quadrature and a finer one, relative, if it was measured.
     reason
         Why the run failed, or the row did not pass, in one sentence.
+    remark
+        What is to be known of the run's answer, judged or not, as a clause; empty if nothing is.
     """
 
     case: str
@@ -137,6 +139,7 @@ class Row(Model):
     energy_gap: float | None = None
     idle_memory_bytes: int | None = None
     reason: str | None = None
+    remark: str = ""
 
     @property
     def base(self) -> str:

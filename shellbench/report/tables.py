@@ -28,7 +28,7 @@ from shellbench.report.runs import (
     suite_title,
     suites_of,
 )
-from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, theory_words
+from shellbench.report.solutions import BAD, EXPECTED, Known, comparison, seed_words, solution_name, theory_words
 from shellbench.report.table import Format, Note, Table
 
 DISPLACEMENTS, QUANTITIES = "displacements_", "quantities_"  # how names of tables begin
@@ -176,6 +176,9 @@ def notes(rows: Sequence[Row], lines: Sequence[Line], known: Known) -> list[Note
     for line in lines:
         if line["kind"] == "solver" and present(line["reason"]):
             remarks.append(Note(f"{titles[line['case']]}, {line['solution']} ({line['verdict']})", line["reason"]))
+    about_runs = {(row.case, solution_name(row), row.seed): row for row in rows if row.remark}
+    for (case, name, seed), row in about_runs.items():
+        remarks.append(Note(f"{titles[case]}, {name}{seed_words(seed)}", row.remark))
     for row in rows:
         if row.reference is None and row.disagreement is not None and row.disagreement_with:
             difference = f"{100 * row.disagreement:+.2g} % from {row.disagreement_with}"

@@ -37,7 +37,8 @@ from derivations.navier_plate import square_plate, square_plate_by_levy
 from derivations.pinched_diaphragm import pinched_cylinder_diaphragm
 from derivations.pinched_free import diaphragm_by_polynomials, pinched_cylinder_free
 from derivations.rolled_plate import sampled_plate, sampled_rotation
-from derivations.torsion import sleeve_torque
+from derivations.sleeve_layers import sleeve_compression_thin_by_collocation
+from derivations.torsion import sleeve_torque, sleeve_twist_thin_by_torsion
 from shellbench.bench import catalog
 from shellbench.bench.compare import near_zero
 
@@ -77,6 +78,8 @@ ORIGINS = {
     "napkin_fixed_edges": origins.napkin_fixed_edges,
     "sleeve_twist": origins.sleeve_twist,
     "sleeve_compression": origins.sleeve_compression,
+    "sleeve_compression_thin": origins.sleeve_compression_thin,
+    "sleeve_twist_thin": origins.sleeve_twist_thin,
     **origins.HYPERBOLOIDS,
     **origins.HYPARS,
     **origins.MANUFACTURED,
@@ -115,6 +118,8 @@ LONG = {
     "napkin_moving_corners",
     "napkin_fixed_edges",
     "sleeve_twist",
+    "sleeve_compression_thin",
+    "sleeve_twist_thin",
     "slit_annular_plate",
     "cylinder_pull_out",
     "hinged_roof_thick",
@@ -135,6 +140,8 @@ SECOND_FORMS = {
     "inextensible column in elliptic integrals": pressed_column.elastica_of_column,
     "inextensible circle": roll_up.inextensible_circle,
     "arc of Kiepert's curve, inextensible": spiral.kiepert,
+    "equilibrium of the meridian, by collocation": sleeve_compression_thin_by_collocation,
+    "uniform torsion of the linear theory": sleeve_twist_thin_by_torsion,
     "forms of the surface through sampled positions": lambda: {**sampled_plate(), **sampled_rotation()},
 }
 POLYNOMIALS = {
@@ -253,6 +260,8 @@ def of_quantity(values, quantity):
         *contact.JUDGES,
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in passport.JUDGES),
         *(pytest.param(name, marks=pytest.mark.long if name in LONG else ()) for name in MODES),
+        "sleeve_compression_thin",
+        "sleeve_twist_thin",
         "thick_plate_naghdi",
         pytest.param("scordelis_lo_naghdi", marks=pytest.mark.long),
     ],

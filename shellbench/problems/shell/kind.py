@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, Series, StateEnergies
+from shellbench.account import FrameRateStep, PrecisionStep, ResolutionStep, SelfIntersection, Series, StateEnergies
 from shellbench.problem import FIELDS, Kind
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.field import DisplacementField
@@ -20,6 +20,7 @@ from shellbench.problems.shell.sampling import (
     precision_study,
     resolution_study,
 )
+from shellbench.problems.shell.self_intersection import self_intersection_study
 from shellbench.problems.shell.series import series_of
 from shellbench.problems.shell.variants import VARIANTS
 from shellbench.sample import Sample
@@ -73,6 +74,11 @@ def precision(solution: DisplacementField, case: Case, values: Values) -> Sequen
     return precision_study(solution, case, values)
 
 
+def self_intersection(solution: DisplacementField, case: Case, values: Values) -> Sequence[SelfIntersection]:
+    """Return when the surface first passes through itself."""
+    return self_intersection_study(solution, case)
+
+
 def sample(solution: DisplacementField, points: int, at: float | None, title: str) -> Sample:
     """Sample a solution on a regular grid of so many points a side.
 
@@ -107,7 +113,7 @@ SHELL = Kind(
     problem=Case,
     keep=kept_fields,
     accounts={"energies": energies, "series": series, "resolution": resolution},
-    studies={"frame_rates": frame_rates, "precision": precision},
+    studies={"frame_rates": frame_rates, "precision": precision, "self_intersection": self_intersection},
     portrait=ShellPortrait,
     headline="Displacements",
     headlines=HEADLINES,
