@@ -14,6 +14,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.kind import SHELL
 from shellbench.problems.shell.self_intersection import (
     crossings,
+    sag,
     self_intersection_study,
     triangulated,
     uneven_grid,
@@ -109,6 +110,16 @@ def test_a_fold_crosses_when_its_upper_half_sinks_through_the_lower_one(apart):
     assert len(crossed(SQUARE, two_sheets(apart), (121, 21))) == 0
     assert len(crossed(SQUARE, two_sheets(apart, tilt=0.9 * apart), (121, 21))) == 0
     assert len(crossed(SQUARE, two_sheets(apart, tilt=1.2 * apart), (121, 21))) > 0
+
+
+def test_the_sag_of_triangles_is_that_of_the_longest_chord():
+    """None of a plane, however uneven its grid; 1 - cos(h/2) of a circle of radius one."""
+    plane, tube = uneven_grid(SQUARE, SIZE), uneven_grid(TUBE, (101, 21))
+    flat = np.stack([plane[..., 0], plane[..., 1], plane[..., 0]], axis=-1)
+    assert sag(flat, plane, SQUARE) < 1e-14
+    turned = np.stack([np.cos(tube[..., 0]), tube[..., 1], np.sin(tube[..., 0])], axis=-1)
+    chord = np.diff(tube[:, 0, 0]).max()
+    assert sag(turned, tube, TUBE) == pytest.approx(1 - np.cos(chord / 2), rel=1e-2)
 
 
 def test_sheets_that_lie_on_each_other_touch_and_do_not_cross():
