@@ -39,7 +39,8 @@ TRIANGLE_EDGES = ((0, 1), (1, 2), (2, 0))
 def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[SelfIntersection, ...]:
     """Look at the kept states in order until the surface passes through itself.
 
-    Nothing of a linear case, whose displacement is infinitesimal, and of states that were not reached.
+    Nothing of a linear case, whose displacement is infinitesimal, and of states that were not reached. Where triangles
+    can't be compared the words say so: silence would read as that of a surface that never does.
     """
     if case.linear or case.modal:
         return ()
@@ -54,7 +55,13 @@ def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[Se
             continue
         shape = at_rest + displacement
         found = found.model_copy(update={"states": found.states + 1, "sag": max(found.sag, sag(shape, xi, domain))})
-        pairs = crossings(shape.reshape(-1, 3), triangles)
+        try:
+            pairs = crossings(shape.reshape(-1, 3), triangles)
+        except ValueError as error:
+            told = (
+                f"whether it passes through itself is not known from {ShellPortrait(case).mark_words(mark)} on: {error}"
+            )
+            return (found.model_copy(update={"words": told}),)
         if len(pairs):
             places = tuple(tuple(xi.reshape(-1, 2)[triangles[k, 0]].tolist()) for k in pairs[0])
             found = found.model_copy(update={"at": mark, "places": places})

@@ -10,6 +10,7 @@ from scipy.optimize import linprog
 
 from shellbench.bench import catalog
 from shellbench.errors import InputError
+from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.kind import SHELL
 from shellbench.problems.shell.self_intersection import (
@@ -150,12 +151,18 @@ class Rolling:
 TURN = 3.9 * np.pi  # a unit of t: a full turn at t = .513
 
 
+@pytest.fixture
+def coarse(monkeypatch):
+    monkeypatch.setattr(self_intersection, "POINTS", 2_000)  # quicker
+
+
 def rolling_case(states):
     case = catalog.named_case("rolled_plate")
     data = case.model_dump(exclude_unset=True) | {"path": {"states": states}}
     return Case.model_validate(data)
 
 
+@pytest.mark.usefixtures("coarse")
 def test_the_first_kept_state_is_told_in_which_a_plate_rolls_through_itself():
     case = rolling_case((0.49, 0.53))
     (found,) = self_intersection_study(Rolling(case, TURN, 1.0), case)
@@ -165,11 +172,21 @@ def test_the_first_kept_state_is_told_in_which_a_plate_rolls_through_itself():
     assert reach == pytest.approx(2 * np.pi / (TURN * 0.53), abs=0.03)  # a full turn lies between the two points
 
 
+@pytest.mark.usefixtures("coarse")
 def test_states_that_were_not_reached_are_not_looked_at():
     case = rolling_case((0.49, 0.53))
     (found,) = self_intersection_study(Rolling(case, TURN, 0.51), case)
     assert (found.states, found.free_until, found.at, found.words) == (3, 0.5, None, "")
     assert self_intersection_study(Rolling(case, TURN, 0.1), case) == ()
+
+
+@pytest.mark.usefixtures("coarse")
+def test_triangles_that_are_too_many_to_compare_are_told(monkeypatch):
+    monkeypatch.setattr(self_intersection, "MOST_PAIRS", 10_000)
+    case = rolling_case((0.49, 0.53))
+    (found,) = self_intersection_study(Rolling(case, TURN, 1.0), case)
+    assert found.at is None
+    assert "not known from t = 0.25 on: the surface is stretched" in found.words
 
 
 def test_a_linear_displacement_has_no_such_state():
