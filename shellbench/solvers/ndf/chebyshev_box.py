@@ -35,10 +35,7 @@ class Box:
         """Return the polynomials (count,) at a place of an axis, or their derivatives by it."""
         half = (self.upper[axis] - self.lower[axis]) / 2
         x = (at - self.lower[axis]) / half - 1
-        powers = np.eye(count)
-        for _ in range(order):
-            powers = chebyshev.chebder(powers) / half
-        return np.asarray(chebyshev.chebval(x, powers))
+        return np.asarray(chebyshev.chebval(x, chebyshev.chebder(np.eye(count), order, 1 / half)))
 
     def coefficients(self, values: Array) -> Array:
         """Return the coefficients of values (times, log(E h), nu, ...) at nodes, of the same shape."""

@@ -157,13 +157,7 @@ class ConditionedField(ConditionedAnswer):
         """Read what `save` wrote; InputError in one sentence if it is none."""
         with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
-            spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
-            inputs = build_inputs(shell, spec)
-            network = network_of(
-                {k: t for k, t in tensors.items() if k.startswith(("weight.", "bias."))},
-                words["activation"], inputs.count,
-            )  # fmt: skip
-            features = build_features(shell, spec, network, Placement(), inputs)
+            spec, features = kept_features(case, words, tensors)
             energies = {name: tensors[name].numpy() for name in ("parts", "coarse", "load", "asked", "span")}
             return cls(
                 case=case,
@@ -174,6 +168,17 @@ class ConditionedField(ConditionedAnswer):
                 rigid=tensors["rigid"],
                 reduced=Reduced(**energies),
             )
+
+
+def kept_features(
+    case: ConditionedCase, words: Mapping[str, Any], tensors: Mapping[str, Tensor]
+) -> tuple[FieldSpec, Features]:
+    """Return the choices and the features of a file, from its header and tensors; raise if they do not fit."""
+    spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
+    inputs = build_inputs(shell, spec)
+    hidden = {k: t for k, t in tensors.items() if k.startswith(("weight.", "bias."))}
+    network = network_of(hidden, words["activation"], inputs.count)
+    return spec, build_features(shell, spec, network, Placement(), inputs)
 
 
 def solve(case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback) -> ConditionedField:

@@ -6,7 +6,8 @@ The hidden layer is drawn once. Its output weights are a function of time and of
 
 a polynomial on the Chebyshev points of a box; thickness and modulus enter by their product alone (`plane_motion`).
 At each node of the materials Newton's law is integrated for the output weights; between the nodes they are
-interpolated. What certifies the interpolant is Newton's law again: its residual at materials that were not solved for.
+interpolated. The residual of Newton's law at materials that were not solved for is told, and is too coarse to bound the
+error. The stated uncertainty is an estimate.
 
 The states of a motion do not lie in the span of a few fields, as the answers of a linear shell do (`reduced`). Measured
 on the napkin, E h from 4 to 32 N/m, with all states of 14 materials: 40 fields leave 2e-3 of the free corner's
@@ -31,24 +32,19 @@ from shellbench.problem import FULL, Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer
-from shellbench.solvers.ndf.build import FieldSpec, build_features, build_inputs
+from shellbench.solvers.ndf.build import FieldSpec
 from shellbench.solvers.ndf.chebyshev_box import Box
+from shellbench.solvers.ndf.conditioned import ASKED_TIMES, kept_features
 from shellbench.solvers.ndf.conditioned_solver import ConditionedSettings
 from shellbench.solvers.ndf.energy import exploits
-from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.field import Features, Network
+from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion import degree_of
 from shellbench.solvers.ndf.motion_problem import Motion
 from shellbench.solvers.ndf.plane_motion import PLANE, PlaneMotion, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.refinement import SAFETY, SETTLED
 from shellbench.solvers.ndf.sampled import Combined, finer
-from shellbench.solvers.ndf.weights import (
-    HEADER,
-    described,
-    network_of,
-    network_tensors,
-    read_tensors,
-    write_described,
-)
+from shellbench.solvers.ndf.weights import HEADER, described, network_tensors, read_tensors, write_described
 
 FORMAT = "ndf-conditioned in motion, format 1"
 DEGREE, CHECKED_BY = 13, 10  # of the features along a side; of those by which their error is told
@@ -56,7 +52,6 @@ FIRST_NODES = (5, 4)  # materials along log(E h) and nu; twice as many where the
 TOLERANCE = 1e-5  # share of the asked displacement that the last coefficients may have
 INSTANTS = 33  # Chebyshev points of time
 RESIDUALS = 9  # times at which the residual is told
-ASKED_TIMES = 50  # answers by which their time is measured
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,6 +80,12 @@ class ConditionedMotion(ConditionedAnswer):
     def _asked(self) -> Array:
         """(times, n, m): coefficients of what is asked, m."""
         return asked_of(self.case, self.features, self.coefficients.numpy())
+
+    @property
+    def _network(self) -> Network:
+        features = self.features.features
+        assert isinstance(features, Features)
+        return features.network
 
     @property
     def parameters(self) -> int:
@@ -145,8 +146,8 @@ class ConditionedMotion(ConditionedAnswer):
 
     def tensors(self) -> dict[str, Tensor]:
         """Return all tensors by the names they have in a file."""
-        network = network_tensors(self.features.features.network)  # type: ignore[attr-defined]
-        return {**network, "combine": self.features.combine, "coefficients": self.coefficients}
+        own = {"combine": self.features.combine, "coefficients": self.coefficients}
+        return {**network_tensors(self._network), **own}
 
     def save(self, path: Path) -> Path:
         """Write the field as safetensors, all else as JSON in its header; return the file with its suffix."""
@@ -154,7 +155,7 @@ class ConditionedMotion(ConditionedAnswer):
             "format": FORMAT,
             "case": self.case.data(),
             "spec": self.spec.model_dump(mode="json"),
-            "activation": self.features.features.network.activation,  # type: ignore[attr-defined]
+            "activation": self._network.activation,
             "uncertainty": dict(self.uncertainty),
         }
         return write_described(path, self.tensors(), words)
@@ -164,13 +165,7 @@ class ConditionedMotion(ConditionedAnswer):
         """Read what `save` wrote; InputError in one sentence if it is none."""
         with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
-            spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
-            inputs = build_inputs(shell, spec)
-            network = network_of(
-                {k: t for k, t in tensors.items() if k.startswith(("weight.", "bias."))},
-                words["activation"], inputs.count,
-            )  # fmt: skip
-            features = build_features(shell, spec, network, Placement(), inputs)
+            spec, features = kept_features(case, words, tensors)
             combined = Combined(features, tensors["combine"])
             kept = tensors["coefficients"]
             if kept.ndim != 5 or kept.shape[3:] != (PLANE, combined.count) or features.count != len(combined.combine):
@@ -207,7 +202,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     #    old ones are among them.
     # 4. Error: the last coefficients along all axes, and what features of a lower degree find at the softest material,
     #    where waves are the shortest.
-    # 5. Certificate: the residual of Newton's law at the held-out materials, and energies on a finer rule.
+    # 5. Told besides: the residual of Newton's law at the held-out materials, and energies on a finer rule.
     with torch.no_grad():
         return _Build(case, settings, progress).field()
 
@@ -252,7 +247,7 @@ class _Build:
         )
         worst = max(uncertainty[q.name] / abs(q.measure(found)) for q in self.case.quantities if isinstance(q, Value))
         seconds = _seconds_each(found)
-        certified = max(residual(found, self.law, material) for material in self.case.materials)
+        left = max(residual(found, self.law, material) for material in self.case.materials)
         found = replace(
             found,
             unsettled=None if worst <= SETTLED else f"displacements may be off by {worst:.1e}",
@@ -260,7 +255,7 @@ class _Build:
                 SECONDS_BEFORE: built,
                 SECONDS_EACH: seconds,
                 "energy_gap": gap,
-                "newton_residual": certified,
+                "newton_residual": left,
                 "materials": list(nodes),
                 "instants": len(self.times),
                 "degree": self.degree,

@@ -101,7 +101,7 @@ class PlaneMotion:
     @property
     def count(self) -> int:
         """Number of features r."""
-        return self.gradients.shape[1]
+        return int(self.gradients.shape[1])
 
     def _stresses(self, weights: Array, places: Array) -> tuple[Array, Array, Array, Array]:
         """Return a_1, a_2 (2, k, N), and strains and stress resultants (3, k, N), as 11, 22, 12, times the area."""

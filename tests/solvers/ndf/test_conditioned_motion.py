@@ -7,6 +7,7 @@ import torch
 from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.problems.conditioned.solving import stepped
+from shellbench.solvers.ndf import chebyshev_box, conditioned_motion
 from shellbench.solvers.ndf import plane_motion as mechanics
 from shellbench.solvers.ndf.chebyshev_box import Box
 from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion, asked_of, residual
@@ -134,12 +135,13 @@ def density_ignored(monkeypatch):
 
 def wrong_power(monkeypatch):
     """The membrane is as stiff as the square of the thickness, in millimetres."""
-    monkeypatch.setattr(
-        mechanics,
-        "coordinates",
-        lambda m: (float(np.log(m.youngs_modulus * m.thickness**2 / 1e-3)), m.poissons_ratio),
-    )
-    monkeypatch.setitem(globals(), "coordinates", mechanics.coordinates)
+
+    def wrong(material):
+        return float(np.log(material.youngs_modulus * material.thickness**2 / 1e-3)), material.poissons_ratio
+
+    for place in (mechanics, chebyshev_box, conditioned_motion):
+        monkeypatch.setattr(place, "coordinates", wrong)
+    monkeypatch.setitem(globals(), "coordinates", wrong)
 
 
 def ratio_left_out(monkeypatch):
@@ -167,6 +169,17 @@ def test_a_fault_is_found(case, laws, monkeypatch, fault):
     fault(monkeypatch)
     assert off(case, laws) > 1e-3
     assert fault.__doc__
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", [None, density_ignored, wrong_power])
+def test_the_gate_of_a_field_is_red_for_a_fault(case, monkeypatch, fault):
+    if fault is not None:
+        fault(monkeypatch)
+    neurons = widest(case.shell_of(case.middle), FAIR)
+    field = ConditionedFieldSolver().solve(case, ConditionedSettings(neurons=neurons, snapshots=20))
+    wrong = missed(field)
+    assert {"value_00_200ms", "value_00_400ms"} <= set(wrong) if fault is not None else wrong == []
 
 
 @pytest.mark.long
