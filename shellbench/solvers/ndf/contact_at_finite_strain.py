@@ -28,10 +28,11 @@ from shellbench.solvers.ndf.contact_forces import (
     smoothest,
     typical_compliance,
 )
-from shellbench.solvers.ndf.continuation import PathEndsError, PathState, load_steps
+from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.equilibrium import CONVERGED, HOPELESS, MOST_ITERATIONS, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
+from shellbench.solvers.ndf.newton import PathState
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.signs import Signs, unseen_turning
 from shellbench.solvers.ndf.solution import PathSolution
@@ -98,7 +99,7 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
     SolveFailure
         If rounding does not tell the forces.
     """
-    # 1. Rows G of the gaps' rates, the tangent K with predicted stresses (see `continuation`), and the residual r of
+    # 1. Rows G of the gaps' rates, the tangent K with predicted stresses (see `newton`), and the residual r of
     #    the loads, each in the basis of independent fields.
     # 2. Points that were pressed a step before get a penalty on their gaps. It makes K definite where only contact
     #    holds the shell, as under dead forces of the floor a strip would buckle. If they stay closed, it does nothing.

@@ -24,10 +24,8 @@ from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, Resolution, build_ansatz
 from shellbench.solvers.ndf.continuation import (
     PathEndsError,
-    PathState,
     arc_length_steps,
     displacement_steps,
-    equilibrium,
     load_steps,
 )
 from shellbench.solvers.ndf.edited import states_of_edit
@@ -36,6 +34,7 @@ from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, Path
 from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
