@@ -2,7 +2,7 @@
 
 import pytest
 
-from derivations import conditioned, conditioned_motion
+from derivations import conditioned
 from derivations.conditioned import COUNT, QUESTIONS
 from shellbench.bench import catalog
 
@@ -34,33 +34,3 @@ def test_known_values_are_what_their_origins_compute(name, numbers, role):
         (kept,) = known.of(quantity, role)
         assert abs(kept.value - estimate.value) <= kept.uncertainty + 1e-14 * abs(kept.value), quantity
         assert kept.uncertainty >= 0.5 * estimate.uncertainty, quantity
-
-
-MOVING = conditioned_motion.NAME
-
-
-def test_the_napkins_of_many_materials_are_those_of_the_case():
-    case = catalog.named_case(MOVING)
-    for drawn, material in zip(conditioned_motion.materials(), case.materials, strict=True):
-        assert drawn == pytest.approx(tuple(material), rel=1e-12)
-    assert case.states == conditioned_motion.TIMES
-
-
-@pytest.mark.parametrize(
-    ("role", "numbers"),
-    [("judge", range(1, 2)), *(pytest.param(role, range(0, COUNT, 5), marks=pytest.mark.long) for role in FORMS)],
-)
-def test_known_values_of_motions_are_what_their_origins_compute(role, numbers):
-    known = catalog.known_values(MOVING)
-    for quantity, estimate in conditioned_motion.conditioned_napkin(FORMS[role], numbers).items():
-        (kept,) = known.of(quantity, role)
-        assert abs(kept.value - estimate.value) <= kept.uncertainty, quantity
-        assert kept.uncertainty >= 0.5 * estimate.uncertainty, quantity
-
-
-def test_both_forms_of_the_motions_agree_and_are_sure_enough():
-    known = catalog.known_values(MOVING)
-    for quantity in catalog.named_case(MOVING).quantities:
-        (judge,), (origin,) = (known.of(quantity.name, role) for role in FORMS)
-        assert abs(judge.value - origin.value) <= judge.uncertainty + origin.uncertainty, quantity.name
-        assert judge.uncertainty <= (1e-3 * abs(judge.value) if quantity.kind == "value" else 1e-2) / 3, quantity.name

@@ -7,7 +7,6 @@ Poisson's ratio. Its held-out materials are drawn with a seed: moduli and thickn
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -20,10 +19,10 @@ from shellbench.problem import Problem
 from shellbench.problems.conditioned.quantities import ConditionedQuantity
 from shellbench.problems.shell.case import Case
 
-CONDITIONED = "-conditioned"  # what the theory has beside that of the shell
+LINEAR = "kirchhoff-love-linear"  # theory of the shell
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]
 SLACK = 1e-12  # relative: what rounding may put beyond the end of a range
-ASKED = "asked"  # how names of quantities begin that each shell is asked
+ASKED = "asked"  # name of the quantity that each shell is asked
 
 
 class Material(NamedTuple):
@@ -89,8 +88,8 @@ class ConditionedCase(Problem):
     Attributes
     ----------
     shell
-        Its table of the file, as in a case of kind `shell`, without title, quantities, and the three figures of the
-        material that have a range. It stands still in the linear theory, and moves in the non-linear one.
+        Its table of the file, as in a case of kind `shell` of the linear theory, without title, quantities, and the
+        three figures of the material that have a range.
     ranges
         Of the materials.
     held_out
@@ -102,7 +101,7 @@ class ConditionedCase(Problem):
     """
 
     kind: Literal["conditioned"]
-    theory: Literal["kirchhoff-love-linear-conditioned", "kirchhoff-love-nonlinear-conditioned"]
+    theory: Literal["kirchhoff-love-linear-conditioned"]
     shell: dict[str, Any]
     ranges: Ranges
     held_out: HeldOut
@@ -117,10 +116,6 @@ class ConditionedCase(Problem):
         for name in Material._fields:
             if name in self.shell.get("material", {}):
                 raise ValueError(f"field 'shell.material.{name}' is not known here: `ranges` has it")
-        if self.moving != self.theory.startswith("kirchhoff-love-nonlinear"):
-            raise ValueError(
-                "a shell of many materials stands still in the linear theory, or moves in the non-linear one"
-            )
         self._shell(self.middle)
         for quantity in self.quantities:
             if quantity.material >= self.held_out.count:
@@ -142,7 +137,7 @@ class ConditionedCase(Problem):
         return tuple(self.ranges.material((float(h), float(e), float(nu))) for h, e, nu in shares)
 
     def shell_of(self, material: Material) -> Case:
-        """Return the shell of one material, with a quantity for each mark; see `asked_at`.
+        """Return the shell of one material, with one quantity, `asked`.
 
         Raises
         ------
@@ -157,44 +152,11 @@ class ConditionedCase(Problem):
         """Return the shell of a material that may be beyond the ranges by a step of a difference quotient."""
         return self._shell(material)
 
-    def chosen_material(self, given: Material | Mapping[str, float] | None) -> Material:
-        """Return a material of the ranges, given by its figures; the middle one if None.
-
-        Raises
-        ------
-        InputError
-            If it is beyond the ranges, or figures are missing.
-        """
-        if given is None:
-            return self.middle
-        if not isinstance(given, Material):
-            if set(given) != set(Material._fields):
-                names = ", ".join(Material._fields)
-                raise InputError(f"{self.name}: a material has {names}, but found {', '.join(given) or 'none'}")
-            given = Material(**{name: float(value) for name, value in given.items()})
-        if reason := self.ranges.outside(given):
-            raise InputError(f"{self.name}: {reason}")
-        return given
-
-    @property
-    def moving(self) -> bool:
-        """Whether the shell moves, so that its displacement is asked at the times of the quantities."""
-        return "dynamics" in self.shell
-
-    def asked_at(self, at: float) -> str:
-        """Return the name of the shell's quantity at a mark."""
-        return f"{ASKED}_{self.states.index(at)}" if self.moving else ASKED
-
     def _shell(self, material: Material) -> Case:
         table = dict(self.shell)
         table["material"] = {**table.get("material", {}), **material._asdict()}
-        quantities = [
-            {"name": self.asked_at(at), "kind": "displacement", "primary": not number, **self.asked.model_dump()}
-            | ({"at": at} if self.moving else {})
-            for number, at in enumerate(self.states)
-        ]
-        theory = self.theory.removesuffix(CONDITIONED)
-        whole = {**table, "name": self.base, "title": self.title, "theory": theory, "quantities": quantities}
+        asked = {"name": ASKED, "kind": "displacement", "primary": True, **self.asked.model_dump()}
+        whole = {**table, "name": self.base, "title": self.title, "theory": LINEAR, "quantities": [asked]}
         try:
             return Case.model_validate(whole)
         except ValidationError as error:

@@ -19,7 +19,7 @@ class Value(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the displacement, m."""
-        return float(solution.value(self.material, self.at))
+        return float(solution.value(self.material))
 
 
 class Sensitivity(Quantity):
@@ -35,7 +35,7 @@ class Sensitivity(Quantity):
 
     def measure(self, solution: Any) -> float:
         """Return the derivative."""
-        return float(solution.sensitivity(self.material, self.by, self.at))
+        return float(solution.sensitivity(self.material, self.by))
 
 
 ConditionedQuantity = Annotated[Value | Sensitivity, Field(discriminator="kind")]

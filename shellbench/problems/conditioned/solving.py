@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shellbench.problem import FULL, Solution, Step
+from shellbench.problem import Solution, Step
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.solving import FreshSolver
 
 THEORIES = ("kirchhoff-love-linear-conditioned",)
-IN_MOTION = (*THEORIES, "kirchhoff-love-nonlinear-conditioned")
 SECONDS_BEFORE, SECONDS_EACH = "seconds_before", "seconds_each"
 """Diagnostics of every answer: wall time, s, until the first material can be answered, and of each answer from then."""
 
@@ -32,11 +31,11 @@ class ConditionedAnswer(ABC):
     unsettled: str | None = None
 
     @abstractmethod
-    def value(self, number: int, at: float = FULL) -> float:
-        """Return the asked displacement, m, at a held-out material and a mark."""
+    def value(self, number: int) -> float:
+        """Return the asked displacement, m, at a held-out material."""
 
     @abstractmethod
-    def sensitivity(self, number: int, by: Parameter, at: float = FULL) -> float:
+    def sensitivity(self, number: int, by: Parameter) -> float:
         """Return the derivative of its logarithm; see `shellbench.problems.conditioned.quantities.Sensitivity`."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,8 +15,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
 from shellbench.errors import InputError
-from shellbench.problem import FULL, Progress, ProgressCallback, Step
-from shellbench.problems.conditioned.case import ConditionedCase, Material
+from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Sensitivity, Value
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
 from shellbench.solvers.fem.conditioned_solver import RepeatedSettings
@@ -27,7 +27,7 @@ NOT_ASKED = np.nan
 
 @dataclass(frozen=True, kw_only=True)
 class RepeatedSolution(ConditionedAnswer):
-    """The asked displacements (n, marks), m, and their derivatives (n, marks, 3); NaN where none was asked."""
+    """The asked displacements (n,), m, and their derivatives (n, 3), by parameter; NaN where none was asked."""
 
     values: NDArray[np.float64]
     derivatives: NDArray[np.float64]
@@ -43,13 +43,13 @@ class RepeatedSolution(ConditionedAnswer):
         """Bytes of the figures that are kept: no mesh is."""
         return int(self.values.nbytes + self.derivatives.nbytes)
 
-    def value(self, number: int, at: float = FULL) -> float:
-        """Return the asked displacement, m, at a held-out material and a mark."""
-        return float(self.values[number, self.case.states.index(at)])
+    def value(self, number: int) -> float:
+        """Return the asked displacement, m, at a held-out material."""
+        return float(self.values[number])
 
-    def sensitivity(self, number: int, by: Parameter, at: float = FULL) -> float:
+    def sensitivity(self, number: int, by: Parameter) -> float:
         """Return a derivative of its logarithm."""
-        return float(self.derivatives[number, self.case.states.index(at), Material._fields.index(by)])
+        return float(self.derivatives[number, Material._fields.index(by)])
 
     def save(self, path: Path) -> Path:
         """Write the figures as safetensors, the case in its header."""
@@ -75,10 +75,10 @@ class RepeatedSolution(ConditionedAnswer):
 
 @dataclass(frozen=True)
 class _One:
-    """The answer to one material: displacements and uncertainties by mark, m, unknowns, seconds, energy, J."""
+    """The answer to one material: displacement and its uncertainty, m, degrees of freedom, seconds, energy, J."""
 
-    values: Mapping[float, float]
-    uncertainty: Mapping[float, float]
+    value: float
+    uncertainty: float | None
     unknowns: int
     seconds: float
     energy: float
@@ -88,26 +88,24 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
     """Solve for each held-out material, and four times more for each derivative that is asked."""
     begin = time.perf_counter()
     count = len(case.materials)
-    values = np.full((count, len(case.states)), NOT_ASKED)
-    derivatives = np.full((*values.shape, len(Material._fields)), NOT_ASKED)
+    values, derivatives = np.full(count, NOT_ASKED), np.full((count, len(Material._fields)), NOT_ASKED)
     uncertainty: dict[str, float] = {}
     steps: list[Step] = []
     solved: list[_One] = []
     for number, material in enumerate(case.materials):
         progress(Progress(number, count, f"material {number}"))
         one = _solve(case, material, settings)
-        values[number] = [one.values[at] for at in case.states]
+        values[number] = one.value
         solved.append(one)
         steps.append(Step(number, time.perf_counter() - begin, one.energy, one.unknowns))
         for quantity in case.quantities:
             if quantity.material != number:
                 continue
             if isinstance(quantity, Value):
-                spread = one.uncertainty.get(quantity.at)
+                spread = one.uncertainty
             else:
                 found, spread = _difference(case, material, quantity, settings)
-                mark = case.states.index(quantity.at)
-                derivatives[number, mark, Material._fields.index(quantity.by)] = found
+                derivatives[number, Material._fields.index(quantity.by)] = found
             if spread is not None:
                 uncertainty[quantity.name] = spread
     return RepeatedSolution(
@@ -124,12 +122,10 @@ def solve(case: ConditionedCase, settings: RepeatedSettings, progress: ProgressC
 def _solve(case: ConditionedCase, material: Material, settings: RepeatedSettings) -> _One:
     shell = case.near(material)
     start = time.perf_counter()
-    found = FemSolver().solve(shell, FemSettings(cells=settings.cells, time_step=settings.time_step))
-    asked = {at: case.asked_at(at) for at in case.states}
-    values = {at: shell.quantity(name).measure(found) for at, name in asked.items()}
+    found = FemSolver().solve(shell, FemSettings(cells=settings.cells))
+    value = shell.quantity(ASKED).measure(found)
     seconds = time.perf_counter() - start
-    known = {at: found.uncertainty[name] for at, name in asked.items() if name in found.uncertainty}
-    return _One(values, known, found.parameters, seconds, found.history[-1].energy)
+    return _One(value, found.uncertainty.get(ASKED), found.parameters, seconds, found.history[-1].energy)
 
 
 def _difference(
@@ -144,11 +140,10 @@ def _difference(
     known = True
     for step in (settings.step, 2 * settings.step):
         below, above = (_solve(case, stepped(material, quantity.by, way * step), settings) for way in (-1, 1))
-        at = quantity.at
-        quotients.append(math.log(above.values[at] / below.values[at]) / (2 * step))
+        quotients.append(math.log(above.value / below.value) / (2 * step))
         for one in (below, above):
-            known = known and at in one.uncertainty
-            relative = max(relative, one.uncertainty.get(at, 0.0) / abs(one.values[at]))
+            known = known and one.uncertainty is not None
+            relative = max(relative, (one.uncertainty or 0.0) / abs(one.value))
     near, far = quotients
     # Of a quotient over one step a relative error u of each displacement makes u / step, and half of it over two.
     spread = (4 / 3 + 1 / 6) * relative / settings.step

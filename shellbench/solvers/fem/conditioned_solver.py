@@ -9,7 +9,7 @@ from pydantic import Field, PositiveInt
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
+from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
 from shellbench.solvers.fem.solver import FemSolver
 
 if TYPE_CHECKING:
@@ -23,14 +23,11 @@ class RepeatedSettings(Settings):
     ----------
     cells
         As of `fem`: one fixed mesh, which tells nothing of its error. None: refine until converged.
-    time_step
-        As of `fem`, s: of a motion on one fixed mesh.
     step
         Of difference quotients, in log h, log E and nu.
     """
 
     cells: tuple[PositiveInt, PositiveInt] | None = None
-    time_step: float | None = Field(None, gt=0)
     step: float = Field(0.005, gt=0, lt=0.1)
 
 
@@ -39,7 +36,7 @@ class FemRepeatedSolver(ConditionedSolver):
 
     name: ClassVar[str] = "fem-repeated"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        IN_MOTION, "fem, one solve a material; derivatives by differences"
+        THEORIES, "fem, one solve a material; derivatives by differences"
     )
     settings_type: ClassVar[type[Settings]] = RepeatedSettings
 

@@ -19,7 +19,7 @@ import torch
 from torch import Tensor
 
 from shellbench.errors import SolveFailure
-from shellbench.problem import FULL, ProgressCallback
+from shellbench.problem import ProgressCallback
 from shellbench.problems.conditioned.case import ASKED, ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.conditioned.solving import SECONDS_BEFORE, SECONDS_EACH, ConditionedAnswer, stepped
@@ -183,11 +183,11 @@ class TrainedField(ConditionedAnswer):
         directions = np.array([unit(d) for d in quantity.directions])
         return float(np.mean(np.sum(self.displacement(points, material=material) * directions, axis=-1)))
 
-    def value(self, number: int, at: float = FULL) -> float:
+    def value(self, number: int) -> float:
         """Return the asked displacement, m, at a held-out material."""
         return self.asked(self.case.materials[number])
 
-    def sensitivity(self, number: int, by: Parameter, at: float = FULL) -> float:
+    def sensitivity(self, number: int, by: Parameter) -> float:
         """Return the derivative of its logarithm, by a difference quotient."""
         material = self.case.materials[number]
         ahead, behind = (self.asked(stepped(material, by, way * STEP)) for way in (1, -1))

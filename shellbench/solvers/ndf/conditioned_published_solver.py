@@ -39,8 +39,6 @@ class ConditionedPublishedSolver(ConditionedSolver):
 
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the published boundary functions can't hold the shell."""
-        if case.moving:
-            return "it was trained for shells at rest alone"
         from shellbench.solvers.ndf import published
 
         return published.why_not(case.shell_of(case.middle))

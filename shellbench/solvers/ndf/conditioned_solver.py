@@ -10,24 +10,21 @@ from pydantic import Field
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
 from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
+from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
 from shellbench.solvers.ndf.choices import LARGEST_GAP
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.conditioned import ConditionedField
-    from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion
 
 
 class ConditionedSettings(SeededSettings):
     """Settings of `ndf-conditioned`; what is None follows from the case."""
 
     neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
-    snapshots: int = Field(48, ge=3, le=63, description="materials at which the output layer is solved for, at most")
-    tolerance: Positive | None = Field(
-        None,
-        description="share of the asked displacement that ends it: what the last two fields change, 1e-6, or in motion"
-        " what the last coefficients are, 1e-5",
+    snapshots: int = Field(32, ge=3, le=63, description="materials at which the output layer is solved for, at most")
+    tolerance: Positive = Field(
+        1e-6, description="change of the asked displacement, by the last two fields, that ends it"
     )
     largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")
 
@@ -37,9 +34,8 @@ class ConditionedFieldSolver(ConditionedSolver):
 
     name: ClassVar[str] = "ndf-conditioned"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        IN_MOTION,
-        "neural field for all materials: random sine layer, output layers solved for at some and combined by energy, or"
-        " interpolated in motion",
+        THEORIES,
+        "neural field for all materials: random sine layer, output layers solved for at some and combined by energy",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[ConditionedSettings]] = ConditionedSettings
@@ -47,33 +43,22 @@ class ConditionedFieldSolver(ConditionedSolver):
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the field can't hold the shell."""
         shell = case.shell_of(case.middle)
-        if not shell.material.uniform:
-            return "its modulus or thickness varies"
-        if case.moving:
-            from shellbench.solvers.ndf.plane_motion import refusal
-
-            return refusal(shell)
-        if shell.springs:
-            return "it rests on springs: its energy is not two stiffnesses alone"
+        if not shell.material.uniform or shell.springs:
+            return "its modulus or thickness varies, or it rests on springs: its energy is not two stiffnesses alone"
         if any(support.motion is not None for support in shell.supports):
             return "a support is moved: the field answers for loads alone"
         return RitzSolver().declines(shell)
 
     def answer(
         self, case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback
-    ) -> ConditionedField | ConditionedMotion:
-        """Build the field; SolveFailure if it exploits its quadrature at a material, or a motion gets stuck."""
-        if case.moving:
-            from shellbench.solvers.ndf import conditioned_motion
-
-            return conditioned_motion.solve(case, settings, progress)
+    ) -> ConditionedField:
+        """Build the field; SolveFailure if it exploits its quadrature at a material."""
         from shellbench.solvers.ndf.conditioned import solve
 
         return solve(case, settings, progress)
 
-    def load(self, path: Path) -> ConditionedField | ConditionedMotion:
+    def load(self, path: Path) -> ConditionedField:
         """Read what an answer has saved; InputError in one sentence if it is none."""
         from shellbench.solvers.ndf.conditioned import ConditionedField
-        from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion, is_motion
 
-        return ConditionedMotion.load(path) if is_motion(path) else ConditionedField.load(path)
+        return ConditionedField.load(path)
