@@ -146,7 +146,7 @@ class SelfIntersection(Model):
     sag
         About how far the triangles lie from the surface, at most, m.
     words
-        All that in a clause; empty if it never does.
+        All that in a clause, or from when on it is not known, and why; empty if it never does.
     """
 
     points: tuple[Count, Count]

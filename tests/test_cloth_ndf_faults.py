@@ -20,13 +20,13 @@ from shellbench.problems.shell.case import Case, build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.ndf import (
     buckling,
-    continuation,
     equilibrium,
     factors,
     large_displacement,
     motion,
     motion_problem,
     motion_solution,
+    newton,
     strain_measures,
 )
 from shellbench.solvers.ndf.field import Ansatz, Factors
@@ -200,15 +200,15 @@ def leaking_factor(edge: str) -> Callable[[pytest.MonkeyPatch], None]:
 
 def too_soft(patch):
     """Judge stability by eigenvalues that are too small by three hundredths of those at rest."""
-    original, lowest = continuation.Tangent.__init__, continuation.Tangent.lowest.func
+    original, lowest = newton.Tangent.__init__, newton.Tangent.lowest.func
 
     def judge(self, *args):
         original(self, *args)
         if self.neutral:
             self.definite = self.lowest > -self.neutral
 
-    patch.setattr(continuation.Tangent, "__init__", judge)
-    patch.setattr(continuation.Tangent, "lowest", property(lambda self: lowest(self) - 0.03))
+    patch.setattr(newton.Tangent, "__init__", judge)
+    patch.setattr(newton.Tangent, "lowest", property(lambda self: lowest(self) - 0.03))
 
 
 def normals_left_behind(patch):

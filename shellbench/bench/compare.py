@@ -25,8 +25,6 @@ from shellbench.errors import InputError
 from shellbench.model import LONGEST_TITLE
 from shellbench.problem import Problem, Quantity
 
-SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
-
 
 def rows(store: Store, suites: Sequence[str] = (), cases: Sequence[str] = ()) -> list[Row]:
     """Return the rows of all runs in a store that count, sorted by suite, case, quantity, solver and seed.
@@ -268,7 +266,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         uncertainty=measured.uncertainty if measured else None,
         data_error=measured.data_error if measured else None,
         extrapolated=measured.extrapolated if measured else None,
-        converged=_converged(record),
+        converged=record.converged(quantity.name),
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
         status=record.status,
         reason=record.reason,
@@ -316,12 +314,6 @@ def allowed_by_file(case: Problem, quantity: Quantity) -> Tolerance | None:
         if one.quantity == quantity.name and one.tolerance is not None:
             return Tolerance.model_validate({"absolute" if one.absolute else "relative": one.tolerance})
     return None
-
-
-def _converged(record: Record) -> bool | None:
-    """Whether a solver says that its answer settled; None if it does not say."""
-    said = [record.diagnostics[name] for name in SAID_OF_CONVERGENCE if name in record.diagnostics]
-    return all(said) if said and all(isinstance(one, bool) for one in said) else None
 
 
 def with_known_values(row: Row, known: KnownValues, case: Problem, quantity: Quantity) -> Row:

@@ -37,6 +37,8 @@ LARGEST_RECORD = 20_000_000  # bytes: an hour's motion with all its steps takes 
 Status = Literal["ok", "not settled", "failed", "timeout"]
 NOT_SETTLED: Final = "not settled"  # there is an answer, of which its own solver says that it still moves
 ANSWERED = ("ok", NOT_SETTLED)
+SAID_OF_CONVERGENCE = ("converged", "settled")  # what solvers call it in their diagnostics
+NOT_CONVERGED = "not_converged"  # the diagnostic that names the quantities that did not
 
 
 def _is_time(text: str) -> str:
@@ -211,6 +213,14 @@ class Record(Model):
     def order(self) -> tuple[int, float, str]:
         """What records are ordered by, oldest first: the clock tells only those from before from each other."""
         return self.sequence or 0, datetime.fromisoformat(self.created).timestamp(), self.run_id
+
+    def converged(self, quantity: str) -> bool | None:
+        """Return whether its solver says that a quantity settled, or all of them; None if it does not say."""
+        named = self.diagnostics.get(NOT_CONVERGED)
+        if named and isinstance(named, list | tuple):
+            return quantity not in named
+        said = [self.diagnostics[name] for name in SAID_OF_CONVERGENCE if name in self.diagnostics]
+        return all(said) if said and all(isinstance(one, bool) for one in said) else None
 
 
 def document(record: Record) -> bytes:

@@ -74,7 +74,8 @@ class Row(Model):
     data_error
         How much of the uncertainty the question's data leave, such as a mesh; None of exact data.
     converged
-        Whether the solver says that its answer settled within what it was asked for; None if it does not say.
+        Whether the solver says that its answer settled within what it was asked for, or where it names quantities that
+        did not, that this one is none of them; None if it does not say.
     disagreement, disagreement_with
         With no known value: signed relative difference to another solver's value, and which.
     energy_gap

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.compare import Row, as_json, held_against_each_other, rows
+from shellbench.bench.compare import Row, as_json, held_against_each_other, row_of, rows
 from shellbench.bench.current import current_runs
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
@@ -96,6 +97,24 @@ def test_a_default_run_is_judged_at_the_frozen_tolerance(recorded: Store) -> Non
 def test_near_zero_the_error_is_absolute(recorded: Store) -> None:
     row = only(rows(recorded), quantity="membrane")
     assert (row.relative_error, row.absolute_error, row.tolerance_is_absolute, row.passed) == (None, 0.0, True, True)
+
+
+@pytest.mark.parametrize(
+    ("diagnostics", "converged"),
+    [
+        ({}, [None, None]),
+        ({"converged": False}, [False, False]),
+        ({"converged": False, "not_converged": []}, [False, False]),
+        ({"converged": False, "not_converged": ["energy"]}, [True, False]),
+        ({"converged": True, "not_converged": []}, [True, True]),
+        ({"converged": True, "not_converged": 1}, [True, True]),
+    ],
+)
+def test_what_did_not_converge_is_named_where_a_solver_names_it(recorded, diagnostics, converged) -> None:
+    (run,) = current_runs(recorded.read()).runs
+    run = replace(run, record=run.record.model_copy(update={"diagnostics": diagnostics}))
+    quantities = [run.case.quantity(name) for name in ("centre", "energy")]
+    assert [row_of(run, quantity).converged for quantity in quantities] == converged
 
 
 def test_an_ungated_quantity_has_no_verdict(recorded: Store) -> None:

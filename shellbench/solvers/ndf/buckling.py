@@ -35,11 +35,10 @@ from shellbench.solvers.ndf.continuation import (
     SMALLEST_STEP,
     STRAIGHT,
     PathEndsError,
-    PathState,
-    equilibrium,
     landing,
 )
 from shellbench.solvers.ndf.equilibrium import CONVERGED, Deformed, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 
 NEUTRAL = 1e-4
 """Eigenvalue of a tangent, relative to the stiffness at rest, that is called zero.

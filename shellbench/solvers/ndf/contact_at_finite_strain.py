@@ -28,10 +28,11 @@ from shellbench.solvers.ndf.contact_forces import (
     smoothest,
     typical_compliance,
 )
-from shellbench.solvers.ndf.continuation import PathEndsError, PathState, load_steps
+from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
 from shellbench.solvers.ndf.equilibrium import CONVERGED, HOPELESS, MOST_ITERATIONS, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
+from shellbench.solvers.ndf.newton import PathState
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.signs import Signs, unseen_turning
 from shellbench.solvers.ndf.solution import PathSolution
@@ -98,10 +99,11 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
     SolveFailure
         If rounding does not tell the forces.
     """
-    # 1. Rows G of the gaps' rates, the tangent K with predicted stresses (see `continuation`), and the residual r of
+    # 1. Rows G of the gaps' rates, the tangent K with predicted stresses (see `newton`), and the residual r of
     #    the loads, each in the basis of independent fields.
     # 2. Points that were pressed a step before get a penalty on their gaps. It makes K definite where only contact
-    #    holds the shell, as under dead forces of the floor a strip would buckle. If they stay closed, it does nothing.
+    #    holds the shell, as a strip that is pushed along a floor would buckle under dead forces. If they stay closed,
+    #    it does nothing.
     # 3. dy = K^-1 (r + G^T x), with x >= 0 such that g + G dy >= 0, one of both zero: the dual problem by the
     #    compliance G K^-1 G^T. These are all forces, no increments.
     # 4. Stop when the energy dy K dy of the step is at rounding; then take the smoothest of forces.

@@ -18,8 +18,9 @@ from shellbench.errors import InputError
 from shellbench.problem import Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.edit import why_no_edit
-from shellbench.solvers.ndf.continuation import EASY, PathEndsError, PathState, equilibrium
+from shellbench.solvers.ndf.continuation import EASY, PathEndsError
 from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 

@@ -18,16 +18,14 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
 from shellbench.problems.shell.edit import between
-from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity, LimitPoint
+from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
 from shellbench.solvers.ndf.build import FieldSpec, Resolution, build_ansatz
 from shellbench.solvers.ndf.continuation import (
     PathEndsError,
-    PathState,
     arc_length_steps,
     displacement_steps,
-    equilibrium,
     load_steps,
 )
 from shellbench.solvers.ndf.edited import states_of_edit
@@ -36,6 +34,7 @@ from shellbench.solvers.ndf.equilibrium import Deformed, NotConvergedError, Path
 from shellbench.solvers.ndf.factors import turns, why_not_turned
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.newton import PathState, equilibrium
 from shellbench.solvers.ndf.path_challenge import challenged, prescribed
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import Combined
@@ -87,12 +86,10 @@ def why_not_followed(case: Case) -> str | None:
 def _why_not_touched(case: Case) -> str | None:
     if case.path.control != "load" or case.path.after_buckling == "follow":
         return "it touches obstacles by load steps before buckling only"
-    if any(isinstance(q, CriticalPoint | LimitPoint) for q in case.quantities):
-        return "it tells of no turning or critical points where there are obstacles"
+    if any(isinstance(q, CriticalPoint) for q in case.quantities):
+        return "it tells of no critical points where there are obstacles"
     if case.following or any(isinstance(load, MomentLoad) for load in case.loads) or turns(case):
         return "it touches obstacles at finite strain under dead forces alone, without moments or edges that turn"
-    if free_motions(case).size:
-        return "it needs supports against all rigid motions where there are obstacles"
     return None
 
 

@@ -29,11 +29,11 @@ from shellbench.problems.shell.quantities import (
 )
 from shellbench.solvers.ndf.build import Resolution, graded_points
 from shellbench.solvers.ndf.challenge import SHARE, joined_features, looking_everywhere
-from shellbench.solvers.ndf.continuation import PathState
 from shellbench.solvers.ndf.energy import rigid_part
 from shellbench.solvers.ndf.equilibrium import Deformed, PathProblem
 from shellbench.solvers.ndf.field import Features, Field
 from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.newton import PathState
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
     Miss,

@@ -10,10 +10,12 @@ from scipy.optimize import linprog
 
 from shellbench.bench import catalog
 from shellbench.errors import InputError
+from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.kind import SHELL
 from shellbench.problems.shell.self_intersection import (
     crossings,
+    sag,
     self_intersection_study,
     triangulated,
     uneven_grid,
@@ -111,6 +113,16 @@ def test_a_fold_crosses_when_its_upper_half_sinks_through_the_lower_one(apart):
     assert len(crossed(SQUARE, two_sheets(apart, tilt=1.2 * apart), (121, 21))) > 0
 
 
+def test_the_sag_of_triangles_is_that_of_the_longest_chord():
+    """None of a plane, however uneven its grid; 1 - cos(h/2) of a circle of radius one."""
+    plane, tube = uneven_grid(SQUARE, SIZE), uneven_grid(TUBE, (101, 21))
+    flat = np.stack([plane[..., 0], plane[..., 1], plane[..., 0]], axis=-1)
+    assert sag(flat, plane, SQUARE) < 1e-14
+    turned = np.stack([np.cos(tube[..., 0]), tube[..., 1], np.sin(tube[..., 0])], axis=-1)
+    chord = np.diff(tube[:, 0, 0]).max()
+    assert sag(turned, tube, TUBE) == pytest.approx(1 - np.cos(chord / 2), rel=1e-2)
+
+
 def test_sheets_that_lie_on_each_other_touch_and_do_not_cross():
     assert len(crossed(SQUARE, lambda s, w: np.stack([np.abs(s - 0.5), w, 0 * s], axis=-1))) == 0
 
@@ -139,12 +151,18 @@ class Rolling:
 TURN = 3.9 * np.pi  # a unit of t: a full turn at t = .513
 
 
+@pytest.fixture
+def coarse(monkeypatch):
+    monkeypatch.setattr(self_intersection, "POINTS", 2_000)  # quicker
+
+
 def rolling_case(states):
     case = catalog.named_case("rolled_plate")
     data = case.model_dump(exclude_unset=True) | {"path": {"states": states}}
     return Case.model_validate(data)
 
 
+@pytest.mark.usefixtures("coarse")
 def test_the_first_kept_state_is_told_in_which_a_plate_rolls_through_itself():
     case = rolling_case((0.49, 0.53))
     (found,) = self_intersection_study(Rolling(case, TURN, 1.0), case)
@@ -154,11 +172,21 @@ def test_the_first_kept_state_is_told_in_which_a_plate_rolls_through_itself():
     assert reach == pytest.approx(2 * np.pi / (TURN * 0.53), abs=0.03)  # a full turn lies between the two points
 
 
+@pytest.mark.usefixtures("coarse")
 def test_states_that_were_not_reached_are_not_looked_at():
     case = rolling_case((0.49, 0.53))
     (found,) = self_intersection_study(Rolling(case, TURN, 0.51), case)
     assert (found.states, found.free_until, found.at, found.words) == (3, 0.5, None, "")
     assert self_intersection_study(Rolling(case, TURN, 0.1), case) == ()
+
+
+@pytest.mark.usefixtures("coarse")
+def test_triangles_that_are_too_many_to_compare_are_told(monkeypatch):
+    monkeypatch.setattr(self_intersection, "MOST_PAIRS", 10_000)
+    case = rolling_case((0.49, 0.53))
+    (found,) = self_intersection_study(Rolling(case, TURN, 1.0), case)
+    assert found.at is None
+    assert "not known from t = 0.25 on: the surface is stretched" in found.words
 
 
 def test_a_linear_displacement_has_no_such_state():
