@@ -66,8 +66,8 @@ class RepeatedSolution(ConditionedAnswer):
                 told = dict(file.metadata() or {})
                 values, derivatives = file.get_tensor("values"), file.get_tensor("derivatives")
             case, unknowns = ConditionedCase.model_validate_json(told["case"]), int(told["unknowns"])
-            shape = len(case.materials), len(case.states)
-            values, derivatives = values.reshape(shape), derivatives.reshape(*shape, len(Material._fields))
+            count = len(case.materials)
+            values, derivatives = values.reshape(count), derivatives.reshape(count, len(Material._fields))
         except (OSError, SafetensorError, KeyError, ValueError, ValidationError) as error:
             raise InputError(f"{path} holds no repeated solution: {' '.join(str(error).split())[:200]}") from None
         return cls(case=case, values=values, derivatives=derivatives, unknowns=unknowns)
