@@ -66,8 +66,6 @@ class RepeatedSolution(ConditionedAnswer):
                 told = dict(file.metadata() or {})
                 values, derivatives = file.get_tensor("values"), file.get_tensor("derivatives")
             case, unknowns = ConditionedCase.model_validate_json(told["case"]), int(told["unknowns"])
-            count = len(case.materials)
-            values, derivatives = values.reshape(count), derivatives.reshape(count, len(Material._fields))
         except (OSError, SafetensorError, KeyError, ValueError, ValidationError) as error:
             raise InputError(f"{path} holds no repeated solution: {' '.join(str(error).split())[:200]}") from None
         return cls(case=case, values=values, derivatives=derivatives, unknowns=unknowns)
