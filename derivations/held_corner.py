@@ -34,12 +34,17 @@ MISPLACED = 1e-5
 
 
 def _estimates(corner: Array, moment: Array, side: Array, u: Callable[[Array], Array], energy: float, share: float) -> dict[str, Estimate]:  # fmt: skip
-    """Estimates of a force and a moment (3,) of the corner, a force of the side, a displacement (3,) by place, and J."""
+    """Estimates of a force and a moment (3,) of the corner, a force of the side, a displacement (3,) by place, and J.
+
+    The size of a displacement that is linear in the place is convex, so that it is largest in a corner.
+    """
+    corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * SIDES
     values = (
         ("corner_force", corner @ np.array([1.0, 2.0, 2.0]) / 3, "N"),
         ("side_force", side @ np.array([2.0, 1.0, 0.0]) / 5**0.5, "N"),
         ("corner_moment", moment @ AXIS, "N m"),
         ("far_displacement", u(np.array(SIDES)) @ OBLIQUE, "m"),
+        ("largest_displacement", max(np.linalg.norm(u(p)) for p in corners), "m"),
         ("strain_energy", energy, "J"),
         ("membrane_energy", energy, "J"),
     )
