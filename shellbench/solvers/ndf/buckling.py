@@ -86,7 +86,7 @@ def relaxed(problem: PathProblem, start: PathState, t: float) -> PathState:
             # is the ball.
             model = values, vectors, -vectors.T @ (basis.combine.T @ deformed.residual)
         values, vectors, gradient = model
-        scale = deformed.membrane + deformed.bending + abs(deformed.work)
+        scale = deformed.magnitude
         if float(values[0]) > -NEUTRAL:
             # Twice what a Newton step could gain, mode by mode.
             left = gradient**2 / values.abs().clamp_min(NEUTRAL)
@@ -153,7 +153,7 @@ def trust_region_step(values: Tensor, gradient: Tensor, radius: float) -> Tensor
 
 def _size(deformed: Deformed) -> float:
     """Return the norm of the displacement that would store the energy by the stiffness at rest."""
-    return math.sqrt(2 * (deformed.membrane + deformed.bending + abs(deformed.work)))
+    return math.sqrt(2 * deformed.magnitude)
 
 
 LOCATED = 1e-4  # of the critical load factor: how well it is found

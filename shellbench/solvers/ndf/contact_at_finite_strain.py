@@ -29,7 +29,7 @@ from shellbench.solvers.ndf.contact_forces import (
     typical_compliance,
 )
 from shellbench.solvers.ndf.continuation import PathEndsError, load_steps
-from shellbench.solvers.ndf.equilibrium import CONVERGED, HOPELESS, MOST_ITERATIONS, NotConvergedError, PathProblem
+from shellbench.solvers.ndf.equilibrium import MOST_ITERATIONS, NotConvergedError, PathProblem
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.newton import PathState
@@ -141,11 +141,8 @@ def in_contact(points: ContactRows, start: PathState, t: float) -> tuple[PathSta
         geometric = problem.predicted(deformed, change, t)
         weights = weights + change
         deformed = problem.deform(weights, t, deformed.angles)
-        scale = max(deformed.membrane + deformed.bending + abs(deformed.work), problem.unstrained)
         first = first or decrement
-        if not scale < float("inf") or decrement > HOPELESS * first:
-            break
-        if decrement <= CONVERGED * scale:
+        if problem.settled(deformed, decrement, first):
             largest = float(np.abs(points.displacement(weights, t)).max())
             smooth = smoothest(compliance, offset, forces, unit, points.line, largest, PASSES)[:, None] * normal
             residual = deformed.residual + (placement.tensor(smooth)[:, None] @ points.values).sum(dim=(0, 1))

@@ -75,6 +75,11 @@ class Deformed:
         """Potential energy, J."""
         return self.membrane + self.bending - self.work
 
+    @property
+    def magnitude(self) -> float:
+        """What the potential energy is made of, J: its parts, each without its sign."""
+        return self.membrane + self.bending + abs(self.work)
+
 
 @dataclass(frozen=True)
 class Basis:
@@ -181,6 +186,21 @@ class PathProblem:
     def unstrained(self) -> float:
         """Energy that is rounding, J."""
         return UNSTRAINED * self.ansatz.case.material.membrane_stiffness * self.area
+
+    def settled(self, deformed: Deformed, decrement: float, first: float) -> bool:
+        """Return whether an iteration has ended here, by the work of its last step and of its first one, J.
+
+        Raises
+        ------
+        NotConvergedError
+            If none comes back from there.
+        """
+        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
+        scale = max(deformed.magnitude, self.unstrained)
+        # Written so that what is not a number fails.
+        if not scale < float("inf") or decrement > HOPELESS * first:
+            raise NotConvergedError
+        return decrement <= CONVERGED * scale
 
     @cached_property
     def moments(self) -> tuple[EdgeMoment, ...]:

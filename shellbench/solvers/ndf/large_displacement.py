@@ -364,5 +364,4 @@ def state_solution(problem: PathProblem, rung: Rung, solver: str, state: PathSta
 
 def disagreement(trained: Deformed, certified: Deformed, rounding: float) -> float:
     """Return that of two potential energies, relative to what they are made of, or to one that is rounding, J."""
-    magnitude = certified.membrane + certified.bending + abs(certified.work)
-    return abs(trained.potential - certified.potential) / max(magnitude, rounding)
+    return abs(trained.potential - certified.potential) / max(certified.magnitude, rounding)

@@ -9,8 +9,6 @@ import torch
 from torch import Tensor
 
 from shellbench.solvers.ndf.equilibrium import (
-    CONVERGED,
-    HOPELESS,
     MOST_ITERATIONS,
     Deformed,
     NotConvergedError,
@@ -215,12 +213,7 @@ def _newton(
         geometric = problem.predicted(deformed, step, t)
         weights = weights + step
         deformed = problem.deform(weights, t, deformed.angles)
-        # Below the energy of a strain of 1e-10 all is rounding, as in a shell that nothing loads.
-        scale = max(deformed.membrane + deformed.bending + abs(deformed.work), problem.unstrained)
         first = first or decrement
-        # Written so that what is not a number fails.
-        if not scale < float("inf") or decrement > HOPELESS * first:
-            break
-        if decrement <= CONVERGED * scale:
+        if problem.settled(deformed, decrement, first):
             return PathState(t, weights, deformed, iteration, tangent)
     raise NotConvergedError
