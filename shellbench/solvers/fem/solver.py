@@ -30,7 +30,7 @@ class FemSettings(Settings):
         that is named by the diagnostic `not_converged` of a shell at rest.
     max_unknowns
         No mesh is tried on which more degrees of freedom are solved for. None: 165,000, or 40,000 in the non-linear
-        theory. A motion is bounded by its cells and steps instead.
+        theory unless all is prescribed. A motion is bounded by its cells and steps instead.
     cells
         One fixed mesh: along each coordinate the cells from a graded point to the end of its influence, which is
         half the way to the next one, or half of the side. None: refine.

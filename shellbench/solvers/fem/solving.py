@@ -105,7 +105,8 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     slowest = slowest_rate(case) if graded else ASYMPTOTIC
     on_mesh, trials = _solves(case, chosen, toward, start, progress)
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
-    largest = chosen.max_unknowns or (MOST_UNKNOWNS if case.linear else MOST_LARGE_UNKNOWNS)
+    solved_once = case.linear or case.prescribed  # or never: where all is prescribed
+    largest = chosen.max_unknowns or (MOST_UNKNOWNS if solved_once else MOST_LARGE_UNKNOWNS)
     steps: list[Step] = []
     differences: list[dict[str, Any]] = []
     coarsest: list[int] = []
