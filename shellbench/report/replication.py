@@ -33,25 +33,32 @@ def _lines(found: Evidence) -> Iterator[dict[str, Any]]:
         trained = [
             (row, certified)
             for row in of_case
-            if row.primary and row.run_id in found.records and (certified := course(found.records[str(row.run_id)]))
+            if row.primary
+            and row.run_id in found.records
+            and (certified := course(found.records[str(row.run_id)], is_linear(row)))
         ]
         known = found.known(case)
         yield from (published(row, value) for row, _ in trained[:1] for value in known.of(row.quantity, "published"))
         for row, certified in trained:
-            judge = known.judge("strain_energy", row.reference_theory or "")
+            judge = known.judge("strain_energy", row.reference_theory or "") if is_linear(row) else None
             looked_at = [at_share(certified, share) for share in SHARES]
             for step, energy in {step.iteration: (step, energy) for step, energy in looked_at}.values():
                 yield line(row, step, energy, judge.value if judge else None)
 
 
-def course(record: Record) -> list[tuple[HistoryStep, float]]:
+def is_linear(row: Row) -> bool:
+    """Whether the least potential energy is known: that of a linear theory is the strain energy, less than 0."""
+    return (row.reference_theory or "").endswith("-linear")
+
+
+def course(record: Record, end_counts: bool) -> list[tuple[HistoryStep, float]]:
     """Return the steps of a training whose energies were certified, with these, J; none of other solves.
 
-    A training that certified the energy of its end alone has one.
+    A training that certified the energy of its end alone has one, where that counts.
     """
     found = [(step, step.quantities[CERTIFIED]) for step in record.history if CERTIFIED in step.quantities]
     last, end = record.history[-1:], record.diagnostics.get(CERTIFIED)
-    return found or [(step, float(end)) for step in last if isinstance(end, float)]
+    return found or [(step, float(end)) for step in last if end_counts and isinstance(end, float)]
 
 
 def published(row: Row, value: KnownValue) -> dict[str, Any]:
@@ -73,7 +80,7 @@ def at_share(certified: Sequence[tuple[HistoryStep, float]], share: float) -> tu
 
 
 def line(row: Row, step: HistoryStep, energy: float, known: float | None) -> dict[str, Any]:
-    """Return one line of the table. The potential energy of an answer in balance is its strain energy, less than 0."""
+    """Return one line of the table."""
     value, reference = step.quantities.get(row.quantity), row.reference
     return {
         "block": row.case_title or row.case,

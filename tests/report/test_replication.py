@@ -21,10 +21,10 @@ def step(number, energy, certified=True, gap=0.5):
     )  # fmt: skip
 
 
-def lines(*steps, diagnostics=None):
+def lines(*steps, diagnostics=None, theory="kirchhoff-love-linear"):
     row = Row(
         case="scordelis_lo", case_title="Roof", suite="replication", solver="ndf-published", seed=1, settings={}, quantity="edge_deflection",
-        primary=True, at=1.0, status="ok", value=VALUE, uncertainty=None, run_id="a", reference=VALUE, reference_theory="kirchhoff-love-linear",
+        primary=True, at=1.0, status="ok", value=VALUE, uncertainty=None, run_id="a", reference=VALUE, reference_theory=theory,
     )  # fmt: skip
     record = SimpleNamespace(history=steps, diagnostics=diagnostics or {})
     found = replication.section(SimpleNamespace(rows=[row], records={"a": record}, known=catalog.known_values))
@@ -55,3 +55,9 @@ def test_a_training_that_certified_its_end_alone_has_one_line():
     )
     assert [line["iteration"] for line in found if line["seed"] == 1] == [40]
     assert found[-1]["above"] == pytest.approx(0.75)
+
+
+def test_no_least_energy_is_told_where_it_is_not_the_strain_energy():
+    steps, theory = [step(n, -float(n)) for n in (100, 400)], "kirchhoff-love-nonlinear"
+    assert [line["above"] for line in lines(*steps, theory=theory) if line["seed"] == 1] == [None, None]
+    assert not lines(step(1, -1.0, certified=False), diagnostics={"certified_energy": -1.0}, theory=theory)
