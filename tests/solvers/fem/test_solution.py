@@ -70,6 +70,13 @@ def test_shapes_and_names(solution):
         solution.reaction("nobody")
 
 
+def test_no_points_are_answered_by_no_rows(solution):
+    nowhere = np.zeros((0, 2))
+    assert solution.displacement(nowhere).shape == (0, 3)
+    assert solution.evaluate("bending_strain", nowhere).shape == (0, 3)
+    assert solution.evaluate("bending_energy_density", nowhere).shape == (0,)
+
+
 def test_a_saved_solution_comes_back_whole(solution, tmp_path):
     path = solution.save(tmp_path / "run.1")
     assert path.name == "run.1.npz"
