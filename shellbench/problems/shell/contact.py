@@ -53,6 +53,16 @@ class Touch:
     reach: Array
 
 
+def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> Touch:
+    """Return forces (v, 3), N, at the vertices (v, 2) of an even grid with steps (2,), with what they act on."""
+    x = case.surface.derivatives(points, order=1)
+    speeds = np.stack([np.linalg.norm(x[order], axis=-1) for order in ((1, 0), (0, 1))], axis=-1)
+    domain = case.surface.domain
+    at_end = np.isclose(points, domain.lower, atol=1e-9 * steps) | np.isclose(points, domain.upper, atol=1e-9 * steps)
+    lengths = speeds * steps * np.where(at_end & ~np.asarray(domain.periodic), 0.5, 1.0)
+    return Touch(points, forces, lengths, 2 * lengths.max(axis=0))
+
+
 def kept_touch(touching: Sequence[Touch]) -> dict[str, Array]:
     """Return what a file keeps of contact at some states, by name; nothing where nothing was touched."""
     if not touching:

@@ -20,6 +20,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, Support
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.problems.shell.rigid import rigid_modes
+from shellbench.solvers.cst.contact import Pressing
 from shellbench.solvers.cst.elastic import Elastic, Loading, Pattern
 from shellbench.solvers.cst.mesh import TriangleMesh
 
@@ -188,6 +189,12 @@ class TriangleProblem:
         """Return the forces (v, 3) that triangles, hinges and springs need to be held so, N."""
         return self.elastic.gradient(displacement) + self.loading.springs * displacement
 
+    def pressing(self, at: float, dt: float) -> Pressing | None:
+        """Return the obstacles at the end of a step in time dt, s, or None if there are none."""
+        if not self.case.obstacles:
+            return None
+        return Pressing.in_step(self.case, self.mesh.points, self.loading.mass, at, dt)
+
     def strain_energy(self, displacement: Array) -> float:
         """Return the energy of triangles, hinges and springs, J."""
         return sum(self.elastic.energies(displacement)) + float(np.sum(self.loading.springs * displacement**2) / 2)
@@ -225,9 +232,18 @@ def factorised(matrix: csc_array) -> Callable[[Array], Array]:
 
 
 def minimise(
-    problem: TriangleProblem, start: Array, force: Array, inertia: Array, target: Array, smallest: float, most: int
+    problem: TriangleProblem,
+    start: Array,
+    force: Array,
+    inertia: Array,
+    target: Array,
+    smallest: float,
+    most: int,
+    pressing: Pressing | None = None,
 ) -> Minimum:
     """Minimise W(u) - f.u + 1/2 sum of m_i |u_i - target_i|^2 over the free vertices by Newton's method.
+
+    Obstacles, if any are `pressing`, add the energy of their penalty.
 
     The exact second derivative is used where it leads downhill and is convex along the step, else a positive definite
     one; each step is halved until it brings a decrease (Armijo).
@@ -265,6 +281,7 @@ def minimise(
     def energy(u: Array) -> tuple[float, float]:
         parts = np.array([
             problem.strain_energy(u), -np.sum(force * u), np.sum(inertia[:, None] * (u - target) ** 2) / 2,
+            pressing.energy(u) if pressing else 0.0,
         ])  # fmt: skip
         return float(parts.sum()), float(np.abs(parts).sum())
 
@@ -272,8 +289,10 @@ def minimise(
     value, scale = energy(u)
     for iteration in range(1, most + 1):
         gradient = problem.internal(u) - force + inertia[:, None] * (u - target)
+        if pressing:
+            gradient -= pressing.forces(u)
         g = gradient.ravel()[pattern.free]
-        step = _newton_step(problem, u, g, diagonal)
+        step = _newton_step(problem, u, g, diagonal, pressing)
         correction, slope, part = float(np.abs(step).max(initial=0.0)), float(g @ step), 1.0
         while True:
             trial = u.copy()
@@ -291,12 +310,14 @@ def minimise(
     raise SolveFailure(f"Newton's method did not converge in {most} steps")
 
 
-def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array) -> Array:
+def _newton_step(problem: TriangleProblem, u: Array, g: Array, diagonal: Array, pressing: Pressing | None) -> Array:
     # LU, not Cholesky: it takes an indefinite matrix, and whether the step is downhill and convex along itself is
     # checked. The textbook shifts the whole matrix until Cholesky succeeds. Here the definite one, made element by
     # element, serves wherever the exact one does not.
     for definite in (False, True):
         matrix = problem.pattern.matrix(problem.elastic.tangent_values(u, definite), diagonal)
+        if pressing:
+            matrix = matrix + pressing.tangent(u, problem.pattern.free)
         try:
             step = -factorised(matrix)(g)
         except SolveFailure:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, touch_at_vertices
 from shellbench.problems.shell.solution import SLACK, Arrays, ShellSolution, Words, state_number, time_reached
 from shellbench.solvers.cst.mesh import TriangleMesh
 from shellbench.solvers.cst.problem import TriangleProblem
@@ -138,8 +139,19 @@ class CstSolution(ShellSolution):
             arms = arms + self.vertices(at)
         return forces.sum(axis=0), np.cross(arms, forces).sum(axis=0)
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the vertices."""
+        return touch_at_vertices(self.case, self.mesh.points, self.mesh.steps, self._between(at, self._pressed))
+
+    def _pressed(self, k: int) -> Array:
+        u, dt = self.frames[..., k], float(self.marks[1] - self.marks[0]) if len(self.marks) > 1 else 1.0
+        pressing = self.problem.pressing(float(self.marks[k]), dt)
+        return pressing.forces(u) if pressing else np.zeros_like(u)
+
     def _unbalanced(self, k: int) -> Array:
         forces = self.problem.internal(self.frames[..., k]) - self.problem.loading.forces(float(self.marks[k]))
+        if self.case.obstacles:
+            forces = forces - self._pressed(k)
         if self.case.dynamics is None or k == 0:
             return forces
         gained = (self._rate(k) - self._rate(k - 1)) / (self.marks[k] - self.marks[k - 1])

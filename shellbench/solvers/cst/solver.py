@@ -38,7 +38,7 @@ class CstSettings(Settings):
 
 
 class CstSolver(ShellSolver):
-    """Constant-strain triangles with hinges, on one mesh; motions by backward Euler."""
+    """Constant-strain triangles with hinges, on one mesh; motions by backward Euler, obstacles by a penalty."""
 
     name: ClassVar[str] = "cst-hinge"
     capabilities: ClassVar[Capabilities] = Capabilities(
@@ -95,8 +95,12 @@ def _why_no_modes(case: Case) -> str | None:
 
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
-    if refusal := why_not_plain(case, frozenset({"modes"})):
+    if refusal := why_not_plain(case, frozenset({"modes", "contact"})):
         return refusal
+    if case.obstacles and case.dynamics is None:
+        return "it touches obstacles at rest, and this mesh meets them in motion only"
+    if any(obstacle.friction for obstacle in case.obstacles):
+        return "its obstacles have friction, and those of this mesh have none"
     if case.modal and (refusal := _why_no_modes(case)):
         return refusal
     if case.prescribed:

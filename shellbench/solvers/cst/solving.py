@@ -334,12 +334,14 @@ def march(problem: TriangleProblem, until: float, steps: int, tolerance: float, 
         t = until * number / steps
         force = problem.loading.forces(t) if steady is None else steady
         target = u + dt * v
-        start = problem.supports.prescribe(target, t)
+        start, pressing = problem.supports.prescribe(target, t), problem.pressing(t, dt)
         try:
-            found = minimise(problem, start, force, inertia, target, tolerance * size, MOST_TIME_STEPS)
+            found = minimise(problem, start, force, inertia, target, tolerance * size, MOST_TIME_STEPS, pressing)
         except SolveFailure as failure:
             raise SolveFailure(f"{failure} at {t:.4g} s") from None
         moved = found.displacement - u
+        if pressing:
+            force = force + pressing.forces(found.displacement)
         reaction = problem.internal(found.displacement) - force + inertia[:, None] * (found.displacement - target)
         work += float(np.sum(force * moved) + np.sum((reaction * moved)[held]))
         u, v = found.displacement, moved / dt

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch, touch_at_vertices
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, time_reached
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid, Loading
@@ -33,6 +34,8 @@ class FlexSolution(ShellSolution):
         (k, v, 3) displacements of the vertices, m, and their velocities, m/s; the grid follows from the settings.
     parameters
         Coordinates of vertices that are free to move.
+    pressing
+        (k, v, 3) forces of obstacles on the vertices, N; None where there are none.
     """
 
     formats: ClassVar[tuple[str | int, ...]] = ("mujoco-flex, format 1",)
@@ -43,6 +46,7 @@ class FlexSolution(ShellSolution):
     frames: Array
     rates: Array
     parameters: int
+    pressing: Array | None = None
 
     @property
     def case(self) -> Case:
@@ -119,6 +123,17 @@ class FlexSolution(ShellSolution):
         """Return the energy of stretching and of bending, J (see `shellbench.solvers.mujoco.elasticity`)."""
         return self.elasticity.energies(self.grid.rest + self.vertices(at))
 
+    def _pressing(self, at: float | None) -> Array:
+        k, s, _ = self._place(at)
+        if self.pressing is None:
+            return np.zeros_like(self.grid.rest)
+        return np.asarray((1 - s) * self.pressing[k] + s * self.pressing[k + (s > 0)])
+
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what obstacles exert on the vertices: the engine's own forces, linear between frames."""
+        steps = np.asarray(self.case.surface.domain.size) / self.grid.cells
+        return touch_at_vertices(self.case, self.grid.points, steps, self._pressing(at))
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
@@ -129,13 +144,14 @@ class FlexSolution(ShellSolution):
         share = every[number] / np.maximum(np.sum(every, axis=0), 1)
         positions = self.grid.rest + self.vertices(at)
         loads = Loading(self.grid).forces(self.until if at is None else at)
-        forces = share * (self.elasticity.forces(positions) - loads)
+        forces = share * (self.elasticity.forces(positions) - loads - self._pressing(at))
         return forces.sum(axis=0), np.cross(positions - centre, forces).sum(axis=0)
 
     def kept(self) -> tuple[Words, Arrays]:
         """Return what a file holds beside the case and the history."""
         words = {"cells": list(self.grid.cells), "until": self.until}
-        return words, {"frames": self.frames, "rates": self.rates}
+        pressing = {} if self.pressing is None else {"pressing": self.pressing}
+        return words, {"frames": self.frames, "rates": self.rates, **pressing}
 
     @classmethod
     def restored(cls, case: Case, words: Words, arrays: Arrays) -> FlexSolution:
@@ -145,4 +161,5 @@ class FlexSolution(ShellSolution):
         frames, rates = arrays["frames"], arrays["rates"]
         if frames.shape != rates.shape or frames.shape[1:] != grid.rest.shape:
             raise ValueError("frames do not fit the grid")
-        return cls(grid, float(words["until"]), frames, rates, int(words["parameters"]))
+        until, parameters = float(words["until"]), int(words["parameters"])
+        return cls(grid, until, frames, rates, parameters, arrays.get("pressing"))

@@ -96,12 +96,13 @@ class MujocoFlexSolver(ShellSolver):
 
 SAMPLES = 17  # points a side at which a surface is looked at
 FLAT = 1e-9  # of its size: how far a flat surface may lie from its plane
+GEOMS = ("sphere", "plane", "capsule", "box")
 INCOMPRESSIBLE = 0.5  # Poisson's ratio that the engine does not reach; its least one is 0
 
 
 def reason(case: Case) -> str | None:
     """Return why a case can't be taken, as one clause; None if it can."""
-    if refusal := why_not_plain(case):
+    if refusal := why_not_plain(case, frozenset({"contact"})):
         return refusal
     if case.dynamics is None:
         return "it is at rest, and this engine follows motions"
@@ -115,6 +116,9 @@ def reason(case: Case) -> str | None:
         return "it has loads on edges, and this solver knows those on areas and at points"
     if case.following:
         return "its pressure follows the shell, where this solver's loads are dead"
+    for obstacle in case.obstacles:
+        if obstacle.kind not in GEOMS or obstacle.friction or any(isinstance(c, str) for c in obstacle.centre):
+            return "an obstacle moves, has friction, or is no plane, ball, capsule or box, as this solver takes them"
     if not 0 <= case.material.poissons_ratio < INCOMPRESSIBLE:
         return "its Poisson's ratio is negative, which the engine refuses"
     return None

@@ -1,8 +1,9 @@
 """Following a motion of MuJoCo's cloth on one grid, frame by frame.
 
 The case becomes a model of MuJoCo: a flex of dimension 2 whose every vertex is a body on slide joints. The engine's own
-gravity, air, contacts and constraints are off. A component of a vertex that a support holds has no joint. Springs are
-those of the joints. Loads are applied forces.
+gravity and air are off. A component of a vertex that a support holds has no joint. Springs are
+those of the joints. Loads are applied forces. Obstacles are geoms, met by the engine's own contact of triangles,
+without friction and as hard as it can be: `solref` is twice a step, the shortest that the engine calls stable.
 
 MuJoCo's semi-implicit Euler rule is v(n+1) = v(n) + h a(x(n)), x(n+1) = x(n) + h v(n+1), of first order if both v and x
 begin at rest: a free fall then runs ahead by g h t/2. The same rule is the leapfrog of Verlet (1967), of second order,
@@ -26,6 +27,7 @@ from threadpoolctl import ThreadpoolController
 
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
+from shellbench.problems.obstacle import Body, Box, Capsule, HalfSpace, Sphere
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.engine import quiet
@@ -37,6 +39,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 TURNING = 1.0  # kg m^2: moments of inertia that every body must have, and that nothing turns
+NO_RADIUS = 1e-9  # of the cloth's size: the radius of a flex whose midsurface touches
 BOTH = 3  # of a flex's `elastic2d`: stretching and bending
 
 
@@ -73,7 +76,8 @@ class Cloth:
         spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         spec.option.gravity = [0, 0, 0]
         off = mujoco.mjtDisableBit
-        spec.option.disableflags = int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_AUTORESET)
+        alone = 0 if grid.case.obstacles else int(off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT)
+        spec.option.disableflags = alone | int(off.mjDSBL_AUTORESET)
         free, springs = ~grid.held, loading.springs
         for vertex, (place, mass) in enumerate(zip(grid.rest, loading.masses, strict=True)):
             body = spec.worldbody.add_body(
@@ -82,6 +86,8 @@ class Cloth:
             for axis in np.flatnonzero(free[vertex]):
                 body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=np.eye(3)[axis], stiffness=springs[vertex, axis])
         _add_flex(spec, grid, damping)
+        for obstacle in grid.case.obstacles:
+            _add_obstacle(spec, obstacle, 2 * time_step)
         try:
             model = spec.compile()
         except (ValueError, mujoco.FatalError) as error:
@@ -100,6 +106,11 @@ class Cloth:
         field = np.zeros(self.free.shape)
         field[self.free] = values
         return field
+
+    def pressing(self) -> Array:
+        """Return what obstacles exert on the vertices (v, 3) in this state, N."""
+        mujoco.mj_forward(self.model, self.data)
+        return self._spread(self.data.qfrc_constraint)
 
     def push(self, forces: Array) -> None:
         """Set the forces (v, 3) that are applied until others are, N."""
@@ -126,24 +137,45 @@ def _add_flex(spec: Any, grid: Grid, damping: float) -> None:
     It knows one Young's modulus and one thickness. Where a case scales its bending stiffness by a factor f, the
     thickness is h sqrt(f) and the modulus E / sqrt(f): E h stays, and E h^3 becomes f times as large.
     """
-    material = grid.case.material
+    material, size = grid.case.material, float(np.ptp(grid.rest, axis=0).max())
     root = math.sqrt(material.bending_factor)
     flex = spec.add_flex(
         name="cloth",
         dim=2,
-        radius=material.thickness / 2,
+        radius=material.thickness / 2 if grid.case.contact.thickness else NO_RADIUS * size,
         young=material.youngs_modulus / root,
         poisson=material.poissons_ratio,
         thickness=material.thickness * root,
         damping=damping,
         elastic2d=BOTH,
-        contype=0,
-        conaffinity=0,
+        contype=int(bool(grid.case.obstacles)),
+        conaffinity=int(bool(grid.case.obstacles)),
+        condim=1,
         selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
     )
     flex.vertbody = [str(vertex) for vertex in range(len(grid.points))]
     flex.vert = np.zeros(grid.rest.size).tolist()
     flex.elem = grid.triangles.ravel().tolist()
+
+
+def _add_obstacle(spec: Any, obstacle: Body, softness: float) -> None:
+    """Add a geom that the flex meets without friction; `softness` is the time, s, in which contact comes to rest."""
+    shapes, along, size = mujoco.mjtGeom, np.array([0.0, 0.0, 1.0]), [0.0, 0.0, 1.0]
+    match obstacle:
+        case Sphere(radius=radius):
+            shape, size[0] = shapes.mjGEOM_SPHERE, radius
+        case HalfSpace():
+            shape, along = shapes.mjGEOM_PLANE, obstacle.unit
+        case Capsule(radius=radius):
+            shape, along = shapes.mjGEOM_CAPSULE, np.array(obstacle.half_axis)
+            size[:2] = radius, float(np.linalg.norm(along))
+        case Box(half_sides=sides):
+            shape, size = shapes.mjGEOM_BOX, list(sides)
+        case _:
+            raise AssertionError(obstacle.kind)  # declined
+    geom = spec.worldbody.add_geom(type=shape, size=size, pos=obstacle.at(0.0)[0], condim=1, solref=[softness, 1.0])
+    geom.alt.type, geom.alt.zaxis = mujoco.mjtOrientation.mjORIENTATION_ZAXIS, along
+    geom.contype = geom.conaffinity = 1
 
 
 SHARE = 0.25  # of 2/omega, the longest step at which leapfrog is stable at rest; stretched cloth is stiffer
@@ -188,11 +220,12 @@ class Pace:
 
 @dataclass(frozen=True)
 class Frame:
-    """The state at one time, s: displacements and velocities (v, 3), and the work that loads have done, J."""
+    """The state at one time, s: displacements, velocities, forces of obstacles (v, 3), and the work of loads, J."""
 
     at: float
     displacement: Array
     velocity: Array
+    pressing: Array
     work: float
 
 
@@ -266,6 +299,7 @@ def march(cloth: Cloth, loading: Loading, integrator: Integrator, staggered: boo
     with quiet():
         for number in range(pace.frames + 1):
             displacement, velocity = cloth.displacement(), cloth.velocity()
+            pressing = cloth.pressing() if case.obstacles else np.zeros_like(displacement)
             at = float(np.sum(force * displacement)) if case.steady else work
             if staggered:
                 work += advance(1)
@@ -273,7 +307,7 @@ def march(cloth: Cloth, loading: Loading, integrator: Integrator, staggered: boo
                 velocity = (velocity + cloth.velocity()) / 2
             if not cloth.well:
                 return
-            yield Frame(pace.time(number * pace.steps), displacement, velocity, at)
+            yield Frame(pace.time(number * pace.steps), displacement, velocity, pressing, at)
             if number < pace.frames:
                 ahead = (number + 1) * pace.steps - done
                 work += advance(ahead)
@@ -336,6 +370,7 @@ class _Course:
             np.stack([frame.displacement for frame in self.frames]),
             np.stack([frame.velocity for frame in self.frames]),
             self.unknowns,
+            np.stack([frame.pressing for frame in self.frames]) if self.grid.case.obstacles else None,
             history=tuple(self.history),
             diagnostics=figures,
         )

@@ -1,0 +1,15 @@
+"""The suite's own solvers keep the protocol that they ask others to keep."""
+
+import pytest
+
+from shellbench.bench.registry import find_solver
+from shellbench.testing.suite import CheckOptions, examine
+
+pytestmark = pytest.mark.long
+
+
+@pytest.mark.parametrize("solver", ["fem", "ndf-ritz", "ndf", "bspline-ritz", "cst-hinge", "rope-exact", "rope-xpbd"])
+def test_a_solver_of_the_suite_fails_no_check(solver):
+    lines = list(examine(find_solver(solver), CheckOptions()))
+    assert [f"{line.check}: {line.verdict.words}" for line in lines if line.verdict.status == "failed"] == []
+    assert sum(line.verdict.status == "passed" for line in lines) > 8
