@@ -32,7 +32,7 @@ from shellbench.testing.examination import (
 )
 from shellbench.testing.subject import Answer, Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName, solve_in
 
-SLOW = 10.0  # seconds to decline a case: it is asked of every pair of a table
+SLOW = 10.0  # seconds of processor time to decline a case: it is asked of every pair of a table
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list
 NO_SETTING = "no_solver_has_this_setting"
 NO_VALUE = {"no_setting": "takes this table"}

@@ -157,19 +157,25 @@ class ShellSolution:
         """
         if material is not None:
             raise InputError(f"{self.case.name}: this field is of the case's own material, and takes no other one")
-        return _on_points(points, lambda xi: self.displacement_at(xi, at))
+        return self._on_points(points, lambda xi: self.displacement_at(xi, at))
 
     def velocity(self, points: ArrayLike, at: float | None = None) -> Array:
         """Return the velocity (..., 3) in m/s at points (..., 2)."""
-        return _on_points(points, lambda xi: self.velocity_at(xi, at))
+        return self._on_points(points, lambda xi: self.velocity_at(xi, at))
 
     def evaluate(self, name: str, points: ArrayLike, at: float | None = None) -> Array:
         """Return one of `shellbench.problem.FIELDS` or `RESULTANTS` at points (..., 2); KeyError for another name."""
         if name in RESULTANTS:
-            return _on_points(points, lambda xi: self.resultant_at(name, xi, at))
+            return self._on_points(points, lambda xi: self.resultant_at(name, xi, at))
         if name not in FIELDS:
             raise KeyError(name)
-        return _on_points(points, lambda xi: self.field_at(name, xi, at))
+        return self._on_points(points, lambda xi: self.field_at(name, xi, at))
+
+    def _on_points(self, points: ArrayLike, function: Callable[[Array], Array]) -> Array:
+        """Return what a function of points (N, 2) has at points (..., 2); it is never asked at none."""
+        xi = np.asarray(points, dtype=float)
+        values = function(xi.reshape(-1, 2) if xi.size else np.array([self.case.surface.domain.lower], dtype=float))
+        return np.asarray(values[: xi.size // 2].reshape((*xi.shape[:-1], *values.shape[1:])))
 
     def reaction(
         self, support: str, centre: ArrayLike = (0.0, 0.0, 0.0), at: float | None = None
@@ -330,13 +336,6 @@ def time_reached(case: Case, last: float, at: float | None) -> float:
     if not -SLACK * last <= at <= (1 + SLACK) * last:
         raise InputError(f"{case.name}: solved from 0 to {last:g} s, not at {at:g} s")
     return min(max(float(at), 0.0), last)
-
-
-def _on_points(points: ArrayLike, function: Callable[[Array], Array]) -> Array:
-    """Return what a function of points (N, 2) has at points (..., 2)."""
-    xi = np.asarray(points, dtype=float)
-    values = function(xi.reshape(-1, 2))
-    return np.asarray(values.reshape((*xi.shape[:-1], *values.shape[1:])))
 
 
 Beyond = Literal[

@@ -101,9 +101,8 @@ class FemSolution(ShellSolution):
         degree = self.mesh.degree
         basis = tabulate(unit, order, degree) * (kind_scales(sizes, degree) / steps[:, None])[:, None]
         nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
-        count = basis.shape[-2] * basis.shape[-1]  # spelt out, as points may be none
-        local = nodal[nodes].reshape(len(nodes), count, COMPONENTS)
-        return np.asarray((basis.reshape(len(nodes), 1, count) @ local).reshape(*xi.shape[:-1], COMPONENTS))
+        local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
+        return np.asarray((basis.reshape(len(nodes), 1, -1) @ local).reshape(*xi.shape[:-1], COMPONENTS))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""

@@ -172,7 +172,7 @@ def _add_obstacle(spec: Any, obstacle: Body, softness: float) -> None:
         case Box(half_sides=sides):
             shape, size = shapes.mjGEOM_BOX, list(sides)
         case _:
-            raise AssertionError(obstacle.kind)  # declined
+            raise AssertionError(obstacle)  # declined
     geom = spec.worldbody.add_geom(type=shape, size=size, pos=obstacle.at(0.0)[0], condim=1, solref=[softness, 1.0])
     geom.alt.type, geom.alt.zaxis = mujoco.mjtOrientation.mjORIENTATION_ZAXIS, along
     geom.contype = geom.conaffinity = 1
