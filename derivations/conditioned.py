@@ -1,4 +1,4 @@
-r"""Plate, roof and pinched cylinder at the held-out materials of the cases `conditioned_*`, and their derivatives.
+r"""Plate, roof, pinched cylinder and plane napkin at the held-out materials of the cases `conditioned_*`, and their derivatives.
 
 The materials are drawn here again: thickness h and Young's modulus E evenly by their logarithm, Poisson's ratio nu evenly.
 The displacements come from the series of `navier_plate`, `levy_roof` and `pinched_diaphragm`, which take any material,
@@ -8,24 +8,32 @@ and from their second forms. Under loads that do not depend on the material all 
     d log w / d log h = -3,  d log w / d nu = -2 nu / (1 - nu^2).
 
 The other derivatives are difference quotients of fourth order of the series.
+
+The napkin moves in its plane, from its soft pin (`motion`, `polynomial_napkin`). There h and E enter by their product
+alone. A value or derivative is as uncertain as the most uncertain of its kind: a single one may agree by chance.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from .cylinder import Cylinder, strains_of_axial_harmonic
 from .estimate import ROUNDING, Estimate
+from .explicit_motion import motion
 from .exponentials import edge_displacement_of_roof_harmonic
 from .levy_roof import HALF_ANGLE, solve_roof
 from .levy_roof import LOAD as ROOF_LOAD
+from .motion import GRAVITY, PIN, Resolution
 from .navier_plate import SquarePlate, levy, navier
 from .pinched_diaphragm import LOAD, extrapolate, flexibility_sums
 from .pinched_free import DIAPHRAGM_END, solve_pinched
+from .polynomial_napkin import DENSITY, PolynomialNapkin
+from .spline_motion import Cloth
 
 SEED, COUNT, DERIVED = 20, 20, 3  # of the draw, materials, and how many of them have derivatives
 STEP = 0.04  # of difference quotients, in log h and nu; the coarser one takes twice that
@@ -104,6 +112,39 @@ def cylinder_by_polynomials(h: float, e: float, nu: float) -> Pair:
     return fine, coarse
 
 
+NAPKIN = "conditioned_napkin"
+UNTIL = 0.4
+MIDDLE = (0.5, 0.5)
+COUNTS = ((24, 16), (16, 12))  # of polynomials a side, and of spans of splines of the fourth degree
+STEPPING = 1e-7  # tolerance of the steps of time, and what they leave of what is asked
+
+
+@cache
+def _fallen(form: int, count: int, stiffness: float, nu: float) -> float:
+    """How far the middle has fallen, m, from E h in N/m."""
+    gravity = (0.0, -GRAVITY)
+    cloth: PolynomialNapkin | Cloth
+    if form == 0:
+        cloth = PolynomialNapkin(count, gravity, young=stiffness, poisson=nu, thickness=1.0)
+    else:
+        cloth = Cloth(Resolution(count, 4).splines, stiffness, nu, 1.0, DENSITY, gravity, 1.0, PIN)
+    moment = next(motion(cloth, [UNTIL], STEPPING))
+    return MIDDLE[1] - float(cloth.position(moment.coefficients, *MIDDLE)[1])
+
+
+def _napkin(form: int, h: float, e: float, nu: float) -> Pair:
+    fine, coarse = (_fallen(form, count, h * e, nu) for count in COUNTS[form])
+    return fine, coarse
+
+
+def napkin_by_polynomials(h: float, e: float, nu: float) -> Pair:
+    return _napkin(0, h, e, nu)
+
+
+def napkin_by_splines(h: float, e: float, nu: float) -> Pair:
+    return _napkin(1, h, e, nu)
+
+
 @dataclass(frozen=True)
 class Question:
     """Ranges of h, E and nu, and two forms of the displacement; relative rounding of each at a material."""
@@ -115,6 +156,7 @@ class Question:
     origins: tuple[tuple[str, str], tuple[str, str]]  # of both forms: what it is, and in which module
     rounding: Callable[[float, float, float], float]
     poisson: Pair = (0.0, 0.45)
+    theory: str = "kirchhoff-love-linear-conditioned"
 
     @property
     def materials(self) -> list[tuple[float, float, float]]:
@@ -143,6 +185,14 @@ QUESTIONS = {
         ),
         lambda h, e, nu: LOST * _cylinder(h, e, nu).rounding,
     ),
+    NAPKIN: Question(
+        (0.001, 0.0015), (4000.0, 8000.0), napkin_by_polynomials, napkin_by_splines,
+        (
+            ("Newton's law of Legendre polynomials", "polynomial_napkin"),
+            ("Newton's law of tensor-product splines", "motion"),
+        ),
+        lambda h, e, nu: STEPPING, (0.15, 0.35), "kirchhoff-love-nonlinear-conditioned",
+    ),
 }  # fmt: skip
 
 
@@ -155,10 +205,10 @@ def value(name: str, number: int, form: int = 0) -> Estimate:
 
 
 def sensitivity(name: str, number: int, by: str, form: int = 0) -> Estimate:
-    """A derivative of its logarithm: by log h or nu, by difference quotients; by log E, -1."""
+    """A derivative of its logarithm: by log h or nu, by difference quotients; by log E, -1, or of the napkin the same."""
     question = QUESTIONS[name]
     h, e, nu = question.materials[number]
-    if by == "youngs_modulus":
+    if by == "youngs_modulus" and name != NAPKIN:
         return Estimate.exact(-1.0, "") if form == 0 else numeric_modulus(name, number)
     if name == "conditioned_plate" and form == 0:
         return Estimate.exact(-3.0 if by == "thickness" else -2 * nu / (1 - nu**2), "")
@@ -179,7 +229,17 @@ def sensitivity(name: str, number: int, by: str, form: int = 0) -> Estimate:
 def conditioned(name: str, form: int = 0, numbers: range = range(COUNT)) -> dict[str, Estimate]:
     """Known values of a case, by quantity; those of some materials if asked."""
     found = {f"value_{k:02d}": value(name, k, form) for k in numbers}
-    return found | {f"by_{by}_{k:02d}": sensitivity(name, k, by, form) for k in numbers if k < DERIVED for by in BY}
+    found |= {f"by_{by}_{k:02d}": sensitivity(name, k, by, form) for k in numbers if k < DERIVED for by in BY}
+    return as_uncertain_as_their_kind(found) if name == NAPKIN else found
+
+
+def as_uncertain_as_their_kind(found: dict[str, Estimate]) -> dict[str, Estimate]:
+    """The same values, each with the largest uncertainty of all that differ from it by the material alone."""
+    worst: dict[str, float] = {}
+    for quantity, estimate in found.items():
+        kind = quantity.rpartition("_")[0]
+        worst[kind] = max(worst.get(kind, 0.0), estimate.uncertainty)
+    return {q: replace(estimate, uncertainty=worst[q.rpartition("_")[0]]) for q, estimate in found.items()}
 
 
 def written(name: str) -> str:
@@ -196,11 +256,11 @@ def written(name: str) -> str:
             )
             if quantity.startswith("by_"):
                 locator = "derivations/conditioned.py"
-                closed = role == "judge" and ("youngs" in quantity or name == "conditioned_plate")
+                closed = role == "judge" and name != NAPKIN and ("youngs" in quantity or name == "conditioned_plate")
                 origin = "closed form: a power of it" if closed else f"difference quotients: {origin}"
             lines += [
                 "", "[[values]]", f'quantity = "{quantity}"', f'role = "{role}"', f"value = {estimate.value!r}",
-                f"uncertainty = {estimate.uncertainty:.1e}", 'theory = "kirchhoff-love-linear-conditioned"',
+                f"uncertainty = {estimate.uncertainty:.1e}", f'theory = "{QUESTIONS[name].theory}"',
                 f'origin = "{origin}"', 'source = "shellbench"', f'locator = "{locator}"',
             ]  # fmt: skip
     return "\n".join(lines) + "\n"

@@ -35,6 +35,9 @@ class PolynomialNapkin:
     count: int
     gravity: tuple[float, ...]
     bending_factor: float = 1.0
+    young: float = YOUNG
+    poisson: float = POISSON
+    thickness: float = THICKNESS
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -71,13 +74,13 @@ class PolynomialNapkin:
     def _strain_forces(self, coefficients: Array) -> tuple[Array, float, float]:
         """Derivative of the strain energy by the coefficients, membrane and bending energy."""
         weight, lines = self._gauss
-        plate = YOUNG * THICKNESS / (1 - POISSON**2)
+        plate = self.young * self.thickness / (1 - self.poisson**2)
         gradient = np.stack([self._at_points(coefficients, 1, 0), self._at_points(coefficients, 0, 1)])
         gradient[0, 0] += 1.0
         gradient[1, 1] += 1.0
         metric = np.einsum("acij,bcij->abij", gradient, gradient)
         strain = (metric - np.eye(2)[:, :, None, None]) / 2
-        stress = plate * weight * _isotropic(strain)
+        stress = plate * weight * _isotropic(strain, self.poisson)
         by_first = np.einsum("abij,bcij->acij", stress, gradient)
         membrane = float(np.vdot(stress, strain)) / 2
         bending = 0.0
@@ -90,7 +93,7 @@ class PolynomialNapkin:
             normal /= np.linalg.norm(normal, axis=0)
             dual = np.einsum("abij,bcij->acij", _inverse(metric), gradient)
             curvature = np.einsum("abcij,cij->abij", second, normal)
-            moment = plate * THICKNESS**2 / 12 * self.bending_factor * weight * _isotropic(curvature)
+            moment = plate * self.thickness**2 / 12 * self.bending_factor * weight * _isotropic(curvature, self.poisson)
             bending = float(np.vdot(moment, curvature)) / 2
             turned = np.einsum("abij,abcij->cij", moment, second)
             by_first -= np.einsum("cij,dcij->dij", turned, dual)[:, None] * normal
@@ -130,10 +133,10 @@ class PolynomialNapkin:
         return np.asarray(np.array([one, two, 0.0])[: self.shape[0]] + moved)
 
 
-def _isotropic(strain: Array) -> Array:
+def _isotropic(strain: Array, poisson: float) -> Array:
     """H of a flat reference applied to a symmetric tensor, (2, 2, ...)."""
     trace = strain[0, 0] + strain[1, 1]
-    return np.asarray((1 - POISSON) * strain + POISSON * trace * np.eye(2)[:, :, None, None])
+    return np.asarray((1 - poisson) * strain + poisson * trace * np.eye(2)[:, :, None, None])
 
 
 def _inverse(metric: Array) -> Array:

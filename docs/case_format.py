@@ -470,16 +470,18 @@ def materials() -> str:
     """Return the reference of the kind of problem that asks for a range of materials."""
     own = {"theory", "ranges", "held_out", "asked", "quantities"}
     parts = [
-        '## Shells of many materials\n\nA file with `kind = "conditioned"` asks a shell of the linear theory for a range of'
-        " materials, and judges at some that are drawn with a seed. It has the title, the description, the units and the"
-        " suites of every case; in the table `[shell]` all that a shell has, but for title, theory, quantities and the three"
+        '## Shells of many materials\n\nA file with `kind = "conditioned"` asks a shell for a range of'
+        " materials, in the linear theory or in motion, and judges at some that are drawn with a seed. It has the title,"
+        " the description, the units and the suites of every case; in the table `[shell]` all that a shell has, but for title, theory, quantities and the three"
         " figures of its material that have a range; and:",
         table(conditioned.ConditionedCase, [name for name in conditioned.ConditionedCase.model_fields if name in own]),
     ]
     tables = {"ranges": conditioned.Ranges, "held_out": conditioned.HeldOut, "asked": conditioned.Asked}
     for name, cls in tables.items():
         parts += [f"`[{name}]`: {summary(cls)}", table(cls, list(cls.model_fields))]
-    parts.append("`[[quantities]]` have the fields that those of shells have in common, but for `at`.")
+    parts.append(
+        "`[[quantities]]` have the fields that those of shells have in common, but for `at`: motions are asked at their end."
+    )
     common = {"kind", *quantities.ShellQuantity.model_fields}
     for cls in (of_materials.Value, of_materials.Sensitivity):
         kind = cls.model_json_schema()["properties"]["kind"]["const"]

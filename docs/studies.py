@@ -283,6 +283,8 @@ ASKED = ("fall_500ms", "fall_1000ms", "corner_y_500ms", "centre_y_400ms")
 def keep(name: str) -> None:
     """Write the figures of a study's runs, a line each."""
     runs = list(STUDIES[name]())
+    if not any(record_of(run) for run in runs):
+        raise SystemExit(f"no run of {name} has a record: make them by `python docs/studies.py run {name}`")
     best = {run.case: record_of(run) for run in runs if run.yardstick}
     lines = [line_of(run, best.get(run.case)) for run in runs]
     columns = list(dict.fromkeys(key for line in lines for key in line))
@@ -312,7 +314,8 @@ def fit() -> None:
     lines = []
     for run in (one for one in long() if one.yardstick):
         record = record_of(run)
-        assert record is not None
+        if record is None:
+            raise SystemExit(f"{run.name} has no record: make it by `python docs/studies.py run long`")
         solution, until = load_solver(find_solver("fem")).load(STORE / record["solution_file"]), run.edits["until"]
         rng = np.random.default_rng(0)
         at, xi = np.sort(rng.uniform(0, until, 400)), rng.uniform(0, 1, (400, 40, 2))

@@ -8,7 +8,12 @@ from shellbench.bench import catalog
 
 FORMS = {"judge": 0, "origin": 1}
 FIRST = range(1)  # materials of the quick test
-EVERY_OTHER = {"conditioned_plate": 1, "conditioned_roof": 4, "conditioned_cylinder": 7}  # materials of the long one
+EVERY_OTHER = {  # materials of the long test
+    "conditioned_plate": 1,
+    "conditioned_roof": 4,
+    "conditioned_cylinder": 7,
+    "conditioned_napkin": 7,
+}
 
 
 @pytest.mark.parametrize("name", QUESTIONS)

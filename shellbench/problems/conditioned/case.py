@@ -7,6 +7,7 @@ Poisson's ratio. Its held-out materials are drawn with a seed: moduli and thickn
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
@@ -19,7 +20,7 @@ from shellbench.problem import Problem
 from shellbench.problems.conditioned.quantities import ConditionedQuantity
 from shellbench.problems.shell.case import Case
 
-LINEAR = "kirchhoff-love-linear"  # theory of the shell
+CONDITIONED = "-conditioned"  # what the theory has beside that of the shell
 Ratio = Annotated[Finite, Field(ge=0, lt=0.5)]
 SLACK = 1e-12  # relative: what rounding may put beyond the end of a range
 ASKED = "asked"  # name of the quantity that each shell is asked
@@ -88,20 +89,20 @@ class ConditionedCase(Problem):
     Attributes
     ----------
     shell
-        Its table of the file, as in a case of kind `shell` of the linear theory, without title, quantities, and the
-        three figures of the material that have a range.
+        Its table of the file, as in a case of kind `shell`, without title, quantities, and the three figures of the
+        material that have a range. It stands still in the linear theory, and moves in the non-linear one.
     ranges
         Of the materials.
     held_out
         Materials at which answers are judged.
     asked
-        What every material is asked.
+        What every material is asked: at rest, or at the end of the motion.
     quantities
         What is asked of every answer; exactly one is primary.
     """
 
     kind: Literal["conditioned"]
-    theory: Literal["kirchhoff-love-linear-conditioned"]
+    theory: Literal["kirchhoff-love-linear-conditioned", "kirchhoff-love-nonlinear-conditioned"]
     shell: dict[str, Any]
     ranges: Ranges
     held_out: HeldOut
@@ -116,6 +117,10 @@ class ConditionedCase(Problem):
         for name in Material._fields:
             if name in self.shell.get("material", {}):
                 raise ValueError(f"field 'shell.material.{name}' is not known here: `ranges` has it")
+        if self.moving != self.theory.startswith("kirchhoff-love-nonlinear"):
+            raise ValueError(
+                "a shell of many materials stands still in the linear theory, or moves in the non-linear one"
+            )
         self._shell(self.middle)
         for quantity in self.quantities:
             if quantity.material >= self.held_out.count:
@@ -152,11 +157,43 @@ class ConditionedCase(Problem):
         """Return the shell of a material that may be beyond the ranges by a step of a difference quotient."""
         return self._shell(material)
 
+    def chosen_material(self, given: Material | Mapping[str, float] | None) -> Material:
+        """Return a material of the ranges, given by its figures; the middle one if None.
+
+        Raises
+        ------
+        InputError
+            If it is beyond the ranges, or figures are missing.
+        """
+        if given is None:
+            return self.middle
+        if not isinstance(given, Material):
+            if set(given) != set(Material._fields):
+                names = ", ".join(Material._fields)
+                raise InputError(f"{self.name}: a material has {names}, but found {', '.join(given) or 'none'}")
+            given = Material(**{name: float(value) for name, value in given.items()})
+        if reason := self.ranges.outside(given):
+            raise InputError(f"{self.name}: {reason}")
+        return given
+
+    @property
+    def moving(self) -> bool:
+        """Whether the shell moves."""
+        return "dynamics" in self.shell
+
     def _shell(self, material: Material) -> Case:
         table = dict(self.shell)
         table["material"] = {**table.get("material", {}), **material._asdict()}
         asked = {"name": ASKED, "kind": "displacement", "primary": True, **self.asked.model_dump()}
-        whole = {**table, "name": self.base, "title": self.title, "theory": LINEAR, "quantities": [asked]}
+        if self.moving:
+            asked["at"] = dict(table["dynamics"]).get("until")
+        whole = {
+            **table,
+            "name": self.base,
+            "title": self.title,
+            "theory": self.theory.removesuffix(CONDITIONED),
+            "quantities": [asked],
+        }
         try:
             return Case.model_validate(whole)
         except ValidationError as error:

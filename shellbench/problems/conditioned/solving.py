@@ -15,6 +15,7 @@ from shellbench.problems.conditioned.quantities import Parameter
 from shellbench.problems.solving import FreshSolver
 
 THEORIES = ("kirchhoff-love-linear-conditioned",)
+IN_MOTION = (*THEORIES, "kirchhoff-love-nonlinear-conditioned")
 SECONDS_BEFORE, SECONDS_EACH = "seconds_before", "seconds_each"
 """Diagnostics of every answer: wall time, s, until the first material can be answered, and of each answer from then."""
 

@@ -9,7 +9,7 @@ from pydantic import Field, PositiveInt
 
 from shellbench.problem import Capabilities, ProgressCallback, Settings
 from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
+from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
 from shellbench.solvers.fem.solver import FemSolver
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class FemRepeatedSolver(ConditionedSolver):
 
     name: ClassVar[str] = "fem-repeated"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        THEORIES, "fem, one solve a material; derivatives by differences"
+        IN_MOTION, "fem, one solve a material; derivatives by differences"
     )
     settings_type: ClassVar[type[Settings]] = RepeatedSettings
 

@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shellbench.errors import InputError, SolveFailure
+from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.conditioned.quantities import Parameter, Value
@@ -111,7 +111,7 @@ class ConditionedField(ConditionedAnswer):
         InputError
             If the material is beyond the ranges, or figures are missing.
         """
-        chosen = self._material(material)
+        chosen = self.case.chosen_material(material)
         c = torch.as_tensor(self.reduced.coefficients(chosen), dtype=self.layers.dtype)
         flat = self.case.shell_of(chosen).surface.domain.wrap(np.asarray(points, dtype=float).reshape(-1, 2))
         field = Field(self._ansatz, self.features, torch.tensordot(c, self.layers, 1), c @ self.rigid)
@@ -119,25 +119,13 @@ class ConditionedField(ConditionedAnswer):
             found = field.displacement(flat).cpu().numpy()
         return np.asarray(found.reshape(*np.shape(points)[:-1], 3))
 
-    def _material(self, given: Material | Mapping[str, float] | None) -> Material:
-        if given is None:
-            return self.case.middle
-        if not isinstance(given, Material):
-            if set(given) != set(Material._fields):
-                names = ", ".join(Material._fields)
-                raise InputError(f"{self.case.name}: a material has {names}, but found {', '.join(given) or 'none'}")
-            given = Material(**{name: float(value) for name, value in given.items()})
-        if reason := self.case.ranges.outside(given):
-            raise InputError(f"{self.case.name}: {reason}")
-        return given
-
     def asked(self, material: Material | Mapping[str, float]) -> float:
         """Return the asked displacement, m, at any material of the ranges; InputError beyond them."""
-        return self.reduced.value(self._material(material))
+        return self.reduced.value(self.case.chosen_material(material))
 
     def derivative(self, material: Material | Mapping[str, float], by: Parameter) -> float:
         """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges."""
-        return self.reduced.sensitivity(self._material(material), by)
+        return self.reduced.sensitivity(self.case.chosen_material(material), by)
 
     def value(self, number: int) -> float:
         """Return the asked displacement, m, at a held-out material."""
@@ -168,13 +156,7 @@ class ConditionedField(ConditionedAnswer):
         """Read what `save` wrote; InputError in one sentence if it is none."""
         with described(path, FORMAT, "conditioned field") as (words, tensors):
             case = ConditionedCase.model_validate(words["case"])
-            spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
-            inputs = build_inputs(shell, spec)
-            network = network_of(
-                {k: t for k, t in tensors.items() if k.startswith(("weight.", "bias."))},
-                words["activation"], inputs.count,
-            )  # fmt: skip
-            features = build_features(shell, spec, network, Placement(), inputs)
+            spec, features = kept_features(case, words, tensors)
             energies = {name: tensors[name].numpy() for name in ("parts", "coarse", "load", "asked", "span")}
             return cls(
                 case=case,
@@ -185,6 +167,17 @@ class ConditionedField(ConditionedAnswer):
                 rigid=tensors["rigid"],
                 reduced=Reduced(**energies),
             )
+
+
+def kept_features(
+    case: ConditionedCase, words: Mapping[str, Any], tensors: Mapping[str, Tensor]
+) -> tuple[FieldSpec, Features]:
+    """Return the choices and the features of a file, from its header and tensors; raise if they do not fit."""
+    spec, shell = FieldSpec.model_validate(words["spec"]), case.shell_of(case.middle)
+    inputs = build_inputs(shell, spec)
+    hidden = {k: t for k, t in tensors.items() if k.startswith(("weight.", "bias."))}
+    network = network_of(hidden, words["activation"], inputs.count)
+    return spec, build_features(shell, spec, network, Placement(), inputs)
 
 
 def solve(case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback) -> ConditionedField:

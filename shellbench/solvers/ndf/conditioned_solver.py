@@ -10,12 +10,13 @@ from pydantic import Field
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings
 from shellbench.problems.conditioned.case import ConditionedCase
-from shellbench.problems.conditioned.solving import THEORIES, ConditionedSolver
+from shellbench.problems.conditioned.solving import IN_MOTION, ConditionedSolver
 from shellbench.solvers.ndf.choices import LARGEST_GAP
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.conditioned import ConditionedField
+    from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion
 
 
 class ConditionedSettings(SeededSettings):
@@ -34,8 +35,9 @@ class ConditionedFieldSolver(ConditionedSolver):
 
     name: ClassVar[str] = "ndf-conditioned"
     capabilities: ClassVar[Capabilities] = Capabilities(
-        THEORIES,
-        "neural field for all materials: random sine layer, output layers solved for at some and combined by energy",
+        IN_MOTION,
+        "neural field for all materials: random sine layer, output layers solved for at some and combined by energy, or"
+        " interpolated in motion",
         devices=("cpu", "cuda"),
     )
     settings_type: ClassVar[type[ConditionedSettings]] = ConditionedSettings
@@ -43,6 +45,10 @@ class ConditionedFieldSolver(ConditionedSolver):
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the field can't hold the shell."""
         shell = case.shell_of(case.middle)
+        if case.moving:
+            from shellbench.solvers.ndf.plane_motion import refusal
+
+            return refusal(shell)
         if not shell.material.uniform or shell.springs:
             return "its modulus or thickness varies, or it rests on springs: its energy is not two stiffnesses alone"
         if any(support.motion is not None for support in shell.supports):
@@ -51,14 +57,19 @@ class ConditionedFieldSolver(ConditionedSolver):
 
     def answer(
         self, case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback
-    ) -> ConditionedField:
-        """Build the field; SolveFailure if it exploits its quadrature at a material."""
+    ) -> ConditionedField | ConditionedMotion:
+        """Build the field; SolveFailure if it exploits its quadrature at a material, or a motion gets stuck."""
+        if case.moving:
+            from shellbench.solvers.ndf import conditioned_motion
+
+            return conditioned_motion.solve(case, settings, progress)
         from shellbench.solvers.ndf.conditioned import solve
 
         return solve(case, settings, progress)
 
-    def load(self, path: Path) -> ConditionedField:
+    def load(self, path: Path) -> ConditionedField | ConditionedMotion:
         """Read what an answer has saved; InputError in one sentence if it is none."""
         from shellbench.solvers.ndf.conditioned import ConditionedField
+        from shellbench.solvers.ndf.conditioned_motion import ConditionedMotion, is_motion
 
-        return ConditionedField.load(path)
+        return ConditionedMotion.load(path) if is_motion(path) else ConditionedField.load(path)
