@@ -35,6 +35,8 @@ FINE, COARSE = 1e-13, 1e-10
 STEEPEST = np.pi / 2 - 1e-6
 """Bound of the tip's angle in its first equilibrium, rad."""
 FORCES = 1.0, 2.0, 4.0
+SWUNG, SOFT = float(np.radians(20.0)), 1e-14
+"""Turn of the wall, rad, and stiffness and force of cases/swung_cantilever.toml, in units of those here."""
 
 
 @dataclass(frozen=True)
@@ -152,3 +154,19 @@ def cantilever_shear() -> dict[str, Estimate]:
         "membrane_energy": Estimate.between(fine.membrane, coarse.membrane, "J", rounding),
         "bending_energy": Estimate.between(fine.bending, coarse.bending, "J", rounding),
     }
+
+
+def swung_cantilever() -> dict[str, Estimate]:
+    """Known values of the soft strip whose wall turns while the force grows; displacements are those of the stiff one."""
+    values = {}
+    for factor, name in ((0.5, "_50"), (1.0, "")):
+        both = [
+            extensible(Cantilever(), factor * FORCES[-1], tolerance, factor * SWUNG) for tolerance in (FINE, COARSE)
+        ]
+        for kind in ("shortening", "deflection"):
+            near, far = (getattr(bent, kind) for bent in both)
+            values[f"{kind}{name}"] = Estimate.between(near, far, "m", 100 * ROUNDING * Cantilever().length)
+    fine, coarse = ((bent.membrane + bent.bending, bent.bending) for bent in both)
+    for kind, near, far in zip(("strain", "bending"), fine, coarse, strict=True):
+        values[f"{kind}_energy"] = Estimate.between(SOFT * near, SOFT * far, "J", 100 * ROUNDING * SOFT * fine[0])
+    return values

@@ -1,4 +1,4 @@
-r"""A strip that bends in a plane, by virtual work in polynomials of its position: a second form of three cases.
+r"""A strip that bends in a plane, by virtual work in polynomials of its position: a second form of four cases.
 
 With p = x' and q = x'' along the reference length, eps = (p.p - 1) / 2 and b = (p1 q2 - p2 q1) / abs(p). The position is
 (s, 0) plus Chebyshev polynomials of s times s for x and s^2 for z, which clamps the strip at s = 0. Loads at the tip are
@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from .elastica import FORCES, Cantilever
+from .elastica import FORCES, SOFT, SWUNG, Cantilever
 from .estimate import Estimate
 from .roll_up import MARKS, Strip
 from .spiral import PRESSURES, named
@@ -227,4 +227,21 @@ def cantilever_pressure() -> dict[str, Estimate]:
     return {key: Estimate(value, spread, "m") for key, value in lengths.items()} | {
         "strain_energy": Estimate(energy, SPREAD * energy, "J"),
         "wall_moment": Estimate(moment, 2 * SPREAD * moment, "N m"),
+    }
+
+
+def swung_cantilever() -> dict[str, Estimate]:
+    """Known values of the strip whose wall turns while the force grows: the straight strip with the force turned back."""
+    case, values = Cantilever(), {}
+    strip, load = PlaneStrip(case.length, case.thickness, case.young), FORCES[-1] / case.width
+    for factor, name in ((0.5, "_50"), (1.0, "")):
+        push, cos, sin = factor * load, np.cos(factor * SWUNG), np.sin(factor * SWUNG)
+        *_, bent = strip.path(np.arange(1, 9) / 8, force=push * cos, pull=push * sin)
+        along, across = case.length - bent.shortening, bent.deflection
+        values |= {f"shortening{name}": case.length - along * cos + across * sin}
+        values |= {f"deflection{name}": along * sin + across * cos}
+    stored = {"strain": bent.membrane + bent.bending, "bending": bent.bending}
+    spread = SPREAD * SOFT * case.width * stored["strain"]
+    return {name: Estimate(float(value), SPREAD * case.length, "m") for name, value in values.items()} | {
+        f"{name}_energy": Estimate(SOFT * case.width * value, spread, "J") for name, value in stored.items()
     }

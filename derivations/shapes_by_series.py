@@ -11,6 +11,7 @@ from .bridge_plate import bridge_plate, bridge_plate_by_ritz
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
 from .constant_stress import bent_plate, sheared_sleeve, twisted_parallelogram
 from .constant_stress_by_ritz import bent_plate_by_ritz, parallelogram_by_ritz, sleeve_by_ritz
+from .elastica import swung_cantilever
 from .estimate import Estimate
 from .goursat_plate import by_goursat
 from .graded_strip import graded_strip, graded_strip_by_equilibrium
@@ -18,7 +19,9 @@ from .guided_plate import guided_plate, guided_plate_by_ritz
 from .guided_ring import guided_ring, guided_ring_by_ritz
 from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
+from .lifted_plate import lifted_plate, lifted_plate_by_navier
 from .oval_tube import oval_tube, oval_tube_by_exponentials
+from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
 from .pulled_motion import pulled_motion, pulled_motion_of_a_chain
@@ -70,6 +73,8 @@ JUDGES: dict[str, Values] = {
     "blown_tube": blown_tube,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
+    "lifted_plate": lifted_plate,
+    "swung_cantilever": swung_cantilever,
     "bridge_plate": bridge_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
@@ -102,5 +107,7 @@ SECOND_FORMS: dict[str, Values] = {
     "blown_tube": blown_tube_by_samples,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
+    "lifted_plate": lifted_plate_by_navier,
+    "swung_cantilever": swung_cantilever_by_polynomials,
     "bridge_plate": bridge_plate_by_ritz,
 }

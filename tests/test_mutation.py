@@ -21,8 +21,10 @@ from tests.mutation.report import (
     Excuse,
     add,
     excuses,
+    key_of,
     page,
     read_runs,
+    score,
     scores,
     stale_excuses,
     summary,
@@ -235,6 +237,16 @@ def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() 
     assert unseen(closed, SAID) == (4, 1, 1, 2)
     assert "**Unseen**" in page([closed], SAID)
     assert '"red": 1' in scores([closed], SAID)
+
+
+def test_what_is_gone_counts_in_an_unseen_score_alone() -> None:
+    key = next(key for key in map(key_of, RUN["results"]) if key in SAID)
+    gone = {**SAID, key: Excuse("gone", "deleted")}
+    before, now = score(RUN["results"], SAID), score(RUN["results"], gone)
+    assert now.drawn == before.drawn - 1
+    assert now.red == before.red
+    assert unseen(RUN, gone).drawn == before.drawn
+    assert unseen(RUN, gone).holes == now.holes + 1
 
 
 def test_the_page_names_holes_and_excuses() -> None:

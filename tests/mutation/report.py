@@ -20,7 +20,7 @@ RESULT = ROOT / "reports" / "mutation.json"
 SCORE = ROOT / "references" / "exam_score.json"
 EXCUSED = Path(__file__).with_name("excused.toml")
 PAGE = ROOT / "docs" / "mutation.md"
-VERDICTS = ("equivalent", "hole")
+VERDICTS = ("equivalent", "hole", "gone")
 WHY_RED = (VALUE, CONFIDENT, FAILED, DECLINED, CRASH, TIME)
 KEPT_OF_RED = 60  # characters of the red row that are kept
 SHOWN = 150  # characters of a change on the page
@@ -112,17 +112,23 @@ def _compact(run: Entry) -> str:
 
 
 def score(results: Sequence[Entry], said: Mapping[Key, Excuse]) -> Score:
-    """Count."""
-    green = [entry for entry in results if not entry["red"]]
-    equivalent = sum(said[key_of(entry)].verdict == "equivalent" for entry in green if key_of(entry) in said)
-    return Score(len(results), len(results) - len(green), equivalent, len(green) - equivalent)
+    """Count, without mutants of statements that are gone."""
+    verdicts = Counter(verdict(entry, said) for entry in results if not entry["red"])
+    left = len(results) - verdicts["gone"]
+    return Score(left, len(results) - verdicts.total(), verdicts["equivalent"], verdicts["hole"])
+
+
+def verdict(entry: Entry, said: Mapping[Key, Excuse]) -> str:
+    """Return what a survivor is: a hole unless a person says otherwise."""
+    return said[key_of(entry)].verdict if key_of(entry) in said else "hole"
 
 
 def unseen(run: Entry, said: Mapping[Key, Excuse]) -> Score:
-    """Count as the draw stood before anybody had looked at it: mutants that are `closed` were green."""
+    """Count as the draw stood before anybody had looked at it: mutants that are `closed` were green, and none was gone."""
     now = score(run["results"], said)
     closed = sum(entry.get("closed", False) for entry in run["results"])
-    return now._replace(red=now.red - closed, holes=now.holes + closed)
+    gone = len(run["results"]) - now.drawn
+    return now._replace(drawn=now.drawn + gone, red=now.red - closed, holes=now.holes + closed + gone)
 
 
 def summary(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[tuple[str, Score]]:
@@ -157,10 +163,13 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             *_table("rule", _grouped(every, said, lambda entry: entry["rule"])),
             "\n## Holes\n",
             "No case that they were asked tells these mutants from the code as it is, and they are not equivalent. A longer exam may.\n",
-            *_survivors([e for e in green if key_of(e) not in said or said[key_of(e)].verdict == "hole"], said),
+            *_survivors([e for e in green if verdict(e, said) == "hole"], said),
             "\n## Equivalent mutants\n",
             "These answer as the code does, for the reason given.\n",
-            *_survivors([e for e in green if key_of(e) in said and said[key_of(e)].verdict == "equivalent"], said),
+            *_survivors([e for e in green if verdict(e, said) == "equivalent"], said),
+            "\n## Gone\n",
+            "The code has these statements no more, or no case reaches them any more. Unseen scores count them as holes, others not at all.\n",
+            *_survivors([e for e in green if verdict(e, said) == "gone"], said),
             "\n## Not reached by the exam\n",
             "No case that is asked runs these statements: no mutants of them are drawn, and the score says nothing of them.\n",
             *_not_reached(runs),
@@ -303,7 +312,8 @@ to few and short cases, without variants: its score is that of a smaller exam
 (`fem` 24 cases where seed 3 had 52, `ndf-ritz` 8 for 27, the question 16 for 59). Its draw was continued with the same cases on later code, after
 11 mutants of `fem`, of which that code draws 10 again, and 8 of the question. Seed 5 was
 asked on a busy machine as far as it went: ten mutants of `fem` and of `ndf-ritz`, and twelve of the question, so that a mutant is eight to ten
-points of a score. Reasons why
+points of a score. Seed 6 of `ndf-ritz` was put to ten short cases on a machine that was busier still, as far as it went: ten mutants.
+Statements are deleted where nothing can tell of them: their mutants are [gone](#gone). Reasons why
 a mutant is equivalent were read twice, the second time to break them: that made holes of some, in the first three seeds, and of none in the fourth.
 
 **Tangents.** A mutant of a tangent would be equivalent if nothing but the way to the same zero of the residual depended on it. No

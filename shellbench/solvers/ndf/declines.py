@@ -19,7 +19,7 @@ from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivativ
 from shellbench.solvers.ndf.large_displacement import why_not_followed
 from shellbench.solvers.ndf.reaction import Virtual
 from shellbench.solvers.ndf.soft import why_not_soft
-from shellbench.solvers.ndf.supports import EdgeSupport, edge_samples, edge_supports
+from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports
 
 PROBE_WIDTH = 4  # features of the random field that probes the factors
 VIOLATED = 1e-9  # of the probe's own size: far above rounding, far below any real violation
@@ -49,7 +49,7 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         by_rows = support.free and spec is not None and spec.slopes == "rows"
         if not by_rows and not slope < VIOLATED:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
-        if support.sliding and not by_rows:
+        if support.free and not by_rows and _slides(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
     return None
 
@@ -97,12 +97,25 @@ def violations(field: Field, support: EdgeSupport) -> tuple[float, float]:
     return value, float((tilt - wanted_tilt).abs().max() / (largest + wanted_tilt.abs().max()))
 
 
+def _slides(case: Case, support: EdgeSupport) -> bool:
+    """Whether free components have a part across an edge that holds the slope: then it is no plane of symmetry."""
+    x = from_derivatives(case.surface.derivatives(edge_samples(case, support.edge), 2), Placement())
+    _, conormal = _across(x, support.edge.axis)
+    free = [c for c in range(3) if c not in support.held]
+    return bool((conormal[:, free].norm(dim=-1) > TANGENTIAL * conormal.norm(dim=-1)).any())
+
+
+def _across(x: Tensor, axis: int) -> tuple[Tensor, Tensor]:
+    """Return a share (N, 1) and n = a_across - share a_along (N, 3), across an edge within the surface."""
+    across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
+    share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
+    return share, across - share * along
+
+
 def _tilt(u: Tensor, x: Tensor, normal: Tensor, axis: int) -> Tensor:
     """u,n . normal along an edge, n the unit conormal (the direction across the edge within the surface)."""
-    across, along = (x[D1], x[D2]) if axis == 0 else (x[D2], x[D1])
     du, dv = (u[D1], u[D2]) if axis == 0 else (u[D2], u[D1])
-    share = ((across * along).sum(-1) / (along * along).sum(-1))[:, None]
-    conormal = across - share * along
+    share, conormal = _across(x, axis)
     tilt: Tensor = ((du - share * dv) * normal).sum(-1) / conormal.norm(dim=-1)
     return tilt
 

@@ -219,8 +219,8 @@ class Certified:
 
     @property
     def gain(self) -> float:
-        """Work gained along u - lift, less what the lift's strains resist: -dE/ds at s = 0."""
-        return self.work[1] - self.membrane[1] - self.bending[1] - self.springs[1]
+        """Work gained along u, where nothing is moved: -dE/ds at s = 0."""
+        return self.work[1]
 
     @property
     def stiffness(self) -> float:
@@ -234,7 +234,7 @@ class Certified:
 
     @property
     def best(self) -> float:
-        """The multiple s of least energy."""
+        """The multiple s of least energy, where nothing is moved."""
         return self.gain / self.stiffness if self.stiffness > 0 else 1.0
 
     def parts(self, s: float = 1.0) -> tuple[float, float, float]:

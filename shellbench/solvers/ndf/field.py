@@ -252,7 +252,7 @@ class FixedFeatures:
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
-        return cls(case, around, multipliers, tuple(torch.nonzero(even)[:, 0].tolist()), corners, creases)
+        return replace(everything, kept=tuple(torch.nonzero(even)[:, 0].tolist()))
 
     @property
     def count(self) -> int:

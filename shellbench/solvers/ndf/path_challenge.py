@@ -52,6 +52,7 @@ from shellbench.solvers.ndf.solve import JITTER, SAME_ROW, RegularisedInverse
 from shellbench.solvers.ndf.supports import point_supports
 
 SETTLED = 2e-2  # of a scale: energies err twice as much as displacements, and these are asked for 1e-2 at most
+GROWTH = 1.5**0.5  # of points a side: a path's features and its challengers are half as many more
 PART = 0.25  # of what is gained, by which even a small part of the energy errs: on 48 drawn shells at most .24
 SAME = 1e-9  # relative distance of a state from its mark
 PRESCRIBED = 1e-12  # of a quantity's scale, where nothing is solved for and all is rounding
@@ -101,7 +102,7 @@ class Challenge:
         width = solution.field.features.network.width
         number = max(1, round(SHARE * width / len(level.kinds)))
         # Both fields are integrated with as many points a feature as the path's own: else the rule tells a difference.
-        rule = layered(case, finer_rule(usual.rule, math.sqrt(1 + len(level.kinds) * number / width)))
+        rule = layered(case, finer_rule(usual.rule, GROWTH))
         level = replace(level, resolution=replace(level.resolution, neurons=0), challengers=number)
         features = joined_features(solution, level, seed)
         assert isinstance(problem.features, Combined)

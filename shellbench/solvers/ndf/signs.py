@@ -21,7 +21,7 @@ from shellbench.solvers.ndf.jets import D1, D2, D11, D22, KINKED, Array
 from shellbench.solvers.ndf.quadrature import RuleSpec, line_rule, panel_ends
 
 CANCELLED = 1e-12  # share of the loads' work that is left on the feature that takes up most; rounding leaves 1e-15
-LARGEST_UNSEEN = 1e-2  # of the changes of slope: smooth fields show 1e-6 and less, rectified ones 0.3 and more
+LARGEST_UNSEEN = 1e-2  # of the changes of slope: smooth fields would show 1e-6 and less, rectified ones show 0.3
 LARGEST_ADDED = (
     1e-3  # of the energy on springs: default fields show 1e-5 and less; beyond this the answer is the jitter's
 )
@@ -110,6 +110,9 @@ def unseen_turning(field: Field, spec: RuleSpec, focal: Array) -> float:
     Along coordinate lines, panel by panel of the rule `spec`: the sum of |slope(b) - slope(a) - integral of u,dd| over
     the sum of |slope(b) - slope(a)| + integral of |u,dd|, or over the slopes where these are larger.
     """
+    # Smooth activations have no kinks.
+    if field.features.network.activation not in KINKED:
+        return 0.0
     # By the fundamental theorem slope(b) - slope(a) is the integral of u,dd over a panel, unless the slope jumps
     # within.
     # 1. Lines along both coordinates, off all symmetry, with the panels of the rule that was solved on.

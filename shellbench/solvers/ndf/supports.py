@@ -46,8 +46,6 @@ class EdgeSupport:
         Whether the held components have a part along a3, so that they tilt the normal as they leave the edge.
     free
         Whether free components have such a part: no factor can hold their slope (see `choices.Slopes`).
-    sliding
-        Whether they have a part across the edge, too: then it is no plane of symmetry.
     """
 
     edge: Edge
@@ -55,7 +53,6 @@ class EdgeSupport:
     slope: Support | None
     tilted: bool
     free: bool
-    sliding: bool
 
 
 @dataclass(frozen=True)
@@ -80,17 +77,15 @@ def edge_supports(case: Case) -> tuple[EdgeSupport, ...]:
                 slope[place] = support
     supports = []
     for edge, components in held.items():
-        along, across = edge_normals(case, edge), edge_conormals(case, edge)
+        normals = np.abs(edge_normals(case, edge))
         free = [c for c in range(3) if c not in components]
-        unheld = edge in slope and bool(np.abs(along[:, free]).max(initial=0.0) > TANGENTIAL)
         supports.append(
             EdgeSupport(
                 edge,
                 components,
                 slope.get(edge),
-                tilted=edge in slope and bool(np.abs(along[:, list(components)]).max(initial=0.0) > TANGENTIAL),
-                free=unheld,
-                sliding=unheld and bool(np.abs(across[:, free]).max(initial=0.0) > TANGENTIAL),
+                tilted=edge in slope and bool(normals[:, list(components)].max(initial=0.0) > TANGENTIAL),
+                free=edge in slope and bool(normals[:, free].max(initial=0.0) > TANGENTIAL),
             )
         )
     return tuple(supports)
@@ -127,15 +122,6 @@ def edge_normals(case: Case, edge: Edge) -> Array:
     x = case.surface.derivatives(edge_samples(case, edge), 1)
     normal = np.cross(x[1, 0], x[0, 1])
     return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
-
-
-def edge_conormals(case: Case, edge: Edge) -> Array:
-    """Return n (n, 3), the direction across an edge within the surface, at samples of it."""
-    x = case.surface.derivatives(edge_samples(case, edge), 1)
-    across, along = (x[1, 0], x[0, 1]) if edge.axis == 0 else (x[0, 1], x[1, 0])
-    share = (across * along).sum(-1, keepdims=True) / (along * along).sum(-1, keepdims=True)
-    conormal = across - share * along
-    return np.asarray(conormal / np.linalg.norm(conormal, axis=-1, keepdims=True))
 
 
 BALANCE = (

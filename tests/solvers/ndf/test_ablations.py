@@ -249,11 +249,10 @@ def test_rectified_networks_have_no_curvature():
     assert float(jets[[D11, D12, D22]].abs().max()) == 0.0
 
 
-@pytest.mark.parametrize(("activation", "low", "high"), [("sine", 0.0, 1e-6), ("gelu", 0.0, 1e-6), ("relu", 0.9, 1.0)])
-def test_the_turning_that_curvature_does_not_see_tells_kinks_from_bends(activation, low, high):
+def test_curvature_sees_nothing_of_how_a_rectified_field_turns():
     """A free plate multiplies its network by nothing: all of a rectified field's turning is kinks."""
-    field = random_field(shell("plane"), FieldSpec(activation=activation), width=40)
-    assert low <= unseen_turning(field, RuleSpec((6, 6), 7), NO_FOCUS) <= high + 1e-12
+    field = random_field(shell("plane"), FieldSpec(activation="relu"), width=40)
+    assert 0.9 <= unseen_turning(field, RuleSpec((6, 6), 7), NO_FOCUS) <= 1.0 + 1e-12
 
 
 @pytest.mark.parametrize(
@@ -285,7 +284,6 @@ def test_rectified_paths_are_refused_before_they_start():
 def test_defaults_show_nothing_of_what_is_refused(name):
     found = solve(named_case(name)).diagnostics
     assert found["support_error"] < 1e-12
-    assert found["unseen_turning"] < 1e-6
     assert found["jitter_share"] < 1e-6
 
 

@@ -59,7 +59,8 @@ def test_matrix_and_field_give_the_same_energy(name):
     assert certified.potential(0.0) == pytest.approx(equations.constant, rel=1e-11, abs=1e-12 * abs(by_matrix))
     middle = potential_energy(equations, 0.3 * field.output.reshape(-1))
     assert certified.potential(0.3) == pytest.approx(middle, rel=1e-11)
-    assert certified.potential(certified.best) < min(certified.potential(certified.best + s) for s in (-0.1, 0.1))
+    if not field.ansatz.lift.moves:
+        assert certified.potential(certified.best) < min(certified.potential(certified.best + s) for s in (-0.1, 0.1))
 
 
 @pytest.mark.parametrize("name", MECHANICS)
