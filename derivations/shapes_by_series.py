@@ -18,6 +18,8 @@ from .guided_plate import guided_plate, guided_plate_by_ritz
 from .guided_ring import guided_ring, guided_ring_by_ritz
 from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
+from .inclined_moments import inclined_moments, inclined_moments_by_potential
+from .narrow_peak import narrow_peak, narrow_peak_by_galerkin
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
@@ -70,6 +72,8 @@ JUDGES: dict[str, Values] = {
     "blown_tube": blown_tube,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
+    "inclined_moments": inclined_moments,
+    "narrow_peak": narrow_peak,
     "bridge_plate": bridge_plate,
 }
 SECOND_FORMS: dict[str, Values] = {
@@ -102,5 +106,7 @@ SECOND_FORMS: dict[str, Values] = {
     "blown_tube": blown_tube_by_samples,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
+    "inclined_moments": inclined_moments_by_potential,
+    "narrow_peak": narrow_peak_by_galerkin,
     "bridge_plate": bridge_plate_by_ritz,
 }
