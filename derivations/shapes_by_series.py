@@ -19,6 +19,8 @@ from .guided_plate import guided_plate, guided_plate_by_ritz
 from .guided_ring import guided_ring, guided_ring_by_ritz
 from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
+from .inclined_moments import inclined_moments, inclined_moments_by_potential
+from .narrow_peak import narrow_peak, narrow_peak_by_galerkin
 from .lifted_plate import lifted_plate, lifted_plate_by_navier
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
@@ -73,6 +75,8 @@ JUDGES: dict[str, Values] = {
     "blown_tube": blown_tube,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
+    "inclined_moments": inclined_moments,
+    "narrow_peak": narrow_peak,
     "lifted_plate": lifted_plate,
     "swung_cantilever": swung_cantilever,
     "bridge_plate": bridge_plate,
@@ -107,6 +111,8 @@ SECOND_FORMS: dict[str, Values] = {
     "blown_tube": blown_tube_by_samples,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
+    "inclined_moments": inclined_moments_by_potential,
+    "narrow_peak": narrow_peak_by_galerkin,
     "lifted_plate": lifted_plate_by_navier,
     "swung_cantilever": swung_cantilever_by_polynomials,
     "bridge_plate": bridge_plate_by_ritz,

@@ -312,8 +312,9 @@ to few and short cases, without variants: its score is that of a smaller exam
 (`fem` 24 cases where seed 3 had 52, `ndf-ritz` 8 for 27, the question 16 for 59). Its draw was continued with the same cases on later code, after
 11 mutants of `fem`, of which that code draws 10 again, and 8 of the question. Seed 5 was
 asked on a busy machine as far as it went: ten mutants of `fem` and of `ndf-ritz`, and twelve of the question, so that a mutant is eight to ten
-points of a score. Seed 6 of `ndf-ritz` was put to ten short cases on a machine that was busier still, as far as it went: ten mutants.
-Statements are deleted where nothing can tell of them: their mutants are [gone](#gone). Reasons why
+points of a score. Seed 6 was put to short cases on a machine that was busier still, as far as it went: ten mutants of `ndf-ritz`, and six of
+`fem`, put to the cases of seed 5 and `contact_bar`. Two statements of `quantities` stand in `displacement_quantities` by now, and their mutants were
+asked there. Statements are deleted where nothing can tell of them: their mutants are [gone](#gone). Reasons why
 a mutant is equivalent were read twice, the second time to break them: that made holes of some, in the first three seeds, and of none in the fourth.
 
 **Tangents.** A mutant of a tangent would be equivalent if nothing but the way to the same zero of the residual depended on it. No
