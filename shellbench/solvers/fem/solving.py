@@ -49,6 +49,7 @@ from shellbench.solvers.fem.time_step import Scheme
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
+PRESCRIBED_TOLERANCE = 1e-9  # where nothing is solved for: a finer mesh costs little, and no strain at all may be asked
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 CONTACT_TOLERANCE = 5e-4  # of what touches obstacles: the edge of contact lies anywhere in a cell, and errors jump
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
@@ -166,6 +167,8 @@ def case_degree(case: Case, settings: FemSettings) -> Degree:
     return settings.degree or (USUAL_DEGREE if takes_bubbles(case) else CUBIC)
 
 
+    if case.prescribed and degree > CUBIC:
+        return PRESCRIBED_TOLERANCE
 def _mesh(
     case: Case,
     cells: Cells,
@@ -209,7 +212,7 @@ def _solves(
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(case, cells, settings, degree)
-            return large_displacement.prescribed(case, mesh, settings.quadrature_order)
+            return large_displacement.prescribed(case, mesh, max(settings.quadrature_order, 2 * degree + 1))
 
         return interpolate, (interpolate,)
 
