@@ -46,6 +46,7 @@ FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the spee
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
 UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
+HARDLY = 1e-2  # of its size that a shell moves, at most, for its motion to be compared with itself
 SHORTEST = 2.0**-8  # of the usual step: where a shorter one were needed, the run ends
 SMOOTH = 1e-3  # local error of a step in the displacement, relative to the size of the shell, beyond which it is cut
 ROOM = 1 / 16  # of that error, below which the next step may be twice as long, up to the usual one
@@ -137,7 +138,7 @@ def solve(
     # Levels refine space and time at once, so that one sequence of values converges at one order, h^2:
     # 1. Mesh and step of the level; stop before one that takes too long.
     # 2. Follow the motion, and measure its quantities.
-    # 3. Extrapolate in 1 / h, and compare the largest uncertainty with the tolerance.
+    # 3. Extrapolate in the resolution, and compare the largest uncertainty with the tolerance.
     # 4. Stop where two levels differ so much that a third would tell no more.
     only = cells is not None or step is not None
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
@@ -159,8 +160,10 @@ def solve(
         except MemoryError:
             raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
-        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well.
-        resolutions.append(1 / h)
+        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well; between kinks it may grow
+        # by less, and then no more is believed.
+        grown = min(2.0, math.prod(mesh.cells) / math.prod(solution.mesh.cells)) if solution else 1.0
+        resolutions.append(grown * resolutions[-1] if resolutions else 1.0)
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
@@ -182,9 +185,14 @@ def _cells(mesh: TensorMesh) -> str:
 
 
 def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight."""
+    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight.
+
+    Of a shell that hardly moves it is how far it does, and its own energies: to its size all of that is nothing.
+    """
     case = solution.case
     value, size = abs(quantities[quantity.name]), _size(case)
+    farthest = float(np.linalg.norm(solution.coefficients[:, :, 0], axis=1).max())
+    hardly = farthest < HARDLY * size
     assert case.dynamics is not None
     match quantity:
         case EnergyQuantity() | MotionEnergy():
@@ -192,7 +200,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
             speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
             # An energy may pass through zero. It is compared with one that the shell could have, not with itself.
             least = case.material.areal_density * frame.area * speed**2  # of strains of order one
-            return max(value, sum(frame.energies()), 1e-2 * least)
+            return max(value, sum(frame.energies()), 0.0 if hardly else 1e-2 * least, float(np.finfo(float).tiny))
         case ReactionQuantity() | TorqueQuantity():
             largest = float(np.abs(solution.support_forces[:, :, :, 0]).sum(axis=1).max(initial=0.0))
             return max(value, largest * (size if quantity.kind == "torque" else 1.0), float(np.finfo(float).tiny))
@@ -200,7 +208,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
             forces = solution.touch(quantity.at).forces
             return max(value, float(np.linalg.norm(forces, axis=-1).sum()), float(np.finfo(float).tiny))
         case _:
-            return max(value, size)
+            return max(value, farthest if hardly else size, float(np.finfo(float).tiny))
 
 
 def _finished(
