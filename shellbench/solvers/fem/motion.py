@@ -138,12 +138,13 @@ def solve(
     # Levels refine space and time at once, so that one sequence of values converges at one order, h^2:
     # 1. Mesh and step of the level; stop before one that takes too long.
     # 2. Follow the motion, and measure its quantities.
-    # 3. Extrapolate in the resolution, and compare the largest uncertainty with the tolerance.
+    # 3. Extrapolate in 1 / h, and compare the largest uncertainty with the tolerance.
     # 4. Stop where two levels differ so much that a third would tell no more.
     only = cells is not None or step is not None
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     levels: list[Step] = []
     resolutions: list[float] = []
+    meshes: list[float] = []
     solution: MotionSolution | None = None
     for level in range(1 if only else MOST_LEVELS):
         mesh_cells = cells or usual_cells(case, level, grading)
@@ -160,13 +161,17 @@ def solve(
         except MemoryError:
             raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
-        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well; between kinks it may grow
-        # by less, and then no more is believed.
-        grown = min(2.0, math.prod(mesh.cells) / math.prod(solution.mesh.cells)) if solution else 1.0
-        resolutions.append(grown * resolutions[-1] if resolutions else 1.0)
+        # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well.
+        grown = math.prod(mesh.cells) / math.prod(solution.mesh.cells) if solution else 1.0
+        resolutions.append(1 / h)
+        meshes.append(min(2.0, grown) * meshes[-1] if meshes else 1.0)
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
+        # Between kinks, where cells are whole numbers of few, it grows by less: changes say less of its error, then.
+        for name, v in values.items():
+            least = estimate(v, meshes).uncertainty
+            estimates[name] = replace(estimates[name], uncertainty=max(estimates[name].uncertainty, least))
         scales = {q.name: _scale(found, q, quantities) for q in case.quantities}
         error = max(estimates[name].uncertainty / scales[name] for name in values)
         seconds = time.perf_counter() - began
