@@ -1,12 +1,13 @@
 """Layers along held edges, thin beside the way to the middle of the shell, and meshes that grade toward them.
 
-Where an edge is held, bending along it dies out inward as exp(-x / l). On a curved shell that is the simple edge effect
-of Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal curvature along the edge, so that
+Where an edge is clamped, bending along it dies out inward as exp(-x / l). On a curved shell that is the simple edge
+effect of Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal curvature along the edge, so that
 
     1 / l = (E h k^2 / (4 B))^(1/4),    which is (3 (1 - nu^2))^(1/4) sqrt(k / h) of a homogeneous shell.
 
 Along asymptotic lines k is zero, and there is none. On a slender shell what its end is held by dies out as the least
-harmonic between its sides, l = width / pi, whatever its curvature.
+harmonic between its sides, l = width / pi, whatever its curvature. Edges that may turn have edge effects as well, but
+roofs and cylinders on diaphragms settle as soon on uniform meshes, at any thickness of the study of thinness.
 
 Uniform cells as long as the layer would be many. With lines at (i/n)^g of the way to the middle a part `SHARE` of them
 falls into the layer if g = log(l / way) / log(SHARE). Wider layers than `THIN` are left to uniform meshes.
@@ -38,15 +39,16 @@ SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
 def layer_gradings(case: Case) -> Ends:
     """Return by coordinate the exponents g of the mesh lines' distances from its lower and its upper edge."""
     found = {(axis, side): 1.0 for axis in (0, 1) for side in ("min", "max")}
-    for _, place in case.supported_places():
+    for support, place in case.supported_places():
         if isinstance(place, Edge):
-            relative = relative_layer(case, replace(place, between=None))
+            relative = relative_layer(case, replace(place, between=None), support.clamped)
             if relative < THIN:
-                found[place.axis, place.side] = min(math.log(relative) / math.log(SHARE), STEEPEST)
+                steep = min(math.log(relative) / math.log(SHARE), STEEPEST)
+                found[place.axis, place.side] = max(found[place.axis, place.side], steep)
     return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
 
 
-def relative_layer(case: Case, edge: Edge) -> float:
+def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:
     """Return the length l of the thinnest layer along an edge over the way to the middle, in the coordinate across."""
     domain, axis, along = case.surface.domain, edge.axis, 1 - edge.axis
     points = domain.wrap(edge.samples(domain, SAMPLES))
@@ -58,5 +60,5 @@ def relative_layer(case: Case, edge: Edge) -> float:
     stretching = membrane * (1 - case.material.poissons_ratio**2)  # E h
     decay = (stretching * curvature**2 / (4 * bending)) ** 0.25
     width = float(tangent.mean()) * domain.size[along]
-    thinnest = 1 / np.maximum(decay, math.pi / width)
+    thinnest = 1 / np.maximum(decay if clamped else 0.0, math.pi / width) * np.ones(len(points))
     return float((thinnest / across).min()) / (domain.size[axis] / 2)
