@@ -83,6 +83,11 @@ class FemSolver(ShellSolver):
         """Return why the solver can't take this case, or None."""
         if refusal := super().declines(case):
             return refusal
+        if any(support.symmetry for support in case.supports):
+            from shellbench.solvers.fem.constraints import why_no_mirror
+
+            if refusal := why_no_mirror(case):
+                return refusal
         if case.dynamics is not None:
             from shellbench.solvers.fem import motion
 
