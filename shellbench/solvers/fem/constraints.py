@@ -160,9 +160,10 @@ def why_no_mirror(case: Case) -> str | None:
         points = place.samples(case.surface.domain, MIRROR_SAMPLES)
         surface = Midsurface.at(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
         across = COMPONENTS.index(support.held[0])
-        base = surface.base[:, place.axis] / np.linalg.norm(surface.base[:, place.axis], axis=-1, keepdims=True)
-        crosses = np.abs(surface.normal[:, across]).max() <= IN_PLANE
-        if crosses and np.abs(np.delete(base, across, axis=-1)).max() > IN_PLANE:
+        base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
+        # The edge lies in the plane, and the shell crosses it at right angles: what is wrong is in the lines alone.
+        inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= IN_PLANE
+        if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > IN_PLANE:
             return f"it mirrors shells at coordinate lines alone, and those at '{place.name}' are oblique"
     return None
 
