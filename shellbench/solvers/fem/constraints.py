@@ -30,7 +30,7 @@ from shellbench.problems.shell.places import Edge, Place, Point, Whole
 from shellbench.solvers.fem.assembly import NEIGHBOURS, NODE_DOFS, BlockMatrix
 from shellbench.solvers.fem.bubble_conditions import Motion, bubble_conditions, motion_at, tied_together
 from shellbench.solvers.fem.cell_matrices import CellMatrices
-from shellbench.solvers.fem.kinematics import local_axes
+from shellbench.solvers.fem.kinematics import Midsurface, local_axes
 from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.sharing import RANK_TOLERANCE, Conditions, Sharing
 
@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
+MIRROR_SAMPLES = 17  # points of an edge at which coordinate lines are compared with a plane of symmetry
 IN_PLANE = 1e-9  # largest sine of the angles by which a shell may miss its plane of symmetry
 OBLIQUE = 1e-12  # |cos| of the angle between the coordinate lines below which they count as orthogonal
 
@@ -146,6 +147,25 @@ def _held_locally(
             rows.append(row)
             values.append(value)
     return np.stack(rows, axis=1), np.stack(values, axis=1)
+
+
+def why_no_mirror(case: Case) -> str | None:
+    """Return why what mirrors a shell at an edge is no condition on these coordinates, as a clause, or None.
+
+    Across the plane of symmetry goes a base vector, or else its conditions would mix derivatives.
+    """
+    for support, place in case.supported_places():
+        if support.symmetry is None or not isinstance(place, Edge):
+            continue
+        points = place.samples(case.surface.domain, MIRROR_SAMPLES)
+        surface = Midsurface.at(case.surface.derivatives(case.surface.domain.wrap(points), order=2))
+        across = COMPONENTS.index(support.held[0])
+        base = surface.base / np.linalg.norm(surface.base, axis=-1, keepdims=True)
+        # The edge lies in the plane, and the shell crosses it at right angles: what is wrong is in the lines alone.
+        inside = np.abs([base[:, 1 - place.axis, across], surface.normal[:, across]]).max() <= IN_PLANE
+        if inside and np.abs(np.delete(base[:, place.axis], across, axis=-1)).max() > IN_PLANE:
+            return f"it mirrors shells at coordinate lines alone, and those at '{place.name}' are oblique"
+    return None
 
 
 def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried: int) -> tuple[Array, Array]:

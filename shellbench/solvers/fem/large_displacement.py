@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from shellbench.problems.shell.edit import between
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature
+from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.buckling import following_steps
 from shellbench.solvers.fem.contact_at_finite_strain import carried_pressure
 from shellbench.solvers.fem.continuation import (
@@ -30,7 +32,7 @@ from shellbench.solvers.fem.continuation import (
 from shellbench.solvers.fem.equilibrium import Equilibrium, check_balance
 from shellbench.solvers.fem.finite_state import FiniteState
 from shellbench.solvers.fem.loads import Loading
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 from shellbench.solvers.fem.rigid_motions import mean_rigid_motion
 from shellbench.solvers.fem.solution import FemSolution
@@ -157,13 +159,15 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
 
     The support carries the loads; what it does besides, to keep the shell in shape, has no resultant.
     """
-    # Nothing is solved for: coefficients are derivatives of the motion at the nodes.
+    # Nothing is solved for: coefficients are derivatives of the motion at the nodes, and bubbles what these leave.
     support, place = next(case.supported_places())
-    points = mesh.domain.wrap(mesh.node_points)
-    motions = [case.motion(support, place, points, t, order=2) for t in case.states]
-    coefficients = np.stack([np.stack([m[kind] for kind in KINDS], axis=-1) for m in motions], axis=-1)
+
+    def moved(points: Array, t: float) -> Mapping[Derivative, Array]:
+        return case.motion(support, place, mesh.domain.wrap(points), t, order=2)
+
+    coefficients = np.stack([interpolated(mesh, partial(moved, t=t)) for t in case.states], axis=-1)
     quadrature = Quadrature.of_order(mesh, quadrature_order)
-    if case.linear:
+    if case.linear or mesh.degree > CUBIC:
         carried = Loading.on_mesh(case, mesh, quadrature, case.states).nodal.reshape(coefficients.shape)
     else:
         problem = FiniteProblem.on_mesh(case, mesh, quadrature)

@@ -46,6 +46,7 @@ FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the spee
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
 UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
+HARDLY = 1e-2  # of its size that a shell moves, at most, for its motion to be compared with itself
 SHORTEST = 2.0**-8  # of the usual step: where a shorter one were needed, the run ends
 SMOOTH = 1e-3  # local error of a step in the displacement, relative to the size of the shell, beyond which it is cut
 ROOM = 1 / 16  # of that error, below which the next step may be twice as long, up to the usual one
@@ -143,6 +144,7 @@ def solve(
     values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
     levels: list[Step] = []
     resolutions: list[float] = []
+    meshes: list[float] = []
     solution: MotionSolution | None = None
     for level in range(1 if only else MOST_LEVELS):
         mesh_cells = cells or usual_cells(case, level, grading)
@@ -160,10 +162,16 @@ def solve(
             raise SolveFailure(f"the motion on {_cells(mesh)} does not fit into memory{kept}", solution) from None
         quantities = measure_all(found)
         # 1 / h grows by two a level. The mesh grows by its root, so that n^-4 is h^2 as well.
+        grown = math.prod(mesh.cells) / math.prod(solution.mesh.cells) if solution else 1.0
         resolutions.append(1 / h)
+        meshes.append(min(2.0, grown) * meshes[-1] if meshes else 1.0)
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
+        # Between kinks, where cells are whole numbers of few, it grows by less: changes say less of its error, then.
+        for name, v in values.items():
+            least = estimate(v, meshes).uncertainty
+            estimates[name] = replace(estimates[name], uncertainty=max(estimates[name].uncertainty, least))
         scales = {q.name: _scale(found, q, quantities) for q in case.quantities}
         error = max(estimates[name].uncertainty / scales[name] for name in values)
         seconds = time.perf_counter() - began
@@ -182,9 +190,14 @@ def _cells(mesh: TensorMesh) -> str:
 
 
 def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mapping[str, float]) -> float:
-    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight."""
+    """Return what the uncertainty of a quantity is compared with: the size, the sum of energies, or the weight.
+
+    Of a shell that hardly moves it is how far it does, and its own energies: to its size all of that is nothing.
+    """
     case = solution.case
     value, size = abs(quantities[quantity.name]), _size(case)
+    farthest = float(np.linalg.norm(solution.coefficients[:, :, 0], axis=1).max())
+    hardly = farthest < HARDLY * size
     assert case.dynamics is not None
     match quantity:
         case EnergyQuantity() | MotionEnergy():
@@ -192,7 +205,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
             speed = math.sqrt(case.material.membrane_stiffness / case.material.areal_density)
             # An energy may pass through zero. It is compared with one that the shell could have, not with itself.
             least = case.material.areal_density * frame.area * speed**2  # of strains of order one
-            return max(value, sum(frame.energies()), 1e-2 * least)
+            return max(value, sum(frame.energies()), 0.0 if hardly else 1e-2 * least, float(np.finfo(float).tiny))
         case ReactionQuantity() | TorqueQuantity():
             largest = float(np.abs(solution.support_forces[:, :, :, 0]).sum(axis=1).max(initial=0.0))
             return max(value, largest * (size if quantity.kind == "torque" else 1.0), float(np.finfo(float).tiny))
@@ -200,7 +213,7 @@ def _scale(solution: MotionSolution, quantity: QuantityModel, quantities: Mappin
             forces = solution.touch(quantity.at).forces
             return max(value, float(np.linalg.norm(forces, axis=-1).sum()), float(np.finfo(float).tiny))
         case _:
-            return max(value, size)
+            return max(value, farthest if hardly else size, float(np.finfo(float).tiny))
 
 
 def _finished(

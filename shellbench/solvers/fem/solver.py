@@ -10,6 +10,7 @@ from pydantic import Field, PositiveInt
 from shellbench.errors import InputError
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.solution import Beyond, ShellSolver
 
@@ -40,7 +41,7 @@ class FemSettings(Settings):
         their exponents ask.
     degree
         Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 in the
-        non-linear theory, of motions and of fields that are prescribed everywhere, which take no other.
+        non-linear theory and of motions, which take no other unless all is prescribed.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
@@ -82,6 +83,11 @@ class FemSolver(ShellSolver):
         """Return why the solver can't take this case, or None."""
         if refusal := super().declines(case):
             return refusal
+        if any(support.symmetry for support in case.supports):
+            from shellbench.solvers.fem.constraints import why_no_mirror
+
+            if refusal := why_no_mirror(case):
+                return refusal
         if case.dynamics is not None:
             from shellbench.solvers.fem import motion
 
@@ -97,7 +103,9 @@ class FemSolver(ShellSolver):
     def declines_with(self, case: Case, settings: FemSettings) -> str | None:
         """Return why the solver can't take this case with these settings, or None."""
         if settings.degree in (4, 5) and not takes_bubbles(case):
-            what = "the linear theory, at rest, with supports of whole edges along fixed directions"
+            what = (
+                "the linear theory, at rest, with supports of whole edges along fixed directions, or for all prescribed"
+            )
             return f"degree {settings.degree} is for {what}"
         return self.declines(case)
 
@@ -144,7 +152,11 @@ class FemSolver(ShellSolver):
 
 def takes_bubbles(case: Case) -> bool:
     """Return whether a case can be solved in degree 4 and 5."""
-    if not case.linear or case.dynamics is not None or case.prescribed:
+    if case.dynamics is not None:
+        return False
+    if case.prescribed:  # interpolated; what follows the deformed shell is known in cubics alone
+        return case.linear or not (case.following or any(isinstance(load, MomentLoad) for load in case.loads))
+    if not case.linear:
         return False
     # The conditions on bubbles know whole edges, and directions that do not turn along them.
     held = case.supported_places()

@@ -19,6 +19,7 @@ from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
+from shellbench.solvers.fem.layers import layer_gradings
 from shellbench.solvers.fem.mesh import (
     CUBIC,
     UNBROKEN,
@@ -49,6 +50,7 @@ from shellbench.solvers.fem.time_step import Scheme
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
 SINGULAR_TOLERANCE = 2.5e-5  # of a case with forces at points: deflections under a load need many cells
 HIGHER_SINGULAR_TOLERANCE = 5e-6  # the same in degree 4 and 5, which need fewer
+PRESCRIBED_TOLERANCE = 1e-9  # where nothing is solved for: a finer mesh costs little, and no strain at all may be asked
 MOTION_TOLERANCE = 1e-4  # of a motion: its steps in time are of second order
 CONTACT_TOLERANCE = 5e-4  # of what touches obstacles: the edge of contact lies anywhere in a cell, and errors jump
 LARGE_SMOOTH_TOLERANCE, LARGE_SINGULAR_TOLERANCE = 4e-6, 5e-4  # the same in the non-linear theory
@@ -101,7 +103,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     began = time.perf_counter()
     # Meshes of the non-linear theory are not graded toward edges: their steps would suffer.
     graded = case.linear and chosen.grading != 1 and not case.prescribed
-    toward = (edge_gradings(case), break_gradings(case)) if graded else (UNGRADED, UNBROKEN)
+    toward = _gradings(case) if graded else (UNGRADED, UNBROKEN)
     slowest = slowest_rate(case) if graded else ASYMPTOTIC
     on_mesh, trials = _solves(case, chosen, toward, start, progress)
     tolerance = chosen.tolerance or usual_tolerance(case, case_degree(case, chosen))
@@ -151,10 +153,22 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
     return solution
 
 
+def _gradings(case: Case) -> Gradings:
+    """Return the exponents of the gradings toward singular corners and thin layers, and toward breaks of supports."""
+    corners = edge_gradings(case)
+    if case.modal:  # waves of modes are as long all over the shell
+        return corners, break_gradings(case)
+    # Edges that end at singular corners are graded as these ask: more would be missing where layers cross the shell.
+    (a, b), (c, d) = np.where(np.array(corners) > 1, corners, layer_gradings(case)).tolist()
+    return ((a, b), (c, d)), break_gradings(case)
+
+
 def usual_tolerance(case: Case, degree: Degree) -> float:
     """Return the relative uncertainty at which a case counts as converged, unless a setting says otherwise."""
     if case.obstacles:
         return CONTACT_TOLERANCE
+    if case.prescribed and degree > CUBIC:
+        return PRESCRIBED_TOLERANCE
     if case.linear:
         singular = SINGULAR_TOLERANCE if degree == CUBIC else HIGHER_SINGULAR_TOLERANCE
         return singular if singular_points(case) else SMOOTH_TOLERANCE
@@ -209,7 +223,7 @@ def _solves(
 
         def interpolate(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(case, cells, settings, degree)
-            return large_displacement.prescribed(case, mesh, settings.quadrature_order)
+            return large_displacement.prescribed(case, mesh, max(settings.quadrature_order, 2 * degree + 1))
 
         return interpolate, (interpolate,)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.constraints import Ties
@@ -252,3 +253,9 @@ def test_a_support_bears_what_its_edges_do_and_half_of_a_force_at_a_corner(alone
     known = -width * (tension[0, 0] * first + tension[0, 1] * second) + alone * half * normal
     assert np.allclose(force, known, rtol=1e-9, atol=1e-12)
     assert np.allclose(moment, -(1 + alone / 2) * width * half * first, rtol=1e-9, atol=1e-12)
+
+
+def test_a_mirror_that_oblique_lines_meet_is_declined():
+    answered, declined = (catalog.named_case(f"guided_plate@{chart}") for chart in ("warped", "oblique"))
+    assert FemSolver().declines(answered) is None
+    assert "those at 'xi2_min' are oblique" in str(FemSolver().declines(declined))

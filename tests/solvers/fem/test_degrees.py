@@ -6,6 +6,7 @@ import pytest
 from derivations.annular_plate import annular_plate
 from shellbench.bench import catalog
 from shellbench.errors import InputError
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.assembly import Quadrature, stiffness
 from shellbench.solvers.fem.bubble_conditions import STRAIGHT
@@ -13,7 +14,7 @@ from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.mesh import axis_functions, graded_mesh, kinds_of, present_functions, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 from shellbench.solvers.fem.solution import FemSolution
-from shellbench.solvers.fem.solver import FemSettings, FemSolver
+from shellbench.solvers.fem.solver import FemSettings, FemSolver, takes_bubbles
 from tests.solvers.fem.shells import EVERY_EDGE, SURFACES, shell
 
 HIGHER = [4, 5]
@@ -220,3 +221,20 @@ def test_a_clamp_holds_on_an_edge_whose_normal_hardly_turns():
         return solved(case, cells=(3, 3), degree=5, symmetry=False).displacement(np.array([[0.5, 0.5]]))[0, 2]
 
     assert sunk(1.01 * STRAIGHT) == pytest.approx(sunk(0.0), rel=1e-4)
+
+
+@pytest.mark.parametrize(("degree", "rate"), [(3, 4), (5, 8)])
+def test_a_prescribed_field_is_interpolated_in_any_degree(degree, rate):
+    # A rigid turn in coordinates in which no polynomial is one: its spurious bending energy goes as h^(2 (degree - 1)).
+    case = catalog.named_case("rigid_turn_about_point@warped")
+    energies = [FemSolver().solve(case, FemSettings(cells=(n, n), degree=degree)).energies(1.0)[1] for n in (6, 12)]
+    assert np.log2(energies[0] / energies[1]) == pytest.approx(rate, abs=0.6)
+
+
+def test_a_prescribed_field_that_a_moment_follows_is_left_to_cubics():
+    case = catalog.named_case("rigid_turn_about_point")
+    assert takes_bubbles(case)
+    moment = {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": "t"}
+    assert not takes_bubbles(
+        Case.model_validate(case.model_dump(mode="json", exclude_unset=True) | {"loads": [moment]})
+    )

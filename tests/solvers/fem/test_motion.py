@@ -370,6 +370,22 @@ def test_levels_are_refined_and_say_how_sure_they_are(monkeypatch):
     assert len([s for s in loose.history if s.phase == "solve"]) == 2
 
 
+def test_a_motion_is_no_surer_for_being_small(monkeypatch):
+    monkeypatch.setattr(motion, "BASE", 3)
+    monkeypatch.setattr(motion, "MOST_STEPS", 8)
+    monkeypatch.setattr(motion, "FEWEST_STEPS", 8)
+
+    def pressed(by):
+        case = moving(0.05, [STRAIN | {"at": 0.05}], loads=[{"kind": "area", "vector": [0, 0, by]}], material=MATERIAL)
+        return solve(case, tolerance=1e-6)
+
+    # So small that all is linear: a thousandth of the load moves the shell a thousandth as far.
+    more, less = pressed(1e-6), pressed(1e-9)
+    assert less.uncertainty["largest"] == pytest.approx(1e-3 * more.uncertainty["largest"], rel=1e-3)
+    assert less.diagnostics["relative_uncertainty"] == pytest.approx(more.diagnostics["relative_uncertainty"], rel=1e-3)
+    assert less.diagnostics["relative_uncertainty"] > 1e-6
+
+
 def test_settings_fix_one_level():
     case = moving(0.1)
     for settings in ({"cells": (3, 2)}, {"time_step": 0.01}, {"cells": (3, 2), "time_step": 0.01}):
