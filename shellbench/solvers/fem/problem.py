@@ -190,7 +190,8 @@ class FiniteProblem:
             work += float(np.sum(self.pressure.forces(state.q, state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
             work += float(moment.moments(state.t) @ angles)
-        return state.strained.energy + self.clamped(state.q, state.t) - work
+        clamped = self.clamped(state.q, state.t)
+        return state.strained.energy + clamped - work
 
     def clamped(self, q: Array, t: float) -> float:
         """Return the potential of clamps between the nodes, J."""
