@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from derivations import sleeve_tension as tension
 from derivations.sleeve import Rims, Sleeve
 from derivations.sleeve_buckling import (
     THICK,
@@ -301,3 +302,42 @@ def test_five_waves_are_stable_only_far_from_where_they_begin():
     sleeve = Sleeve(THICK, functions=20, fold=5, harmonics=4)
     found = {s.rims.twist: min(list(margins(s).values())[1:]) for s in buckled(sleeve, (0.115, 0.15, 0.2, 0.3, 0.4))}
     assert found[0.115] < 0 < found[0.4]
+
+
+# --- the sleeve twisted far: the least membrane energy between two bounds -----------------------
+
+
+@pytest.mark.parametrize("twist", [0.2, 1.0, 2.0, 3.0])
+def test_the_bounds_of_the_twisted_sleeve_meet_and_their_slope_is_the_torque(twist):
+    below, torque = tension.lower_bound(twist)
+    assert below < tension.upper_bound(twist) < 1.001 * below
+    assert slope(lambda t: tension.lower_bound(t)[0], twist, 1e-3) == pytest.approx(torque, rel=1e-8)
+
+
+def test_no_surface_between_twisted_rims_has_less_energy_than_the_bound():
+    """Random smooth surfaces, evenly and unevenly strained: the quadratic energy of their exact strains is above."""
+    theta = np.arange(24) * 2 * np.pi / 24
+    s = (np.polynomial.legendre.leggauss(24)[0] + 1) / 2
+    w = np.polynomial.legendre.leggauss(24)[1] / 2
+    rng = np.random.default_rng(2)
+    moduli = tension.YOUNG * tension.THICKNESS / (1 - tension.POISSON**2)
+    for twist in (0.5, 2.0, 3.0):
+        for size in (0.0, 0.02, 0.2):
+            waist, waves = rng.uniform(-0.9, 0.1), size * rng.normal(size=(3, 2))
+
+            def place(c, s, twist=twist, waist=waist, waves=waves):
+                radius, bump = tension.RADIUS * (1 + waist * np.sin(np.pi * s)), np.sin(np.pi * s)
+                turned = c + twist * s
+                x = np.stack([radius * np.cos(turned), radius * np.sin(turned), tension.LENGTH * s + 0 * c])
+                return x + bump * (waves @ np.stack([np.cos(2 * c), np.sin(3 * c)]).reshape(2, -1)).reshape(x.shape)
+
+            c, y = np.meshgrid(theta, s, indexing="ij")
+            d = 1e-5
+            around = (place(c + d, y) - place(c - d, y)) / (2 * d * tension.RADIUS)
+            along = (place(c, y + d) - place(c, y - d)) / (2 * d * tension.LENGTH)
+            e1, e2 = (np.sum(around**2, axis=0) - 1) / 2, (np.sum(along**2, axis=0) - 1) / 2
+            shear = np.sum(around * along, axis=0) / 2
+            trace = e1 + e2
+            density = moduli / 2 * (trace**2 - 2 * (1 - tension.POISSON) * (e1 * e2 - shear**2))
+            energy = tension.AREA * float(np.mean(density, axis=0) @ w)
+            assert energy > tension.lower_bound(twist)[0]

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
 from shellbench.problems.shell.history import moving_uncertainty
 from shellbench.problems.shell.measure import measure_all
-from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.quantities import (
     ContactForce,
     EnergyQuantity,
@@ -61,9 +60,11 @@ def declined(case: Case) -> str | None:
         return "it can't follow moments on edges in time"
     if case.following:
         return "its pressures keep the normal of the shell at rest in time"
-    for support, place in case.supported_places():
-        if support.holds_slope and isinstance(place, Edge):
-            return f"it can't follow the clamped or mirrored support '{support.name}' in time"
+    for support in case.supports:
+        if support.clamped and isinstance(support.motion, Value):
+            return f"it can't move the clamped support '{support.name}' by a formula in time"
+        if support.clamped and isinstance(support.motion, Rotation) and case.obstacles:
+            return f"it can't turn the clamped support '{support.name}' beside obstacles in time"
     return None
 
 

@@ -190,8 +190,12 @@ class FiniteProblem:
             work += float(np.sum(self.pressure.forces(state.q, state.t) * state.q))
         for moment, angles in zip(self.moments, state.angles, strict=True):
             work += float(moment.moments(state.t) @ angles)
-        clamped = sum(clamp.at(state.q, state.t).potential for clamp in self.clamps)
+        clamped = self.clamped(state.q, state.t)
         return state.strained.energy + clamped - work
+
+    def clamped(self, q: Array, t: float) -> float:
+        """Return the potential of clamps between the nodes, J."""
+        return sum(clamp.at(q, t).potential for clamp in self.clamps)
 
     def tangent(self, q: Array, t: float, strained: Strained, stresses: tuple[Array, ...]) -> BlockMatrix:
         """Return the symmetric part of -dr/dq, supports not applied, with these stresses in its geometric part.

@@ -218,7 +218,7 @@ class MovingShell:
             guess = guess + h / 2 * start.impulse
         guess = ties.particular[..., 0] + ties.to_nodal(ties.to_free(guess[..., None]))[..., 0]
         x = (1 - s.alpha_f) * guess + s.alpha_f * start.q
-        minimum = _Minimum(self, ties, loads, target, weight, self._kinetic(start.v), start.q, contact)
+        minimum = _Minimum(self, ties, middle, loads, target, weight, self._kinetic(start.v), start.q, contact)
         x, residual, forces, iterations = minimum.find(x, h)
         q = minimum.end(x)
         push = np.zeros_like(q)  # r of `contact_in_motion`
@@ -233,6 +233,9 @@ class MovingShell:
             lost += contact.work(forces) - h * float(np.sum(nodal * (start.v + h / 2 * push)))
             # the equation of x counts impulses `share` times, and supports feel them once
             residual = residual + (minimum.share - 1) * (self.momentum(push) - nodal)
+        for clamp in problem.clamps:  # the part of its terms without dm is what its support exerts
+            clamped = clamp.at(x, middle)
+            residual = residual + clamped.gradient(len(x)) - clamped.gap_forces(len(x))
         a = (q - coast - h**2 * push) / (s.beta * h**2)
         v = start.v + h * ((1 - s.gamma) * start.a + s.gamma * a + push)
         reaction = np.zeros_like(q)
@@ -256,13 +259,14 @@ class MovingShell:
 
 @dataclass(frozen=True)
 class _Minimum:
-    """The incremental potential of one step.
+    """The incremental potential of one step, whose forces balance at the time t.
 
     `kinetic` is the energy, J, that the shell begins it with, and `begin` its displacement.
     """
 
     shell: MovingShell
     ties: Ties
+    t: float
     loads: Array
     target: Array
     weight: float
@@ -364,15 +368,17 @@ class _Minimum:
         """Return the incremental potential, and the magnitude of the energies that it is made of, J."""
         away = x - self.target
         inertia = self.weight / 2 * float(np.sum(away * self.shell.momentum(away)))
-        elastic, work = strained.energy + self.shell._sprung(x), float(np.sum(self.loads * x))
+        elastic = strained.energy + self.shell.problem.clamped(x, self.t) + self.shell._sprung(x)
+        work = float(np.sum(self.loads * x))
         return inertia + elastic - work, self.kinetic + inertia + elastic + abs(work)
 
     def _residual(self, x: Array, strained: Strained) -> Array:
         forces = self.loads - strained.forces - self.weight * self.shell.momentum(x - self.target)
+        forces -= sum(clamp.at(x, self.t).gradient(len(x)) for clamp in self.shell.problem.clamps)
         return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
 
     def _factorised(self, x: Array, strained: Strained) -> Factor:
-        matrix = self.shell.problem.energy.tangent(strained)
+        matrix = self.shell.problem.tangent(x, self.t, strained, strained.stresses)
         matrix.blocks[...] += self.weight * self.shell.mass.blocks
         if self.shell.springs is not None:
             matrix.blocks[...] += self.shell.springs.blocks

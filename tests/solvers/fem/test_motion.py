@@ -22,6 +22,7 @@ SOFT = MATERIAL | {"youngs_modulus": 2e3}
 CORNER = {"name": "corner", "on": ["xi1_min,xi2_max"]}
 EDGE = {"name": "edge", "on": ["xi1_min"]}
 FALLING = {"kind": "gravity", "acceleration": [1.5, 0.0, -9.8]}
+HEAVY = {"kind": "gravity", "acceleration": [0.0, 0.0, -9.8]}
 KINETIC = {"name": "kinetic", "kind": "kinetic_energy"}
 STRAIN = {"name": "strain", "kind": "strain_energy"}
 
@@ -191,6 +192,40 @@ def test_what_is_carried_by_all_its_edge_moves_along():
     ts = np.linspace(0.1, 0.3, 201)
     mean = np.mean([solution.reaction("edge", at=t)[0] for t in ts], axis=0)  # it rings
     assert mean == pytest.approx([4 * MASS, 0, 0], rel=2e-2, abs=1e-3)
+
+
+@pytest.mark.long
+def test_a_clamped_rim_that_turned_slowly_ends_in_the_state_of_equilibrium():
+    """A tube whose rims are clamped, one of them tilted: nodes, clamps between them and reactions are those of rest."""
+    tilted = {"kind": "rotation", "axis": [1, 0, 0], "centre": [0, 3, 0], "angle": "1 - exp(-(t/20)**2)"}
+    rims = [
+        {"name": "bottom", "on": ["xi2_min"], "clamped": True},
+        {"name": "top", "on": ["xi2_max"], "clamped": True, "motion": tilted},
+    ]
+    fields = {"theory": NONLINEAR, "supports": rims, "quantities": [LARGEST | {"at": 100.0}]}
+    rest = solve(shell("cylinder", path={"until": 100.0}, **fields), cells=(4, 2))
+    case = shell("cylinder", dynamics={"until": 100.0}, **fields)
+    moved = solve(case, cells=(4, 2), time_step=2.0, spectral_radius=0.0)
+    points = case.surface.domain.grid(7, 7).reshape(-1, 2)
+    expected = rest.displacement(points, 100.0)
+    assert np.abs(expected).max() > 0.02
+    assert np.allclose(moved.displacement(points, 100.0), expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    for found, known in zip(moved.reaction("top", at=100.0), rest.reaction("top", at=100.0), strict=True):
+        assert np.allclose(found, known, rtol=0, atol=1e-5 * np.linalg.norm(known))
+
+
+def test_a_mirrored_half_moves_as_the_whole():
+    edges = [{"name": "edges", "on": ["xi1_min", "xi1_max"], "clamped": True}]
+    half = {"kind": "plane", "xi1": [0, 1], "xi2": [0, 1]}
+    mirrored = [EDGE | {"clamped": True}, {"name": "mirror", "on": ["xi1_max"], "symmetry": "x"}]
+    whole = solve(moving(0.05, supports=edges, loads=[HEAVY]), cells=(4, 2), time_step=5e-3, grading=1.0)
+    part = solve(
+        moving(0.05, surface=half, supports=mirrored, loads=[HEAVY]), cells=(2, 2), time_step=5e-3, grading=1.0
+    )
+    points = np.array([[0.3, 0.2], [0.7, 0.9], [1.0, 0.5]])
+    expected = whole.displacement(points, 0.05)
+    assert np.abs(expected).max() > 1e-3
+    assert np.allclose(part.displacement(points, 0.05), expected, rtol=0, atol=1e-7 * np.abs(expected).max())
 
 
 # time steps
@@ -426,9 +461,12 @@ def test_impossible_settings_are_refused(settings):
 def test_what_it_can_not_do_is_declined_in_a_clause():
     solver = FemSolver()
     bent = {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": 1.0}
+    lifted = EDGE | {"clamped": True, "motion": {"kind": "value", "z": "xi2*t**2"}}
+    turned = EDGE | {"clamped": True, "motion": {"kind": "rotation", "axis": [0, 1, 0], "angle": "9*t**2"}}
+    floor = {"kind": "plane", "centre": [0, 0, -1], "normal": [0, 0, 1]}
     for case, words in (
-        (moving(supports=[EDGE | {"clamped": True}]), "clamped or mirrored support 'edge'"),
-        (moving(supports=[{"name": "mirror", "on": ["xi1_min"], "symmetry": "x"}]), "support 'mirror'"),
+        (moving(supports=[lifted]), "clamped support 'edge' by a formula"),
+        (moving(supports=[turned], obstacles=[floor]), "turn the clamped support 'edge' beside obstacles"),
         (moving(loads=[bent]), "moments on edges"),
     ):
         assert words in solver.declines(case)
