@@ -20,8 +20,8 @@ from .guided_ring import guided_ring, guided_ring_by_ritz
 from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
 from .inclined_moments import inclined_moments, inclined_moments_by_potential
-from .narrow_peak import narrow_peak, narrow_peak_by_galerkin
 from .lifted_plate import lifted_plate, lifted_plate_by_navier
+from .narrow_peak import narrow_peak, narrow_peak_by_galerkin
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
