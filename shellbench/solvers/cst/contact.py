@@ -1,9 +1,8 @@
 """Obstacles that a mesh of triangles meets in motion, by a penalty at its vertices.
 
 As cloth simulators have it: a vertex of area A that is a depth d inside of an obstacle is pushed out along the
-obstacle's normal by k A d, without friction. The penalty is the published one, max(0, -phi)^2 (Kairanda et al. 2024,
-equation 75), and the step in time chooses its stiffness: k = 100 rho / dt^2, with rho the mass per area, so that what
-presses with its own weight g sinks in by g dt^2 / 100.
+obstacle's normal by k A d, without friction. The step in time chooses the stiffness: k = 100 rho / dt^2, with rho the
+mass per area, so that what presses with its own weight g sinks in by g dt^2 / 100.
 """
 
 from __future__ import annotations

@@ -113,10 +113,10 @@ class Training(Protocol):
 
 def why_not(case: Case) -> str | None:
     """Return why the published boundary functions can't hold a case, as one clause, or None if they can."""
+    if refusal := why_not_plain(case, frozenset({"contact", "local loads"}) if case.dynamics else frozenset()):
+        return refusal
     if case.dynamics is not None:
         return why_no_motion(case)
-    if refusal := why_not_plain(case):
-        return refusal
     if not case.linear:
         return "it trains what does not move in linear theory only, as the paper's Table 3 must have been"
     if point_supports(case):

@@ -7,6 +7,7 @@ What departs from the paper, or is not said in it, and why:
 
 - The sign of the first motion in eq. (72) is repaired (see `published_motion_field`).
 - kappa of eq. (30) is symmetrised; elastic supports enter as energy.
+- Obstacles, which the paper leaves to a preliminary experiment, are in the loss as there (`published_contact`).
 - The velocity is one more derivative that is propagated forward, with the numbers of nested differentiation.
 
 What it converges to is no motion by Newton's law (see the functional below), which is a finding, not a fault of the
@@ -52,6 +53,7 @@ from shellbench.problems.shell.quantities import (
 from shellbench.solvers.ndf.checkpoint import Checkpoint
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.published_contact import collision
 from shellbench.solvers.ndf.published_motion_field import DT, Ansatz, MotionField, moving
 from shellbench.solvers.ndf.published_motion_solution import TrainedMotion, read_motion
 from shellbench.solvers.ndf.published_network import Siren, initial_siren
@@ -104,6 +106,8 @@ class SpaceTime:
         (N, 3), N/m^3.
     weights
         (T, N), m^2: they sum up to the area.
+    places
+        (N, 2) and (T,), s: points and times in float64.
     """
 
     inputs: Tensor
@@ -118,6 +122,8 @@ class SpaceTime:
     weights: Tensor
     density: float
     strain: StrainName
+    case: Case
+    places: tuple[Array, Array]
 
     @classmethod
     def at_points(
@@ -151,6 +157,8 @@ class SpaceTime:
             weights=(exact.tensor(share) * surface.geometry.jacobian).to(to),
             density=case.material.areal_density,
             strain=strain,
+            case=case,
+            places=(points, times),
         )
 
     def loss(self, siren: Siren) -> Tensor:
@@ -166,6 +174,8 @@ class SpaceTime:
         """Return the functional of a displacement, J, from its planes (7, T, N, 3)."""
         u, velocity = planes[VALUE], planes[DT]
         density = 0.5 * (self.springs * u**2 + self.density * velocity**2).sum(-1) - (self.force * u).sum(-1)
+        if self.case.obstacles:
+            density = density + collision(self.case, *self.places, u)
         return (self.weights * (self.strain_energy(planes[:DT]) + density)).sum()
 
     def strain_energy(self, jets: Tensor) -> Tensor:
@@ -213,7 +223,9 @@ class MotionSampler:
 
 
 def why_not_sampled(case: Case) -> str | None:
-    """Return which loads the functional leaves out, as one clause; None if it has all."""
+    """Return what of a case the functional leaves out, as one clause; None if it has all."""
+    if any(obstacle.friction for obstacle in case.obstacles):
+        return "its obstacles have friction, and its loss of collisions has none"
     for load in case.loads:
         if load.kind not in ("area", "pressure", "gravity"):
             return f"its functional of motion knows no load of kind '{load.kind}'"

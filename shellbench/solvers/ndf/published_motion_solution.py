@@ -16,10 +16,12 @@ from shellbench.errors import InputError
 from shellbench.model import Positive
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.contact import Touch
 from shellbench.problems.shell.solution import time_reached
 from shellbench.solvers.ndf.build import SavedPeriodicInput
 from shellbench.solvers.ndf.choices import StrainName
 from shellbench.solvers.ndf.jets import Array
+from shellbench.solvers.ndf.published_contact import pressing
 from shellbench.solvers.ndf.published_motion_field import MotionField
 from shellbench.solvers.ndf.published_network import Siren
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
@@ -167,6 +169,13 @@ class TrainedMotion(FieldSolution):
         )
         return membrane, bending
 
+    def touch(self, at: float | None = None) -> Touch:
+        """Return what the loss of collisions presses with, at points that stand for patches as long as wide."""
+        t, (points, weights) = self._time(at), self._rule()
+        forces = pressing(self.case, points, weights, t, self.displacement(points, t))
+        lengths = np.repeat(np.sqrt(weights)[:, None], 2, axis=1)
+        return Touch(points, forces, lengths, 2 * lengths.max(axis=0))
+
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that the only support exerts on the shell.
 
@@ -188,6 +197,8 @@ class TrainedMotion(FieldSolution):
         u = self.displacement(points, t)
         force = self.case.material.areal_density * gained - force_density(self.case, points, t)
         force = (force + self.case.spring_stiffness(points) * u) * weights[:, None]
+        if self.case.obstacles:
+            force = force - pressing(self.case, points, weights, t, u)
         arm = self.case.surface.position(points) + u - centre
         return force.sum(axis=0), np.cross(arm, force).sum(axis=0)
 
