@@ -36,7 +36,7 @@ LIFT, PRESSURE, FORCE = 1.0, 3.0, 2e4
 PLACES = {"one": (70.0, 20.0), "two": (40.0, 35.0), "three": (90.0, 10.0), "pressed": (92.5, 45.0)}
 WAVE = np.pi / PLATE.b
 DEGREES, GAUSS = (36, 30), 40
-ROUNDING = 1e-12
+ROUNDING = 1e-11
 
 Shape = Callable[[np.ndarray, int], np.ndarray]
 """f and its derivatives, of x and an order."""

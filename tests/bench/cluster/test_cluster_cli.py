@@ -102,7 +102,8 @@ def test_ctrl_c_stops_the_runs_on_the_workers_and_keeps_what_had_ended(
     program.interrupt()
     code, _, err = program.end()
     assert code == 130
-    assert err == "shellbench: interrupted: what had ended is kept, and the same command goes on from there\n"
+    # The scheduler's own client may complain of what it could not release before; ours is the last word.
+    assert err.endswith("shellbench: interrupted: what had ended is kept, and the same command goes on from there\n")
     until(lambda: not cluster.runs())
     assert [record.identity.solver for record in store.read().records] == ["toy-noisy"]
     assert list(store.folder.glob(".*.partial")) == []

@@ -76,6 +76,7 @@ def test_a_floor_and_a_hinge_share_what_lies_on_both():
     assert hinge[1] == pytest.approx(hinge[0] / 2, rel=1e-3)  # what lies on its edge: a share of the cells there
 
 
-def test_fields_and_engines_decline():
-    for solver in (RitzSolver(), CstSolver()):
-        assert "obstacles" in solver.declines(catalog.named_case("contact_patch_falls"))
+def test_others_decline_what_they_leave_out():
+    """Fields obstacles in motion, the mesh of triangles their friction."""
+    assert "obstacles" in RitzSolver().declines(catalog.named_case("contact_patch_falls"))
+    assert "friction" in CstSolver().declines(catalog.named_case("contact_patch_slides"))
