@@ -80,7 +80,7 @@ def declining(exam: Examination) -> Verdict:
         else:
             short = answer.strip() and "\n" not in answer and len(answer) <= LONGEST_CLAUSE
             found.hold(bool(short), f"it declines {case.name} with {answer[:60]!r}, which is not one clause")
-        found.hold(seconds <= SLOW, f"declines({case.name}) took {seconds:.0f} s")
+        found.hold(seconds <= SLOW, f"declines({case.name}) took {seconds:.0f} s of processor time")
     found.hold(bool(taken), "it declines every case, so nothing can be shown")
     found.figures.append(f"takes {len(taken)} of {len(cases)} cases; slowest answer {slowest:.2f} s")
     return found.verdict()

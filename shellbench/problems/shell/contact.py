@@ -58,7 +58,7 @@ def touch_at_vertices(case: Any, points: Array, steps: Array, forces: Array) -> 
     x = case.surface.derivatives(points, order=1)
     speeds = np.stack([np.linalg.norm(x[order], axis=-1) for order in ((1, 0), (0, 1))], axis=-1)
     domain = case.surface.domain
-    at_end = np.isclose(points, domain.lower, atol=1e-9 * steps) | np.isclose(points, domain.upper, atol=1e-9 * steps)
+    at_end = (points - domain.lower <= 1e-9 * steps) | (np.asarray(domain.upper) - points <= 1e-9 * steps)
     lengths = speeds * steps * np.where(at_end & ~np.asarray(domain.periodic), 0.5, 1.0)
     return Touch(points, forces, lengths, 2 * lengths.max(axis=0))
 

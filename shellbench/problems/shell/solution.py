@@ -174,7 +174,7 @@ class ShellSolution:
     def _on_points(self, points: ArrayLike, function: Callable[[Array], Array]) -> Array:
         """Return what a function of points (N, 2) has at points (..., 2); it is never asked at none."""
         xi = np.asarray(points, dtype=float)
-        values = function(xi.reshape(-1, 2) if xi.size else np.array([self.case.surface.domain.lower], dtype=float))
+        values = function(xi.reshape(-1, 2) if xi.size else self.case.surface.domain.grid(3, 3)[1:2, 1])
         return np.asarray(values[: xi.size // 2].reshape((*xi.shape[:-1], *values.shape[1:])))
 
     def reaction(

@@ -7,6 +7,7 @@ mass per area, so that what presses with its own weight g sinks in by g dt^2 / 1
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,26 +47,31 @@ class Pressing:
         """Return them for a step in time dt, s, of vertices of mass (v,), kg."""
         return cls(case, points, STIFFNESS * mass / dt**2, at)
 
-    def _depths(self, displacement: Array) -> tuple[Array, Array]:
-        gap, normal = gaps(self.case, self.points, displacement, self.at)
-        return np.maximum(-gap, 0.0), normal
+    def _depths(self, displacement: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield depths (v,), m, and normals (v, 3) for each obstacle: a vertex in a corner is pushed by both sides."""
+        for obstacle in self.case.obstacles:
+            alone = self.case.model_copy(update={"obstacles": (obstacle,)})
+            gap, normal = gaps(alone, self.points, displacement, self.at)
+            yield np.maximum(-gap, 0.0), normal
 
     def energy(self, displacement: Array) -> float:
         """Return the energy of the penalty, J."""
-        depth, _ = self._depths(displacement)
-        return float(np.sum(self.stiffness * depth**2) / 2)
+        return sum(float(np.sum(self.stiffness * depth**2) / 2) for depth, _ in self._depths(displacement))
 
     def forces(self, displacement: Array) -> Array:
         """Return what obstacles exert on the vertices (v, 3), N."""
-        depth, normal = self._depths(displacement)
-        return (self.stiffness * depth)[:, None] * normal
+        total = np.zeros_like(displacement)
+        for depth, normal in self._depths(displacement):
+            total += (self.stiffness * depth)[:, None] * normal
+        return total
 
     def tangent(self, displacement: Array, free: Integers) -> csc_array:
         """Return the matrix of the free unknowns, N/m, positive semidefinite: how normals turn is left out."""
-        depth, normal = self._depths(displacement)
-        touched = np.flatnonzero(depth)
-        blocks = self.stiffness[touched, None, None] * normal[touched, :, None] * normal[touched, None, :]
+        blocks = np.zeros((len(displacement), 3, 3))
+        for depth, normal in self._depths(displacement):
+            blocks += (self.stiffness * (depth > 0))[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        touched = np.flatnonzero(blocks.any(axis=(1, 2)))
         unknowns = 3 * touched[:, None] + np.arange(3)
         rows, columns = np.repeat(unknowns, 3, axis=1).ravel(), np.tile(unknowns, 3).ravel()
         size = displacement.size
-        return csc_array((blocks.ravel(), (rows, columns)), shape=(size, size))[free][:, free]
+        return csc_array((blocks[touched].ravel(), (rows, columns)), shape=(size, size))[free][:, free]

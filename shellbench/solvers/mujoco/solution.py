@@ -130,21 +130,22 @@ class FlexSolution(ShellSolution):
         return np.asarray((1 - s) * self.pressing[k] + s * self.pressing[k + (s > 0)])
 
     def touch(self, at: float | None = None) -> Touch:
-        """Return what obstacles exert on the vertices: the engine's own forces, linear between frames."""
+        """Return what obstacles exert on free vertices: the engine's own forces, linear between frames."""
         steps = np.asarray(self.case.surface.domain.size) / self.grid.cells
         return touch_at_vertices(self.case, self.grid.points, steps, self._pressing(at))
 
     def reaction_at(self, number: int, centre: Array, at: float | None) -> tuple[Array, Array]:
         """Return force (3,) in N and moment (3,) about `centre` in N m that a support exerts on the cloth.
 
-        It is what keeps its vertices at rest: their elastic forces less their loads. What damping adds, if a setting
-        asks for any, is left out: the engine has no name for it.
+        It is what keeps its vertices at rest: their elastic forces less their loads. An obstacle presses on none of
+        them: the engine presses free vertices only. What damping adds, if a setting asks for any, is left out: the
+        engine has no name for it.
         """
         every = [self.grid.held_by(other) for other in range(len(self.case.supports))]
         share = every[number] / np.maximum(np.sum(every, axis=0), 1)
         positions = self.grid.rest + self.vertices(at)
         loads = Loading(self.grid).forces(self.until if at is None else at)
-        forces = share * (self.elasticity.forces(positions) - loads - self._pressing(at))
+        forces = share * (self.elasticity.forces(positions) - loads)
         return forces.sum(axis=0), np.cross(positions - centre, forces).sum(axis=0)
 
     def kept(self) -> tuple[Words, Arrays]:

@@ -14,6 +14,7 @@ from pydantic import Field, field_validator
 
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problems.obstacle import Box, Capsule, HalfSpace, Obstacle, Sphere
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import EdgeLoad, MomentLoad
 from shellbench.problems.shell.solution import ShellSolver, why_not_plain
@@ -96,7 +97,6 @@ class MujocoFlexSolver(ShellSolver):
 
 SAMPLES = 17  # points a side at which a surface is looked at
 FLAT = 1e-9  # of its size: how far a flat surface may lie from its plane
-GEOMS = ("sphere", "plane", "capsule", "box")
 INCOMPRESSIBLE = 0.5  # Poisson's ratio that the engine does not reach; its least one is 0
 
 
@@ -116,11 +116,19 @@ def reason(case: Case) -> str | None:
         return "it has loads on edges, and this solver knows those on areas and at points"
     if case.following:
         return "its pressure follows the shell, where this solver's loads are dead"
-    for obstacle in case.obstacles:
-        if obstacle.kind not in GEOMS or obstacle.friction or any(isinstance(c, str) for c in obstacle.centre):
-            return "an obstacle moves, has friction, or is no plane, ball, capsule or box, as this solver takes them"
     if not 0 <= case.material.poissons_ratio < INCOMPRESSIBLE:
         return "its Poisson's ratio is negative, which the engine refuses"
+    return next((words for obstacle in case.obstacles if (words := _why_no_geom(obstacle))), None)
+
+
+def _why_no_geom(obstacle: Obstacle) -> str | None:
+    """Return why an obstacle can't be one of the engine's shapes, as one clause; None if it can."""
+    if not isinstance(obstacle, Sphere | HalfSpace | Capsule | Box):
+        return f"it has an obstacle of kind '{obstacle.kind}', and the engine's are planes, balls, capsules and boxes"
+    if obstacle.friction:
+        return "its obstacles have friction, and this solver's have none"
+    if any(isinstance(coordinate, str) for coordinate in obstacle.centre):
+        return "it has an obstacle whose place is a formula of time, and this solver's stand still"
     return None
 
 

@@ -175,7 +175,7 @@ def _add_obstacle(spec: Any, obstacle: Body, softness: float) -> None:
             raise AssertionError(obstacle)  # declined
     geom = spec.worldbody.add_geom(type=shape, size=size, pos=obstacle.at(0.0)[0], condim=1, solref=[softness, 1.0])
     geom.alt.type, geom.alt.zaxis = mujoco.mjtOrientation.mjORIENTATION_ZAXIS, along
-    geom.contype = geom.conaffinity = 1
+    geom.contype = geom.conaffinity = geom.priority = 1  # without priority `solref` is averaged with the flex's default
 
 
 SHARE = 0.25  # of 2/omega, the longest step at which leapfrog is stable at rest; stretched cloth is stiffer

@@ -50,6 +50,20 @@ def test_a_support_does_not_bear_what_the_obstacle_does():
     assert pressed[2] > 0.1
 
 
+def test_a_vertex_in_a_corner_is_pushed_by_both_sides():
+    """Floor and wall: together with gravity they change momentum as the steps do, and the floor bears the weight."""
+    wall = {"kind": "plane", "centre": [-0.001, 0, 0], "normal": [1, 0, 0]}
+    floor = {"kind": "plane", "centre": [0, 0, -0.001], "normal": [0, 0, 1]}
+    loads = [{"kind": "gravity", "acceleration": [-9.8, 0, -9.8]}]
+    case = cloth(until=0.12, obstacles=[floor, wall], loads=loads)
+    solution = CstSolver().solve(case, {"cells": (4, 4), "time_step": 0.01})
+    mass, force = solution.problem.loading.mass, solution.touch(0.12).forces.sum(axis=0)
+    gained = mass @ (solution._rate(12) - solution._rate(11)) / 0.01
+    np.testing.assert_allclose(force + mass.sum() * np.array([-9.8, 0, -9.8]), gained, atol=1e-6)
+    assert force[2] == pytest.approx(9.8 * CLOTH["areal_density"], rel=1e-3)
+    assert force[0] > 1
+
+
 @pytest.mark.parametrize(("case", "reason"), [
     (plate(obstacles=[{**RISING, "centre": [0, 0, -1]}]), "at rest"),
     (cloth(obstacles=[{**RISING, "friction": 0.3}]), "friction"),

@@ -38,6 +38,15 @@ def test_a_plane_bears_the_weight_of_what_lies_on_it():
     solution = MujocoFlexSolver().solve(cloth(until=0.3, obstacles=[OBSTACLES["plane"]]), SETTINGS)
     force = np.mean([solution.touch(at).forces.sum(axis=0) for at in np.linspace(0.2, 0.3, 13)], axis=0)
     np.testing.assert_allclose(force, [0, 0, 9.8 * CLOTH["areal_density"]], atol=0.02)
+    depth = -(solution.displacement([0.4, 0.7], 0.3)[2] - TOP)
+    assert -1e-6 < depth < 9.8 * (2 * solution.diagnostics["time_step"]) ** 2  # as hard as it was asked to be
+
+
+def test_a_tilted_plane_pushes_along_its_own_normal():
+    slope = {"kind": "plane", "centre": [0.5, 0.5, -0.352], "normal": [0.3, 0.4, 1]}
+    solution = MujocoFlexSolver().solve(cloth(until=0.1, obstacles=[slope]), SETTINGS)
+    force = solution.touch(0.1).forces.sum(axis=0)
+    np.testing.assert_allclose(force / force[2], [0.3, 0.4, 1], rtol=1e-3)
 
 
 def test_forces_come_back_from_the_file(tmp_path):
@@ -46,11 +55,10 @@ def test_forces_come_back_from_the_file(tmp_path):
     np.testing.assert_array_equal(FlexSolution.load(path).touch(0.05).forces, solution.touch(0.05).forces)
 
 
-@pytest.mark.parametrize("change", [{"friction": 0.3}, {"centre": [0.5, 0.5, "-1 - t"]}])
-def test_declines(change):
-    assert "obstacle" in MujocoFlexSolver().declines(cloth(obstacles=[OBSTACLES["sphere"] | change]))
-
-
-def test_declines_a_formula():
-    body = {"kind": "formula", "phi": "z + 1"}
-    assert "obstacle" in MujocoFlexSolver().declines(cloth(obstacles=[body]))
+@pytest.mark.parametrize(("obstacle", "reason"), [
+    (OBSTACLES["sphere"] | {"friction": 0.3}, "friction"),
+    (OBSTACLES["sphere"] | {"centre": [0.5, 0.5, "-1 - t"]}, "formula of time"),
+    ({"kind": "formula", "phi": "z + 1"}, "kind 'formula'"),
+])  # fmt: skip
+def test_declines(obstacle, reason):
+    assert reason in MujocoFlexSolver().declines(cloth(obstacles=[obstacle]))
