@@ -21,12 +21,12 @@ from tests.mutation.report import (
     Excuse,
     add,
     excuses,
-    key_of,
     page,
     read_runs,
     score,
     scores,
     stale_excuses,
+    still_made,
     summary,
     unseen,
 )
@@ -228,25 +228,23 @@ SAID = {("toy", "sign", "y = a", "y = -a"): Excuse("equivalent", "its sign does 
 def test_a_score_leaves_equivalent_mutants_out() -> None:
     ((name, found),) = summary([RUN], SAID)
     assert name == "fem, seed 1"
-    assert found == (4, 2, 1, 1)
+    assert found == (4, 2, 1, 1, 0)
     assert found.share == 2 / 3
 
 
 def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() -> None:
     closed = {**RUN, "unseen": True, "results": [{**RUN["results"][0], "closed": True}, *RUN["results"][1:]]}
-    assert unseen(closed, SAID) == (4, 1, 1, 2)
+    assert unseen(closed, SAID) == (4, 1, 1, 2, 0)
     assert "**Unseen**" in page([closed], SAID)
     assert '"red": 1' in scores([closed], SAID)
 
 
 def test_what_is_gone_counts_in_an_unseen_score_alone() -> None:
-    key = next(key for key in map(key_of, RUN["results"]) if key in SAID)
-    gone = {**SAID, key: Excuse("gone", "deleted")}
-    before, now = score(RUN["results"], SAID), score(RUN["results"], gone)
-    assert now.drawn == before.drawn - 1
-    assert now.red == before.red
-    assert unseen(RUN, gone).drawn == before.drawn
-    assert unseen(RUN, gone).holes == now.holes + 1
+    gone = {key: Excuse("gone", "deleted") for key in SAID}
+    now = score(RUN["results"], gone)
+    assert now == (4, 2, 0, 1, 1)
+    assert now.share == 2 / 3
+    assert unseen(RUN, gone) == (4, 2, 0, 2, 0)
 
 
 def test_the_page_names_holes_and_excuses() -> None:
@@ -267,6 +265,13 @@ def test_a_draw_takes_the_place_of_the_same_draw(tmp_path) -> None:
 
 def test_excuses_are_about_mutants_that_are_made() -> None:
     assert not stale_excuses(excuses(), read_runs())
+
+
+def test_what_is_gone_is_made_no_more() -> None:
+    assert not still_made(excuses())
+    module = FEM.modules()[0]
+    made_still = mutants_of(module, file_of(module).read_text())[0].key
+    assert still_made({made_still: Excuse("gone", "it is not")}) == {made_still}
 
 
 def test_the_page_is_that_of_the_result() -> None:

@@ -32,8 +32,8 @@ def main() -> None:
     ]
     said = excuses()
     write(add(runs), said)
-    for name, (drawn, red, equivalent, holes) in summary(runs, said):
-        say(f"{name}: {red} of {drawn} red, {equivalent} equivalent, {holes} survive without an excuse")
+    for name, s in summary(runs, said):
+        say(f"{name}: {s.red} of {s.drawn} red, {s.equivalent} equivalent, {s.holes} holes, {s.gone} gone")
 
 
 if __name__ == "__main__":

@@ -43,11 +43,12 @@ class Score(NamedTuple):
     red: int
     equivalent: int
     holes: int
+    gone: int = 0
 
     @property
     def share(self) -> float | None:
-        """The red ones among those that are not equivalent; None if there are none of these."""
-        judged = self.drawn - self.equivalent
+        """The red ones among those that are neither equivalent nor gone; None if there are none of these."""
+        judged = self.drawn - self.equivalent - self.gone
         return self.red / judged if judged else None
 
 
@@ -112,10 +113,9 @@ def _compact(run: Entry) -> str:
 
 
 def score(results: Sequence[Entry], said: Mapping[Key, Excuse]) -> Score:
-    """Count, without mutants of statements that are gone."""
-    verdicts = Counter(verdict(entry, said) for entry in results if not entry["red"])
-    left = len(results) - verdicts["gone"]
-    return Score(left, len(results) - verdicts.total(), verdicts["equivalent"], verdicts["hole"])
+    """Count the red ones, and the survivors by their verdicts."""
+    green = Counter(verdict(entry, said) for entry in results if not entry["red"])
+    return Score(len(results), len(results) - green.total(), *(green[each] for each in VERDICTS))
 
 
 def verdict(entry: Entry, said: Mapping[Key, Excuse]) -> str:
@@ -127,8 +127,7 @@ def unseen(run: Entry, said: Mapping[Key, Excuse]) -> Score:
     """Count as the draw stood before anybody had looked at it: mutants that are `closed` were green, and none was gone."""
     now = score(run["results"], said)
     closed = sum(entry.get("closed", False) for entry in run["results"])
-    gone = len(run["results"]) - now.drawn
-    return now._replace(drawn=now.drawn + gone, red=now.red - closed, holes=now.holes + closed + gone)
+    return now._replace(red=now.red - closed, holes=now.holes + closed + now.gone, gone=0)
 
 
 def summary(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[tuple[str, Score]]:
@@ -139,7 +138,11 @@ def summary(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[tuple
 
 def scores(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
     """Return the score of each run as JSON, a line each, before anything was closed: the report's page says it."""
-    lines = [json.dumps({"target": run["target"], "seed": run["seed"], **unseen(run, said)._asdict()}) for run in runs]
+    lines = []
+    for run in runs:
+        figures = unseen(run, said)._asdict()
+        del figures["gone"]  # holes of an unseen score
+        lines.append(json.dumps({"target": run["target"], "seed": run["seed"], **figures}))
     return '{"schema_version": 1, "draws": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
@@ -153,7 +156,7 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             "## The score\n",
             *_table("draw", summary(runs, said)),
             *_unseen(runs, said),
-            "\nA score is the share of red mutants among those that are not equivalent. A survivor without a verdict counts as a hole."
+            "\nA score is the share of red mutants among those that are neither equivalent nor gone. A survivor without a verdict counts as a hole."
             " Below is said [what each draw was asked](#what-each-draw-was-asked).\n",
             "## Why mutants are red\n",
             *_why_red(runs),
@@ -168,7 +171,8 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
             "These answer as the code does, for the reason given.\n",
             *_survivors([e for e in green if verdict(e, said) == "equivalent"], said),
             "\n## Gone\n",
-            "The code has these statements no more, or no case reaches them any more. Unseen scores count them as holes, others not at all.\n",
+            "What these statements compute was deleted. Unseen scores count them as holes, others not at all."
+            " A statement that moved, was written in other words, or is run by no case any more stays a hole.\n",
             *_survivors([e for e in green if verdict(e, said) == "gone"], said),
             "\n## Not reached by the exam\n",
             "No case that is asked runs these statements: no mutants of them are drawn, and the score says nothing of them.\n",
@@ -181,11 +185,11 @@ def page(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> str:
 
 
 def _table(what: str, scores: Iterable[tuple[str, Score]]) -> Iterator[str]:
-    yield f"| {what} | mutants | red | equivalent | holes | score |"
-    yield "|---|--:|--:|--:|--:|--:|"
+    yield f"| {what} | mutants | red | equivalent | holes | gone | score |"
+    yield "|---|--:|--:|--:|--:|--:|--:|"
     for name, s in scores:
         share = "" if s.share is None else f"{100 * s.share:.0f} %"
-        yield f"| {name} | {s.drawn} | {s.red} | {s.equivalent} | {s.holes} | {share} |"
+        yield f"| {name} | {s.drawn} | {s.red} | {s.equivalent} | {s.holes} | {s.gone} | {share} |"
 
 
 def _unseen(runs: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator[str]:
@@ -278,6 +282,12 @@ def stale_excuses(said: Mapping[Key, Excuse], runs: Sequence[Entry] = ()) -> lis
     return [key for key in left if key not in made]
 
 
+def still_made(said: Mapping[Key, Excuse]) -> set[Key]:
+    """Return the mutants that are said to be gone, and that the code still makes."""
+    gone = {key for key, excuse in said.items() if excuse.verdict == "gone"}
+    return gone & {mutant.key for mutant in all_mutants({key[0] for key in gone})}
+
+
 PREFACE = """# The exam examined
 
 <!-- Written by tests/mutation/report.py from reports/mutation.json and tests/mutation/excused.toml. Change those, and run it. -->
@@ -314,7 +324,7 @@ to few and short cases, without variants: its score is that of a smaller exam
 asked on a busy machine as far as it went: ten mutants of `fem` and of `ndf-ritz`, and twelve of the question, so that a mutant is eight to ten
 points of a score. Seed 6 was put to short cases on a machine that was busier still, as far as it went: ten mutants of `ndf-ritz`, and six of
 `fem`, put to the cases of seed 5 and `contact_bar`. Two statements of `quantities` stand in `displacement_quantities` by now, and their mutants were
-asked there. Statements are deleted where nothing can tell of them: their mutants are [gone](#gone). Reasons why
+asked there. A statement was deleted because nothing could tell of it: its mutant is [gone](#gone). Reasons why
 a mutant is equivalent were read twice, the second time to break them: that made holes of some, in the first three seeds, and of none in the fourth.
 
 **Tangents.** A mutant of a tangent would be equivalent if nothing but the way to the same zero of the residual depended on it. No
