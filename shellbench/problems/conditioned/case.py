@@ -114,6 +114,9 @@ class ConditionedCase(Problem):
         for name in ("name", "kind", "title", "theory", "quantities", "suites"):
             if name in self.shell:
                 raise ValueError(f"field 'shell.{name}' is not known here: that of the file counts")
+        for name in ("material", "dynamics"):
+            if not isinstance(found := self.shell.get(name, {}), Mapping):
+                raise ValueError(f"field 'shell.{name}': found {found!r}, but a table is expected")
         for name in Material._fields:
             if name in self.shell.get("material", {}):
                 raise ValueError(f"field 'shell.material.{name}' is not known here: `ranges` has it")

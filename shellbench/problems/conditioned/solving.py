@@ -54,6 +54,8 @@ class ConditionedSolver(FreshSolver):
         """Return why it can't take a problem, as one clause, or None if it can."""
         if not isinstance(case, ConditionedCase):
             return "it solves problems of kind 'conditioned' only"
+        if case.theory not in self.capabilities.theories:
+            return f"it does not solve the theory {case.theory}"
         return self.refuses(case)
 
     def refuses(self, case: ConditionedCase) -> str | None:

@@ -12,7 +12,7 @@ The stated uncertainty is that of what is told, value q or derivative, and comes
 same field of features of a lower degree, q', and the field without its last `LAST` polynomials along time, log(E h) or
 nu, q_k, it is
 
-    the largest, over the held-out materials, of  abs(q - q') + sum over k of abs(q - q_k),
+    the largest, over the held-out materials at the end, of  abs(q - q') + sum over k of abs(q - q_k),
 
 where the derivative is that of each field itself. Values are compared relative to themselves.
 """
@@ -24,6 +24,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import torch
@@ -45,13 +46,16 @@ from shellbench.solvers.ndf.motion import degree_of
 from shellbench.solvers.ndf.motion_problem import Motion
 from shellbench.solvers.ndf.plane_motion import PLANE, coordinates, features_of, plane_motion
 from shellbench.solvers.ndf.refinement import SETTLED
-from shellbench.solvers.ndf.sampled import Combined, finer
+from shellbench.solvers.ndf.sampled import Combined, finer, widest
 from shellbench.solvers.ndf.weights import HEADER, described, network_tensors, read_tensors, write_described
 
 FORMAT = "ndf-conditioned in motion, format 2"
 DEGREE, FEWER = 13, 3  # of the features along a side; how many less those have by which their error is told
 COUNTS = (33, 9, 5)  # points along time, log(E h) and nu
 LAST = 2  # polynomials of each axis that must not matter: odd and even ones may differ
+SETTLED_DERIVATIVE = 1e-2  # of the logarithm: what gates of fields ask for
+ROUNDING = 1e-13  # relative: what a sum of polynomials may leave of zero
+UNUSED = ("snapshots", "tolerance")  # settings of shells at rest
 
 
 @dataclass(frozen=True)
@@ -91,11 +95,19 @@ class Polynomials:
         return coefficients
 
     def told(self, asked: Array, at: float, material: Material, by: Parameter | None) -> float:
-        """Return what is asked, of coefficients (times, n, m), or the derivative of its logarithm by a parameter."""
+        """Return what is asked, of coefficients (times, n, m), or the derivative of its logarithm by a parameter.
+
+        Raises
+        ------
+        InputError
+            If the value is zero but for rounding, and a derivative is asked.
+        """
         place = coordinates(material)
         value = float(self.evaluated(asked, at, place))
         if by is None:
             return value
+        if abs(value) <= ROUNDING * float(np.abs(asked).sum()):
+            raise InputError(f"at {at:g} s the displacement is zero: its logarithm has no derivative")
         order = (0, 0, 1) if by == "poissons_ratio" else (0, 1, 0)
         return float(self.evaluated(asked, at, place, order)) / value
 
@@ -170,7 +182,7 @@ class ConditionedMotion(ConditionedAnswer):
         return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), None)
 
     def derivative(self, material: Material | Mapping[str, float], by: Parameter, at: float | None = None) -> float:
-        """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges."""
+        """Return the derivative of its logarithm by log h, log E or nu; InputError beyond the ranges and at rest."""
         return self._polynomials.told(self._asked, self._time(at), self.case.chosen_material(material), by)
 
     def value(self, number: int) -> float:
@@ -228,6 +240,8 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
 
     Raises
     ------
+    InputError
+        If settings have no use in motion, or too few neurons are asked.
     SolveFailure
         If a motion can't be followed, or exploits its quadrature.
     """
@@ -236,14 +250,20 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     # 3. The same with features of a lower degree: with the last polynomials it tells the uncertainty.
     # 4. Energies at the end, on a finer rule.
     begin, shell = time.perf_counter(), case.shell_of(case.middle)
+    for name in UNUSED:
+        if name in settings.model_fields_set:
+            raise InputError(f"{case.name}: a motion has no use for the setting '{name}'")
     degree = degree_of(shell, settings.neurons) if settings.neurons else DEGREE
+    if degree <= FEWER:  # nothing is left to compare with
+        fewest = widest(shell, FEWER + 1)
+        raise InputError(f"field 'neurons': found {settings.neurons}, but a motion needs {fewest} or more")
     polynomials = Polynomials.of_case(case)
     times, stiffnesses, ratios = (polynomials.points(axis, count) for axis, count in enumerate(COUNTS))
     steps: list[Step] = []
 
     def built(degree: int) -> tuple[Array, ConditionedMotion, float]:
         """Return what is asked as coefficients, the field of a degree, and its quadrature gap."""
-        motion, features, _ = features_of(shell, degree, settings)
+        motion, features = features_of(shell, degree, settings)
         law = plane_motion(motion, features)
         fine = plane_motion(Motion(shell, motion.spec, features, finer(motion.rule_spec)), features)
         followed, gap = [], 0.0
@@ -264,13 +284,13 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
 
     with torch.no_grad():
         asked, found, gap = built(degree)
-        coarse, _, _ = built(max(degree - FEWER, 1))
+        coarse, _, _ = built(degree - FEWER)
+    told: tuple[Parameter | None, ...] = (None, *get_args(Parameter))
+    shares = {by: doubt(polynomials, (asked, coarse), case.materials, by) for by in told}
     uncertainty = {}
     for quantity in case.quantities:
         by = None if isinstance(quantity, Value) else quantity.by
-        share = doubt(polynomials, (asked, coarse), case.materials, by)
-        uncertainty[quantity.name] = share * (abs(quantity.measure(found)) if by is None else 1.0)
-    worst = doubt(polynomials, (asked, coarse), case.materials, None)
+        uncertainty[quantity.name] = shares[by] * (abs(quantity.measure(found)) if by is None else 1.0)
     before = time.perf_counter() - begin
     start = time.perf_counter()
     for number in range(ASKED_TIMES):
@@ -279,7 +299,7 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
         found,
         history=tuple(steps),
         uncertainty=uncertainty,
-        unsettled=None if worst <= SETTLED else f"displacements may be off by {worst:.1e}",
+        unsettled=why_unsettled(shares),
         diagnostics={
             SECONDS_BEFORE: before,
             SECONDS_EACH: (time.perf_counter() - start) / ASKED_TIMES,
@@ -291,6 +311,15 @@ def solve(case: ConditionedCase, settings: ConditionedSettings, progress: Progre
     if (reason := exploits(gap, settings.largest_gap)) is not None:
         raise SolveFailure(reason, found)
     return found
+
+
+def why_unsettled(shares: Mapping[Parameter | None, float]) -> str | None:
+    """Return why uncertainties, None for that of values, are too large, as one clause, or None if they are not."""
+    for by, share in shares.items():
+        if not share <= (SETTLED if by is None else SETTLED_DERIVATIVE):
+            asked = "displacements" if by is None else f"derivatives by {by}"
+            return f"{asked} may be off by {share:.1e}"
+    return None
 
 
 def doubt(
@@ -307,5 +336,6 @@ def doubt(
     for material in materials:
         told = polynomials.told(asked, until, material, by)
         apart = sum(abs(told - polynomials.told(other, until, material, by)) for other in (coarse, *shorter))
-        largest = max(largest, apart / abs(told) if by is None else apart)
+        share = apart / abs(told) if told != 0 else np.inf
+        largest = max(largest, share if by is None else apart)
     return largest

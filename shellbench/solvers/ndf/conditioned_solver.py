@@ -23,9 +23,11 @@ class ConditionedSettings(SeededSettings):
     """Settings of `ndf-conditioned`; what is None follows from the case."""
 
     neurons: int | None = Field(None, ge=1, le=4000, description="width of the random layer, without challengers")
-    snapshots: int = Field(32, ge=3, le=63, description="materials at which the output layer is solved for, at most")
+    snapshots: int = Field(
+        32, ge=3, le=63, description="materials at which the output layer is solved for, at most; at rest"
+    )
     tolerance: Positive = Field(
-        1e-6, description="change of the asked displacement, by the last two fields, that ends it"
+        1e-6, description="change of the asked displacement, by the last two fields, that ends it; at rest"
     )
     largest_gap: Positive = Field(LARGEST_GAP, description="largest admissible quadrature gap")
 
@@ -44,11 +46,11 @@ class ConditionedFieldSolver(ConditionedSolver):
 
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why the field can't hold the shell."""
-        shell = case.shell_of(case.middle)
         if case.moving:
             from shellbench.solvers.ndf.plane_motion import refusal
 
-            return refusal(shell)
+            return refusal(case)
+        shell = case.shell_of(case.middle)
         if not shell.material.uniform or shell.springs:
             return "its modulus or thickness varies, or it rests on springs: its energy is not two stiffnesses alone"
         if any(support.motion is not None for support in shell.supports):

@@ -375,7 +375,6 @@ def _answer(
             "neurons": level.neurons,
             "contact_points": len(touch.points),
             "pressed_points": int(np.count_nonzero(np.any(touch.forces != 0, axis=1))),
-            "unseen_turning": signs.unseen_turning,
         },
     )
     return Touching(solution, certified.potential(), signs)

@@ -14,7 +14,7 @@ import torch
 from scipy.integrate import solve_ivp
 
 from shellbench.errors import SolveFailure
-from shellbench.problems.conditioned.case import Material
+from shellbench.problems.conditioned.case import ConditionedCase, Material
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import GravityLoad
 from shellbench.solvers.ndf.build import build_features, build_inputs
@@ -31,19 +31,21 @@ PLANE = 2  # components of the motion
 RTOL, ATOL = 1e-6, 1e-8  # of the steps of time, as in `motion`
 
 
-def refusal(shell: Case) -> str | None:
-    """Return why a shell's motion can't be followed here, as one clause, or None if it can."""
+def refusal(case: ConditionedCase) -> str | None:
+    """Return why a shell's motions can't be followed here, as one clause, or None if they can."""
+    shell = case.shell_of(case.middle)
     if not shell.material.uniform:
         return "its modulus or thickness varies"
     if shell.surface.kind != "plane" or shell.held_everywhere != (PLANE,):
         return "it follows plane cloth that is held in its plane, and no other motions"
     if len(shell.supports) > 1 or shell.obstacles:
         return "it follows cloth that springs alone hold in its plane"
-    steady = all(
-        isinstance(load, GravityLoad) and all(isinstance(part, int | float) for part in load.acceleration)
-        for load in shell.loads
-    )
-    return None if steady else "it follows motions under steady gravity alone"
+    pulls = [load.acceleration if isinstance(load, GravityLoad) else () for load in shell.loads]
+    if not all(pull and all(isinstance(part, int | float) for part in pull) for pull in pulls):
+        return "it follows motions under steady gravity alone"
+    pulled = np.array([[float(part) for part in pull[:PLANE]] for pull in pulls]).reshape(-1, PLANE).sum(axis=0)
+    asked = np.atleast_2d(np.array(case.asked.direction, dtype=float))[:, :PLANE]
+    return None if pulled.any() and asked.any() else "nothing moves along what is asked"
 
 
 def coordinates(material: Material) -> tuple[float, float]:
@@ -160,8 +162,8 @@ class PlaneMotion:
         return np.moveaxis(found.y.reshape(*shape, -1)[0], -1, 1), int(found.nfev)
 
 
-def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tuple[Motion, Combined, int]:
-    """Return a rule, features up to a degree that are orthonormal in the area, and the neurons they are made of."""
+def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tuple[Motion, Combined]:
+    """Return a rule, and features up to a degree that are orthonormal in the area."""
     spec = field_spec(shell, RitzSettings())
     spec = spec.model_copy(update={"stretched": False, "edge_stretched": False, "multipliers": 0})
     placement, inputs = Placement(), build_inputs(shell, spec)
@@ -174,7 +176,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     values = motion.sampled.jets[:, VALUE]
     root = torch.linalg.cholesky(values.T @ (motion.share[:, None] * values))
     combine = torch.linalg.solve_triangular(root, motion.features.combine.T, upper=False).T
-    return motion, Combined(motion.features.features, combine), network.width
+    return motion, Combined(motion.features.features, combine)
 
 
 def plane_motion(motion: Motion, features: Combined) -> PlaneMotion:

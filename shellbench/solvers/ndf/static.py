@@ -37,7 +37,7 @@ from shellbench.solvers.ndf.energy import (
     surface_area,
 )
 from shellbench.solvers.ndf.field import Field
-from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.jets import KINKED, Array, Placement
 from shellbench.solvers.ndf.patches import Balances
 from shellbench.solvers.ndf.quadrature import area_rule
 from shellbench.solvers.ndf.refinement import (
@@ -338,9 +338,10 @@ def _solve_level(
             "quadrature_points": len(rule.points),
             "fine_quadrature_points": len(fine.points),
             "support_error": support_error(solution.field),
-            "unseen_turning": signs.unseen_turning,
             "jitter_share": signs.jitter_share,
         }
+        if spec.activation in KINKED:
+            diagnostics["unseen_turning"] = signs.unseen_turning
         if springs:
             diagnostics |= {"spring_energy": energies.spring_energy(share), "penalty": weight}
         answers.append(

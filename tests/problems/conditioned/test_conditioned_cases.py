@@ -9,6 +9,7 @@ from shellbench.bench import catalog
 from shellbench.bench.kinds import portrait_of_named, read_problem
 from shellbench.errors import InputError
 from shellbench.solvers.fem.conditioned_solver import FemRepeatedSolver, RepeatedSettings
+from shellbench.solvers.ndf.conditioned_published_solver import ConditionedPublishedSolver
 
 NAME = "conditioned_plate"
 PATH = catalog.data_folder("cases") / f"{NAME}.toml"
@@ -26,6 +27,15 @@ PATH = catalog.data_folder("cases") / f"{NAME}.toml"
         ),
         ("material = 19", "material = 20", "is of material 20, but 20 are held out, from 0"),
         ('points = ["centre"]', 'points = ["middle"]', "in the table 'shell'"),
+        ("[shell.points]", "[shell]\nmaterial = 3\n[shell.points]", r"'shell\.material': found 3, but a table is"),
+        *(
+            (
+                "[shell.points]",
+                f"[shell]\ndynamics = {found}\n[shell.points]",
+                r"'shell\.dynamics': found .*, but a table is",
+            )
+            for found in ("5", "[1, 2]", '"ab"')
+        ),
         ("count = 20", "count = 0", "greater than or equal to 1"),
     ],
 )
@@ -49,6 +59,11 @@ def test_materials_spread_over_the_ranges_and_follow_the_seed():
     other = case.model_copy(update={"held_out": case.held_out.model_copy(update={"seed": 21})})
     assert set(other.__class__.model_validate(other.model_dump()).materials).isdisjoint(case.materials)
     assert set(portrait_of_named(case).materials) == {q.name for q in case.quantities if q.kind == "value"}
+
+
+def test_who_solves_shells_at_rest_alone_declines_one_that_moves():
+    moving = catalog.named_case("conditioned_napkin")
+    assert ConditionedPublishedSolver().declines(moving) == f"it does not solve the theory {moving.theory}"
 
 
 def test_fem_solves_each_material_and_derives_by_differences(tmp_path):
