@@ -5,9 +5,11 @@ effect of Goldenveizer and Novozhilov, B w'''' + E h k^2 w = 0 with k the normal
 
     1 / l = (E h k^2 / (4 B))^(1/4),    which is (3 (1 - nu^2))^(1/4) sqrt(k / h) of a homogeneous shell.
 
-Along asymptotic lines k is zero, and there is none. On a slender shell what its end is held by dies out as the least
-harmonic between its sides, l = width / pi, whatever its curvature. Edges that may turn have edge effects as well, but
-roofs and cylinders on diaphragms settle as soon on uniform meshes, at any thickness of the study of thinness.
+Along asymptotic lines k is zero: the layers there are as h^(1/3) or h^(1/4), wider, and none is graded. On a slender
+shell what its end is held by dies out as the least harmonic between its sides, l = width / pi, whatever its curvature.
+Edges that may turn have edge effects as well, but roofs and cylinders on diaphragms settle as soon on uniform meshes,
+at any thickness of the study of thinness. Other edges are graded where the one opposite is. Planes of symmetry never
+are: nothing dies out there.
 
 Uniform cells as long as the layer would be many. With lines at (i/n)^g of the way to the middle a part `SHARE` of them
 falls into the layer if g = log(l / way) / log(SHARE). Wider layers than `THIN` are left to uniform meshes.
@@ -24,11 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.places import Edge, Side
 from shellbench.solvers.fem.kinematics import Midsurface, stiffness_moduli
 from shellbench.solvers.fem.mesh import Ends
 
 Array = NDArray[np.float64]
+
+SIDES: tuple[Side, Side] = ("min", "max")
 
 THIN = 0.05  # of the way from an edge to the middle: meshes that settle without grading have cells about so long
 SHARE = 0.25  # of the cells from an edge to the middle that lie in a layer
@@ -38,14 +42,25 @@ SAMPLES = 33  # points along an edge at which the layer's thickness is looked at
 
 def layer_gradings(case: Case) -> Ends:
     """Return by coordinate the exponents g of the mesh lines' distances from its lower and its upper edge."""
-    found = {(axis, side): 1.0 for axis in (0, 1) for side in ("min", "max")}
+    found = {(axis, side): 1.0 for axis in (0, 1) for side in SIDES}
+    mirrors: set[tuple[int, str]] = set()
     for support, place in case.supported_places():
-        if isinstance(place, Edge):
-            relative = relative_layer(case, replace(place, between=None), support.clamped)
-            if relative < THIN:
-                steep = min(math.log(relative) / math.log(SHARE), STEEPEST)
-                found[place.axis, place.side] = max(found[place.axis, place.side], steep)
+        if isinstance(place, Edge) and support.symmetry is None:
+            steep = _steepness(relative_layer(case, replace(place, between=None), support.clamped))
+            found[place.axis, place.side] = max(found[place.axis, place.side], steep)
+        elif isinstance(place, Edge):
+            mirrors.add((place.axis, place.side))
+    # A mesh that is graded at one end is coarsest at the other, where a free edge has a layer as thin.
+    for axis in (0, 1):
+        for side, other in zip(SIDES, reversed(SIDES), strict=True):
+            if found[axis, other] > found[axis, side] == 1 and (axis, side) not in mirrors:
+                found[axis, side] = _steepness(relative_layer(case, Edge(f"xi{axis + 1}_{side}", axis, side), True))
     return (found[0, "min"], found[0, "max"]), (found[1, "min"], found[1, "max"])
+
+
+def _steepness(relative: float) -> float:
+    """Return the exponent that puts `SHARE` of the cells into a layer; 1 for one that is not thin."""
+    return min(math.log(relative) / math.log(SHARE), STEEPEST) if relative < THIN else 1.0
 
 
 def relative_layer(case: Case, edge: Edge, clamped: bool) -> float:

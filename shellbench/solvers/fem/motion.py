@@ -42,6 +42,7 @@ FIRST: tuple[Derivative, Derivative] = ((1, 0), (0, 1))
 BASE = 12  # cells of the coarsest mesh along the longer side
 COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in one step
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
+ORDER = 2.0  # of the errors in the number of cells: the fourth in the size of one
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
 UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
@@ -169,9 +170,10 @@ def solve(
         for name, value in quantities.items():
             values[name].append(value)
         estimates = {name: estimate(v, resolutions) for name, v in values.items()}
-        # Between kinks, where cells are whole numbers of few, it grows by less: changes say less of its error, then.
+        # Where cells are whole numbers of few, it grows by less, or not at all: changes say less of its error, then.
+        last = [k for k, n in enumerate(meshes) if n not in meshes[k + 1 :]]  # the level with the least step on each
         for name, v in values.items():
-            least = estimate(v, meshes).uncertainty
+            least = estimate([v[k] for k in last], [meshes[k] for k in last], ORDER).uncertainty
             estimates[name] = replace(estimates[name], uncertainty=max(estimates[name].uncertainty, least))
         scales = {q.name: _scale(found, q, quantities) for q in case.quantities}
         error = max(estimates[name].uncertainty / scales[name] for name in values)
@@ -180,7 +182,7 @@ def solve(
             Step(level, seconds, found.history[-1].energy, found.parameters, case.states[-1], None, quantities)
         )
         solution = _finished(found, levels, estimates, tolerance, error, h, scheme)
-        if error <= tolerance or (level and error > UNPREDICTABLE):
+        if error <= tolerance or UNPREDICTABLE < error < math.inf:
             break
     assert solution is not None  # there is a first level
     return solution
@@ -226,7 +228,7 @@ def _finished(
     step: float,
     scheme: Scheme,
 ) -> MotionSolution:
-    known = {name: e for name, e in estimates.items() if len(levels) > 1}
+    known = {name: e for name, e in estimates.items() if math.isfinite(e.uncertainty)}
     began = levels[-1].seconds - found.history[-1].seconds
     steps = tuple(replace(s, iteration=len(levels) + s.iteration, seconds=began + s.seconds) for s in found.history)
     return replace(

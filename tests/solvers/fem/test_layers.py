@@ -5,7 +5,9 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.layers import SHARE, THIN, layer_gradings, relative_layer
+from shellbench.solvers.fem.mesh import axis_lines
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 
@@ -52,18 +54,39 @@ def test_the_layer_is_as_thin_in_other_coordinates(variant):
     assert layer_gradings(case)[1][0] > 1
 
 
-def test_meshes_grade_toward_thin_layers_at_clamped_edges_alone():
+def test_meshes_grade_toward_thin_layers_at_clamped_edges_and_opposite_them():
     thin, thick, hinged = cylinder(thickness=1e-4), cylinder(thickness=1e-1), cylinder(thickness=1e-4, clamped=False)
     (first, second) = layer_gradings(thin)
     assert first == (1.0, 1.0)
-    assert second[1] == 1.0  # free
-    cells = 400
-    inside = np.count_nonzero(
-        (np.arange(1, cells + 1) / cells) ** second[0] < relative_layer(thin, thin.places["xi2_min"], True)
-    )
-    assert inside / cells == pytest.approx(SHARE, abs=2 / cells)
+    cells = 200
+    lines = axis_lines(thin, 1, cells, 2.5, second)
+    layer = relative_layer(thin, thin.places["xi2_min"], True) * 3.0  # m; a free edge has one as thin
+    assert len(lines) == 2 * cells + 1
+    for distances in (lines, 6.0 - lines):
+        assert np.count_nonzero(distances < layer) / cells == pytest.approx(SHARE, abs=2 / cells)
     assert relative_layer(thick, thick.places["xi2_min"], True) > THIN
     assert layer_gradings(thick) == layer_gradings(hinged) == ((1.0, 1.0), (1.0, 1.0))
+
+
+def test_meshes_do_not_grade_toward_planes_of_symmetry():
+    slender = cylinder(thickness=1e-4, length=60.0)
+    data = slender.model_dump(mode="json", exclude_unset=True)
+    data["supports"] += [{"name": "mirror", "on": ["xi2_max"], "symmetry": "z"}]
+    (near, far) = layer_gradings(Case.model_validate(data))[1]
+    assert (near, near) == layer_gradings(slender)[1]
+    assert near > far == 1
+
+
+@pytest.mark.long
+def test_a_tube_with_one_free_end_is_as_sure_as_it_says():
+    data = cylinder(thickness=3e-4).model_dump(mode="json", exclude_unset=True)
+    data["loads"] = [{"kind": "pressure", "value": "cos(4*xi1)"}]
+    data["supports"] += [{"name": n, "on": [f"xi1_{side}"], "symmetry": n} for n, side in (("y", "min"), ("x", "max"))]
+    case = Case.model_validate(data)
+    assert min(layer_gradings(case)[1]) > 1
+    found, finer = (FemSolver().solve(case, FemSettings(cells=cells)) for cells in (None, (16, 16)))
+    known = measure_all(finer)["strain_energy"]
+    assert abs(measure_all(found)["strain_energy"] - known) < found.uncertainty["strain_energy"] < 6e-6 * known
 
 
 def test_of_meshes_with_as_many_cells_the_graded_one_comes_nearer_to_the_least_energy():

@@ -1,6 +1,7 @@
 """Motions end to end: balances of momentum, the plane, supports that move, steps that are cut, levels, and failures."""
 
 import copy
+import math
 import re
 
 import numpy as np
@@ -419,6 +420,37 @@ def test_a_motion_is_no_surer_for_being_small(monkeypatch):
     assert less.uncertainty["largest"] == pytest.approx(1e-3 * more.uncertainty["largest"], rel=1e-3)
     assert less.diagnostics["relative_uncertainty"] == pytest.approx(more.diagnostics["relative_uncertainty"], rel=1e-3)
     assert less.diagnostics["relative_uncertainty"] > 1e-6
+
+
+def test_levels_on_one_mesh_say_nothing_of_its_error(monkeypatch):
+    """Between kinks there is a least number of cells, which may be more than any level asks for."""
+    monkeypatch.setattr(motion, "BASE", 3)
+    monkeypatch.setattr(motion, "MOST_STEPS", 4)
+    monkeypatch.setattr(motion, "FEWEST_STEPS", 4)
+    steps = " + ".join(f"where(xi1 < {at}, 1, 0)" for at in (0.5, 1.0, 1.5))
+    load = {"kind": "area", "vector": [0, 0, steps]}
+    solution = solve(moving(0.02, supports=[EDGE], loads=[load]), tolerance=1e-12)
+    levels = [s for s in solution.history if s.phase == "solve"]
+    assert len({level.unknowns for level in levels}) == 1
+    assert len(levels) == motion.MOST_LEVELS
+    assert levels[0].quantities["largest"] != levels[-1].quantities["largest"]  # the steps are shorter
+    assert not solution.uncertainty
+    assert solution.diagnostics["relative_uncertainty"] is None
+    assert not solution.diagnostics["converged"]
+
+
+def test_meshes_that_hardly_grow_leave_all_of_an_error_of_fourth_order(monkeypatch):
+    """Two levels whose values differ by such an error alone, on meshes of 6 x 4 and 8 x 4 cells."""
+    asked, cells = [KINETIC | {"at": 0.02}], [(6, 4), (8, 4)]
+    monkeypatch.setattr(motion, "MOST_LEVELS", 2)
+    monkeypatch.setattr(motion, "usual_cells", lambda case, level, grading: cells[level])
+    monkeypatch.setattr(
+        motion,
+        "measure_all",
+        lambda found: dict.fromkeys(("largest", "kinetic"), 1.0 + math.prod(found.mesh.cells) ** -2.0),
+    )
+    solution = solve(moving(0.02, asked), tolerance=1e-12)
+    assert solution.uncertainty["kinetic"] == pytest.approx(32.0**-2, rel=1e-9)
 
 
 def test_settings_fix_one_level():
