@@ -17,7 +17,7 @@ the second integrals of the Legendre polynomials from L_2 on (the hierarchic mod
 The joints stay C1. A node carries the bubbles of the cell that begins at it, so that all nodes carry (p - 1)^2 numbers
 of each component; at the last node of an open coordinate they stand for nothing.
 
-Mesh lines: uniform, or graded toward the points where forces act, and toward edges that end at singular corners.
+Mesh lines: uniform, or graded toward the points where forces act, edges that end at singular corners, and thin layers.
 """
 
 from __future__ import annotations

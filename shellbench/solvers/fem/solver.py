@@ -37,11 +37,11 @@ class FemSettings(Settings):
         half the way to the next one, or half of the side. None: refine.
     grading
         Exponent of the mesh lines' distances from a graded point: 1 is uniform, and 3 spoils the conditioning. None:
-        2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade toward singular corners besides, as
-        their exponents ask.
+        2, or 2.5 in degree 5. Unless it is 1, meshes of the linear theory grade besides toward singular corners, as
+        their exponents ask, and toward thin layers (`layers`).
     degree
-        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 in the
-        non-linear theory and of motions, which take no other unless all is prescribed.
+        Of the basis functions in each coordinate, joined C1: 3 (Bogner, Fox & Schmit), 4 or 5. None: 5, or 3 where no
+        other is taken: of motions, and in the non-linear theory unless the whole field is prescribed.
     quadrature_order
         Degree to which the Gauss rule of a cell is exact.
     direct_solver
@@ -104,7 +104,8 @@ class FemSolver(ShellSolver):
         """Return why the solver can't take this case with these settings, or None."""
         if settings.degree in (4, 5) and not takes_bubbles(case):
             what = (
-                "the linear theory, at rest, with supports of whole edges along fixed directions, or for all prescribed"
+                "shells at rest: in the linear theory with supports of whole edges along fixed directions, or with the"
+                " whole field prescribed, without moments or following pressure in the non-linear theory"
             )
             return f"degree {settings.degree} is for {what}"
         return self.declines(case)

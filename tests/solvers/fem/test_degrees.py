@@ -192,7 +192,7 @@ def test_springs_hold_as_with_cubics(degree):
 def test_higher_degrees_are_declined_where_they_are_not_built():
     case = catalog.named_case("scordelis_lo_nonlinear")
     assert FemSolver().declines_with(case, FemSettings()) is None
-    with pytest.raises(InputError, match="degree 5 is for the linear theory"):
+    with pytest.raises(InputError, match="degree 5 is for shells at rest: in the linear theory"):
         solved(case, degree=5)
 
 
