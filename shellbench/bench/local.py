@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench.execute import Ended, Event, Progressed, Started
-from shellbench.bench.process import ServerProcess
+from shellbench.bench.process import ServerProcess, is_overdue
 from shellbench.bench.record import Record, read_document
 from shellbench.bench.store import Store, StoreError
 from shellbench.bench.task import Task
@@ -22,6 +22,7 @@ from shellbench.errors import InputError
 from shellbench.problem import Progress
 
 LONGEST_WAIT = 1.0  # seconds between two looks at the deadlines
+LEAST_WAIT = 0.01  # the same while a run is being stopped
 
 
 class AbandonedError(Exception):
@@ -37,7 +38,7 @@ class LocalProcesses:
     jobs, threads
         Runs at a time, and threads of each.
     timeout
-        Seconds after which a run is stopped, that run only; None for none.
+        Seconds after which a run is stopped, that run only (`shellbench.bench.process.is_overdue`); None for none.
     wanted
         Asked every second or so; the runs are stopped, by `AbandonedError`, when it says no.
     idle
@@ -170,11 +171,13 @@ class _Runs:
         wait = LONGEST_WAIT
         if self.how.timeout is not None:
             for run in self.running:
-                left = run.began + self.how.timeout - now
-                if left <= 0:  # again until it has ended: at first its process may not be known yet
+                waited = now - run.began
+                if waited < self.how.timeout:
+                    wait = min(wait, self.how.timeout - waited)
+                elif run.timed_out or is_overdue(self.how.timeout, waited, run.server.worked()):
                     run.timed_out = True
-                    run.server.kill_run()
-                wait = min(wait, max(left, 0.01))
+                    run.server.kill_run()  # again until it has ended: at first its process may not be known yet
+                    wait = LEAST_WAIT
         with selectors.DefaultSelector() as selector:
             for run in self.running:
                 selector.register(run.server.fileno(), selectors.EVENT_READ, run)

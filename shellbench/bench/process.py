@@ -13,10 +13,38 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
+import psutil
+
 from shellbench.bench.source import what_was_seen
 
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
+COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
+MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
+
+
+def worked(pid: int | None) -> float:
+    """Return the seconds of processor time that a process and its children have had; 0 of one that is no more."""
+    total = 0.0
+    with contextlib.suppress(psutil.Error):
+        if pid is not None:
+            process = psutil.Process(pid)
+            total = sum(process.cpu_times()[:4])  # user and system, its own and that of children that have ended
+            for child in process.children(recursive=True):
+                with contextlib.suppress(psutil.Error):
+                    total += sum(child.cpu_times()[:4])
+    return total
+
+
+def is_overdue(limit: float, waited: float, had: float) -> bool:
+    """Whether a process has had its time, in seconds: a limit, what the clock says, and its processor time.
+
+    What others do on a machine must not decide who is stopped. So a process that computes has its limit of processor
+    time, however long that takes. One that hangs computes nothing: for it the clock counts.
+    """
+    if waited < limit:
+        return False
+    return had >= limit or had < COMPUTES * waited or waited >= MOST_WAITED * limit
 
 
 @dataclass
@@ -130,6 +158,10 @@ class ServerProcess:
                 self.run_pid = None
             self.ready = self.ready or event["event"] == "ready"
         return events if chunk else [*events, {"event": "died"}]
+
+    def worked(self) -> float:
+        """Return the seconds of processor time of the run that goes on."""
+        return worked(self.run_pid)
 
     def kill_run(self) -> None:
         """Kill the run that goes on, and all that it started; the server says ``ended``."""

@@ -118,7 +118,10 @@ def run(
     store: StoreOption = DEFAULT_STORE,
     force: Annotated[bool, typer.Option("--force", help="Run again what has a record already.")] = False,
     timeout: Annotated[
-        float | None, typer.Option("--timeout", metavar="S", help="Stop a run, that run only, after so many seconds.")
+        float | None,
+        typer.Option(
+            "--timeout", metavar="S", help="Stop a run, that run only, after so many seconds of its processor."
+        ),
     ] = None,
     verbose: Annotated[
         bool,
@@ -286,7 +289,10 @@ def check_solver_command(
     store: StoreOption = DEFAULT_STORE,
     json: Annotated[bool, typer.Option("--json", help="Print JSON instead of text.")] = False,
     timeout: Annotated[
-        float, typer.Option("--timeout", metavar="S", min=1, help="Seconds that the solver has for one answer.")
+        float,
+        typer.Option(
+            "--timeout", metavar="S", min=1, help="Seconds of its processor that the solver has for one answer."
+        ),
     ] = 600.0,
 ) -> None:
     """Check that a solver keeps the protocol, one line a check, and grade it.

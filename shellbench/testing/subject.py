@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import subprocess
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -13,12 +14,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.bench.process import SolverProcess
+from shellbench.bench.process import SolverProcess, is_overdue, worked
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
 from shellbench.problem import Problem
 
 Array = NDArray[np.float64]
+LOOK = 0.5  # seconds between two looks at a process that is given more time, as others keep it from computing
 
 
 class NoAnswer(Exception):
@@ -85,7 +87,7 @@ class Subject:
     Attributes
     ----------
     seconds
-        Longest time that it may take for one answer.
+        Longest time that it may take for one answer (`shellbench.bench.process.is_overdue`).
     """
 
     solver: SolverProcess
@@ -141,13 +143,24 @@ class Subject:
 
     def _hear(self, operation: str) -> Any:
         try:
-            if not self.line.poll(self.seconds):
+            if not self._answers_in_time():
                 self.stop()
                 raise Lost(f"{operation} did not end within {self.seconds:g} s")
             kind, result = self.line.recv()
         except (EOFError, OSError):
             raise Lost(f"{operation}: {self._end()}") from None
         return outcome(operation, kind, result)
+
+    def _answers_in_time(self) -> bool:
+        """Wait for an answer as long as it may take."""
+        pid, began = self.solver.process.pid, time.monotonic()
+        before = worked(pid)
+        if self.line.poll(self.seconds):
+            return True
+        while not is_overdue(self.seconds, time.monotonic() - began, worked(pid) - before):
+            if self.line.poll(LOOK):
+                return True
+        return False
 
     def _end(self) -> str:
         """Say how the process died."""

@@ -188,6 +188,26 @@ def test_timeout_stops_that_run_only(store: Store, monkeypatch: pytest.MonkeyPat
     assert (found["hang"].status, found["hang"].reason) == ("timeout", f"stopped after {GUARD:g} s")
 
 
+def test_a_run_that_others_keep_from_computing_is_not_stopped(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At each look the clock says that it has had its time twice over; of the processor it has had half of it."""
+
+    class Clock:
+        def __init__(self) -> None:
+            self.looks = 0
+
+        def monotonic(self) -> float:
+            self.looks += 1
+            return 2 * GUARD * self.looks
+
+    monkeypatch.setattr("shellbench.bench.local.time", Clock())
+    monkeypatch.setattr("shellbench.bench.process.MOST_WAITED", float("inf"))
+    monkeypatch.setattr("shellbench.bench.process.COMPUTES", 0.0)
+    monkeypatch.setattr("shellbench.bench.process.ServerProcess.worked", lambda _: GUARD / 2)
+    assert behave(store, "exact", timeout=GUARD).status == "ok"
+    monkeypatch.setattr("shellbench.bench.process.ServerProcess.worked", lambda _: GUARD)
+    assert behave(store, "hang", timeout=GUARD).status == "timeout"
+
+
 def test_no_process_outlives_its_run(store: Store) -> None:
     behave(store, "leave_child")
     behave(store, "hang", timeout=1.0)
