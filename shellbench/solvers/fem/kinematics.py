@@ -121,18 +121,17 @@ def strain_operator(surface: Midsurface) -> Array:
         by Cartesian component of u and by derivative in the order of `DERIVATIVES`.
     """
     a1, a2 = surface.base[:, :1], surface.base[:, 1:]
-    operator = np.zeros((len(surface.area), 6, 3, len(DERIVATIVES)))
+    operator = np.zeros((len(surface.area), 6, len(DERIVATIVES), 3))  # as `Deformation.operator` takes it, uncopied
     for row, (a, b) in enumerate(STRAINS):
-        operator[:, row, :, a] += surface.base[:, b] / 2
-        operator[:, row, :, b] += surface.base[:, a] / 2
-    normal = surface.normal[:, None]
-    curvature = np.sum(surface.second * normal, axis=-1, keepdims=True)
-    tangential = (surface.second - curvature * normal) / surface.area[:, None, None]
-    operator[:, 3:, :, 0] = np.cross(tangential, a2)
-    operator[:, 3:, :, 1] = np.cross(a1, tangential)
+        operator[:, row, a] += surface.base[:, b] / 2
+        operator[:, row, b] += surface.base[:, a] / 2
+    curvature = np.einsum("nkc,nc->nk", surface.second, surface.normal)[..., None]
+    tangential = (surface.second - curvature * surface.normal[:, None]) / surface.area[:, None, None]
+    operator[:, 3:, 0] = np.cross(tangential, a2)
+    operator[:, 3:, 1] = np.cross(a1, tangential)
     for row, key in enumerate(SECOND):
-        operator[:, 3 + row, :, DERIVATIVES.index(key)] = -surface.normal
-    return operator
+        operator[:, 3 + row, DERIVATIVES.index(key)] = -surface.normal
+    return np.swapaxes(operator, 2, 3)
 
 
 def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
@@ -229,11 +228,10 @@ class Deformation:
         base, u = self.reference.base, self.gradients
         strains = np.empty((len(u), 6))
         for row, (a, b) in enumerate(STRAINS):
-            products = base[:, a] * u[:, b] + base[:, b] * u[:, a] + u[:, a] * u[:, b]
-            strains[:, row] = products.sum(axis=-1) / 2
-        for row in range(len(SECOND)):
-            change = u[:, 2 + row] * self.current.normal + self.reference.second[:, row] * self.rise
-            strains[:, 3 + row] = -change.sum(axis=-1)
+            twice = np.einsum("nc,nc->n", base[:, a] + u[:, a], u[:, b]) + np.einsum("nc,nc->n", base[:, b], u[:, a])
+            strains[:, row] = twice / 2
+        strains[:, 3:] = -np.einsum("nkc,nc->nk", u[:, 2:], self.current.normal)
+        strains[:, 3:] -= np.einsum("nkc,nc->nk", self.reference.second, self.rise)
         return strains
 
     @cached_property
@@ -257,19 +255,23 @@ class Deformation:
 
     def second_turning(self, vectors: Array) -> Array:
         """Return vectors . d2n (n, 6, 6) as symmetric forms of du,1 and du,2, for vectors (n, 3)."""
-        n, j = self.current.normal, self.current.area[:, None, None]
-        along = np.sum(vectors * n, axis=-1, keepdims=True)
+        # With s = n . dg / j and p = v . dn one product gives -(v . n) dn . dn - p s - s p. The part of d2g, of
+        # du,1 x du,2, is added to it.
+        n, area = self.current.normal, self.current.area
+        along = np.einsum("nc,nc->n", vectors, n)[:, None]
         tangential = vectors - along * n
-        stretch = (n[:, None] @ self._spread)[:, 0]
-        pull = (tangential[:, None] @ self._spread)[:, 0]
-        form = np.zeros((len(n), 6, 6))
-        form[:, :3, 3:] = -cross_matrix(tangential)
-        form[:, 3:, :3] = cross_matrix(tangential)
-        form /= j
-        product = pull[:, :, None] * stretch[:, None, :] / j**2
-        form -= product + np.swapaxes(product, 1, 2)
-        form -= along[:, None] * (np.swapaxes(self.turning, 1, 2) @ self.turning)
-        return form
+        rates = np.empty((len(n), 5, 6))
+        rates[:, :3] = self.turning
+        rates[:, 3:4] = (n / area[:, None])[:, None] @ self._spread
+        rates[:, 4:] = tangential[:, None] @ self.turning
+        others = np.empty_like(rates)
+        others[:, :3] = -along[:, :, None] * self.turning
+        others[:, 3], others[:, 4] = -rates[:, 4], -rates[:, 3]
+        form = np.swapaxes(rates, 1, 2) @ others
+        across = cross_matrix(tangential / area[:, None])
+        form[:, :3, 3:] -= across
+        form[:, 3:, :3] += across
+        return np.asarray(form)
 
     def second_variation(self, resultants: Array) -> Array:
         """Return the sum of resultants times the second variations of the strains.
@@ -286,15 +288,13 @@ class Deformation:
         """
         membrane, bending = resultants[:, :3], resultants[:, 3:]
         form = np.zeros((len(resultants), GRADIENT, GRADIENT))
+        pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
+        form[:, FIRST, FIRST] -= self.second_turning(pulled)
         for row, (a, b) in enumerate(STRAINS):
             for c in range(3):
                 form[:, 3 * a + c, 3 * b + c] += membrane[:, row] / 2
                 form[:, 3 * b + c, 3 * a + c] += membrane[:, row] / 2
-        pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
-        form[:, FIRST, FIRST] -= self.second_turning(pulled)
-        for row in range(len(SECOND)):
-            block = slice(3 * (2 + row), 3 * (3 + row))
-            coupling = bending[:, row, None, None] * self.turning
-            form[:, block, FIRST] -= coupling
-            form[:, FIRST, block] -= np.swapaxes(coupling, 1, 2)
+        coupling = (bending[:, :, None, None] * self.turning[:, None]).reshape(len(form), -1, FIRST.stop)
+        form[:, FIRST.stop :, FIRST] = -coupling
+        form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)
         return form

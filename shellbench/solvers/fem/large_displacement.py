@@ -218,7 +218,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
     # been on a branch that this mesh does not have. Then load steps lead there from the state before.
     before: FiniteState | None = None
     for t in trail.states:
-        near = before or problem.rest()
+        near = before or problem.undeformed()
         guess = problem.state_at(t, _interpolated(problem.mesh, trail, t), near)
         if problem.points is not None:
             guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
@@ -239,7 +239,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
     The edit comes in one step where Newton's method takes it easily, else in shorter ones. All states on the way are
     stable, so that the branch is that of the earlier path, as far as continuation can tell.
     """
-    case, mesh, rest = problem.case, problem.mesh, problem.rest()
+    case, mesh, rest = problem.case, problem.mesh, problem.undeformed()
     states: list[FiniteState] = []
     for t in case.states:
         nearest = int(np.argmin(np.abs(np.asarray(earlier.states) - t)))

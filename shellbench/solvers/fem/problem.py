@@ -141,16 +141,19 @@ class FiniteProblem:
         return lambda t: t * unit
 
     def rest(self) -> FiniteState:
-        """Return the state that nothing loads."""
-        q = np.zeros((self.mesh.node_count, NODE_DOFS))
-        angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
-        strained = self.energy.at(q)
+        """Return the state that nothing loads, with its tangent."""
+        state = self.undeformed()
         try:
             # A mechanism is singular at rest, which ends a path only if its first step needs this tangent.
-            factor = self._factorised(q, 0.0, strained, strained.stresses)
+            return replace(state, factor=self._factorised(state.q, 0.0, state.strained, state.strained.stresses))
         except NotPositiveDefiniteError:
-            factor = None
-        return FiniteState(0.0, q, strained, angles, factor)
+            return state
+
+    def undeformed(self) -> FiniteState:
+        """Return the state that nothing loads, without its tangent: no path goes on from it, it only tells angles."""
+        q = np.zeros((self.mesh.node_count, NODE_DOFS))
+        angles = tuple(np.zeros(len(moment.points)) for moment in self.moments)
+        return FiniteState(0.0, q, self.energy.at(q), angles, None)
 
     def state_at(self, t: float, q: Array, near: FiniteState) -> FiniteState:
         """Return a displacement as if it were a state of equilibrium; its angles are the closest to those of `near`."""

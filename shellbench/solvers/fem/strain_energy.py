@@ -32,6 +32,7 @@ from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, t
 
 Array = NDArray[np.float64]
 
+PAIRS = tuple((c, d) for d in range(COMPONENTS) for c in range(d + 1))  # components of the upper triangle
 CELLS = 64  # that are integrated at once: their second variations stay in the cache
 
 
@@ -189,20 +190,28 @@ class StrainEnergy:
 
     def _cell_matrices(self, portion: Portion, form: Array) -> Array:
         """Turn forms (n, 15, 15) of the derivatives into matrices (cells, 3, 4, 4, 3, 4, 4) of the cells' freedoms."""
-        count, points = len(portion.steps), len(self.quadrature.points)
-        derivatives = len(DERIVATIVES)
-        step = portion.steps
-        scaled = form.reshape(count, points, derivatives, COMPONENTS, derivatives, COMPONENTS)
-        scaled = scaled / (step[:, None, :, None, None, None] * step[:, None, None, None, :, None])
-        ordered = np.ascontiguousarray(scaled.transpose(1, 2, 0, 3, 5, 4))  # point, row, cell, component x 2, column
-        half = np.empty((points, derivatives, count, COMPONENTS, COMPONENTS, FUNCTIONS))
+        # 1. Components c <= c' of a form, over the cells' lengths, ordered so that a point's are one matrix.
+        # 2. Times the table from the right, point by point, and from the left, all points at once.
+        # 3. Scaled; the components c' < c are the transposes.
+        count, points, derivatives = len(portion.steps), len(self.quadrature.points), len(DERIVATIVES)
+        shares = 1 / (portion.steps[:, None, :, None] * portion.steps[:, None, None, :])
+        by_point = form.reshape(count, points, derivatives, COMPONENTS, derivatives, COMPONENTS)
+        ordered = np.empty((points, derivatives, len(PAIRS), count, derivatives))
+        for k, (c, d) in enumerate(PAIRS):
+            np.multiply(by_point[:, :, :, c, :, d], shares, out=ordered[:, :, k].transpose(2, 0, 1, 3))
+        half = np.empty((points, derivatives, len(PAIRS), count, FUNCTIONS))
         for q in range(points):
             half[q] = (ordered[q].reshape(-1, derivatives) @ self._table[q]).reshape(half.shape[1:])
         full = self._table.reshape(-1, FUNCTIONS).T @ half.reshape(points * derivatives, -1)
-        full = full.reshape(FUNCTIONS, count, COMPONENTS, COMPONENTS, FUNCTIONS).transpose(1, 2, 0, 3, 4)
-        full = full * portion.scales[:, None, :, None, None] * portion.scales[:, None, None, None, :]
+        scaled = full.reshape(FUNCTIONS, len(PAIRS), count, FUNCTIONS).transpose(1, 2, 0, 3)
+        scales = portion.scales[:, :, None] * portion.scales[:, None]
+        matrices = np.empty((count, COMPONENTS, FUNCTIONS, COMPONENTS, FUNCTIONS))
+        for k, (c, d) in enumerate(PAIRS):
+            np.multiply(scaled[k], scales, out=matrices[:, c, :, d])
+            if c < d:
+                matrices[:, d, :, c] = np.swapaxes(matrices[:, c, :, d], 1, 2)
         shape = (COMPONENTS, len(CORNERS), len(KINDS))
-        return np.asarray(full.reshape(count, *shape, *shape))
+        return matrices.reshape(count, *shape, *shape)
 
     def _add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
         """Add the forces of what is conjugate (n, 15) to the derivatives."""
