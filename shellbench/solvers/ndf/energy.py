@@ -27,7 +27,7 @@ from shellbench.solvers.ndf.quadrature import Rule, RuleSpec
 from shellbench.solvers.ndf.supports import concentrated_forces, force_density
 
 BATCH = 1024  # points whose strain rows are held in memory at once
-BLOCK = 256  # columns of a block of the normal matrix; only blocks on and above the diagonal are computed
+BLOCK = 256  # rows of a strip of the normal matrix; only strips on and above the diagonal are computed
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,11 @@ def normal_equations(ansatz: Ansatz, features: Features, rule: Rule, forces: Con
 
 def add_gram(total: Tensor, rows: Tensor) -> None:
     """Add rows^T rows to the blocks on and above the diagonal: nearly half the work of one product."""
-    for start in range(0, total.shape[1], BLOCK):
-        stop = start + BLOCK
-        total[:stop, start:stop].addmm_(rows[:, :stop].T, rows[:, start:stop])
+    # Strips of rows of the total, each from the diagonal on. Its columns are long in memory: strips of columns, as many
+    # products of the same size, take a quarter more.
+    for start in range(0, total.shape[0], BLOCK):
+        strip = slice(start, start + BLOCK)
+        total[strip, start:].addmm_(rows[:, strip].T, rows[:, start:])
 
 
 def mirrored(upper: Tensor) -> Tensor:

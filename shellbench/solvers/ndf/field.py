@@ -165,7 +165,7 @@ def deep_random_features(inputs: Tensor, scales: Tensor, widths: tuple[int, ...]
     inputs
         (N, n) values of the inputs at sample points.
     scales
-        (n,) standard deviation of the weights of each input.
+        (n,) standard deviation of the weights of each input, or (M, n) if the features have scales of their own.
     widths
         Of the hidden layers.
     """

@@ -343,10 +343,11 @@ def quadratic_model(
     network: Network,
     output: Tensor,
     sketch: Sketch | None = None,
+    slope: Tensor | None = None,
 ) -> Quadratic:
     """Return the model of the energy: its gradient on `sample`, its matrix on the sparser `coarse`.
 
-    It is one of all weights, or in the directions of a `sketch`.
+    It is one of all weights, or in the directions of a `sketch`. `slope` (P,) is the gradient if it is known.
 
     Raises
     ------
@@ -377,5 +378,5 @@ def quadratic_model(
         half = RegularisedInverse.from_matrix(own, JITTER).half(cross)
     except IndefiniteError:
         raise SolveFailure("the Gauss-Newton matrix is not positive definite") from None
-    slope = energy_gradient(sample, tips, network, output)
+    slope = energy_gradient(sample, tips, network, output) if slope is None else slope
     return Quadratic(sketch.restrict(slope) if sketch else slope, matrix - half.T @ half, matrix.diagonal().clone())

@@ -41,7 +41,9 @@ class TrainerSettings(SeededSettings):
         "gauss-newton", description="what moves hidden weights; the output layer is always solved for"
     )
     learning_rate: Positive = PydanticField(1e-3, description="of Adam, at the start; it falls along half a cosine")
-    iterations: int = PydanticField(3, ge=0, le=100_000, description="at most")
+    iterations: int | None = PydanticField(
+        None, ge=0, le=100_000, description="at most; None for 3, or 2 on curved shells under forces at points"
+    )
     tolerance: Positive = PydanticField(2e-6, description="certified relative gain below which training ends")
     gap: Positive = PydanticField(1e-5, description="gap of a training state beyond which more points are taken")
     damping: Positive = PydanticField(0.1, description="Marquardt's, at the start")

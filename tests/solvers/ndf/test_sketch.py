@@ -56,6 +56,19 @@ def test_the_model_in_directions_is_that_of_all_weights_along_them():
     torch.testing.assert_close(few.matrix, whole, rtol=0.0, atol=1e-8 * float(whole.abs().max()))
 
 
+def test_the_steepest_units_and_all_layers_before_are_the_ones_that_move():
+    with torch.no_grad():
+        network = network_and_points("square_plate")[2].network
+    each = network.weights[-1].shape[1] + 1
+    before = network.parameters - network.width * each
+    slope = torch.zeros(network.parameters, dtype=torch.float64)
+    slope[before + 3 * each], slope[before + 7 * each + 1] = -2.0, 1.0
+    sketch = Sketch.steepest(network, slope, 2 * each)
+    moved = sketch.extend(torch.ones(sketch.count, dtype=torch.float64)).nonzero()[:, 0].tolist()
+    steep = [before + unit * each + k for unit in (3, 7) for k in range(each)]
+    assert moved == [*range(before), *steep]
+
+
 def test_the_matrix_in_directions_is_that_of_differences_of_strains():
     # J C by central differences of the strains at fixed output layer; without the projection, the floor is diag J^T J.
     with torch.no_grad():
