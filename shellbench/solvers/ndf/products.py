@@ -244,4 +244,5 @@ def _orthonormal(
     steep = own[ALONG[axis][1]] @ combine
     operator = steep.T @ ((share * size**2 * t * (1 - t))[:, None] * steep)
     _, vectors = torch.linalg.eigh((operator + operator.T) / 2)
-    return (combine @ vectors).contiguous()
+    functions: Tensor = (combine @ vectors).contiguous()
+    return functions
