@@ -14,7 +14,7 @@ from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_SHARE
 from tests.alike import alike, same_tensors
 from tests.solvers.ndf.shells import shell, support
-from tests.solvers.ndf.test_motion import GRID, PIN, RHO, moving
+from tests.solvers.ndf.test_motion import GRID, PIN, RHO, mean_displacement, moving
 
 SPEC = FieldSpec(stretched=False, multipliers=0, strain="exact")
 PULLED = [{"kind": "gravity", "acceleration": [0, -9.8, 2.0]}]
@@ -214,3 +214,17 @@ def test_products_follow_a_plane_that_lies_elsewhere():
     values = found.features.values(found.sampled.points)
     np.testing.assert_allclose(values.T @ (found.share[:, None] * values), np.eye(found.features.count), atol=1e-4)
     assert int(found.features.pairs[:, 1].max()) > int(found.features.pairs[:, 0].max())
+
+
+def test_a_point_that_is_moved_is_followed_and_its_work_is_what_the_shell_has(monkeypatch):
+    lifted = {"kind": "translation", "vector": [0, 0, "2*t**3"]}
+    case = moving(0.1, supports=[support("corner", "xi1_min,xi2_max", motion=lifted)], loads=PULLED)
+    found = follow(case, 6, 1e-6, monkeypatch)
+    at = found.displacement(np.array([[0.0, 0.8]]), 0.1)[0]
+    np.testing.assert_allclose(at, [0, 0, 2e-3], atol=1e-9)
+    assert found.diagnostics["energy_drift"] < 1e-4 * found.balance(0.1).total
+    step = 2e-3  # the support exerts what moves the centre of mass, less gravity
+    before, now, after = (mean_displacement(found, 0.08 + side * step) for side in (-1, 0, 1))
+    pushed = 0.8 * RHO * ((before - 2 * now + after) / step**2 - np.array([0, -9.8, 2.0]))
+    assert np.linalg.norm(pushed) > 0.05
+    np.testing.assert_allclose(found.reaction("corner", at=0.08)[0], pushed, atol=0.005)
