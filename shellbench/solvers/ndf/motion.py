@@ -81,7 +81,7 @@ class StuckError(ArithmeticError):
 class Rung:
     """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones.
 
-    Products begin with few and follow the motion up to that degree.
+    With `grow`, products begin with few and follow the motion up to that degree.
     """
 
     degree: int
@@ -89,6 +89,12 @@ class Rung:
     trained: int = 0
     order: int = ORDER
     share: float = 1.0
+    grow: bool = False
+
+    @property
+    def first(self) -> int:
+        """The degree that a motion begins with."""
+        return min(FIRST_DEGREE, self.degree) if self.grow else self.degree
 
 
 @dataclass(frozen=True)
@@ -204,7 +210,7 @@ def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
     """Return the equations of motion of a rung's features, the first ones of products, on a rule of points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
     if isinstance(rung.features, Products):
-        return grown(case, spec, rung, points, min(FIRST_DEGREE, rung.degree))
+        return grown(case, spec, rung, points, rung.first)
     chosen = rule_of(case, rung.degree, rung.share * points, rung.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
     features = smooth(build_ansatz(case, spec), rung.features, rule, rung.degree)
@@ -339,13 +345,12 @@ class _Run:
         self.case, self.solver, self.motion, self.rung = case, solver, motion, rung
         self.began, self.progress, self.stepping = began, progress, stepping
         self.points = points
-        products = isinstance(rung.features, Products)
-        self.degree = min(FIRST_DEGREE, rung.degree) if products else rung.degree
-        self.growth = [[self.degree, 0.0]] if products else []  # degrees, and since when
+        self.degree = rung.first
+        self.growth = [[self.degree, 0.0]] if rung.grow else []  # degrees, and since when
 
     def solve(self) -> MotionSolution:
         track, reason, until = Track(), "", self.case.states[-1]
-        finer = self._finer if isinstance(self.rung.features, Products) else None
+        finer = self._finer if self.rung.grow else None
         try:
             for t in integrate(self.motion, self.case.states, self.stepping, track, finer):
                 done = f"degree {self.degree}, t = {t:.4g} s of {until:g} s"

@@ -142,7 +142,9 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
 
     def build(degree: int, width: int) -> motion.Rung:
         if sums:
-            return motion.Rung(degree, product_features(case, inputs, degree, placement), 0, share=LONG_SHARE)
+            return motion.Rung(
+                degree, product_features(case, inputs, degree, placement), 0, share=LONG_SHARE, grow=settings.grow
+            )
         if placed:
             network = placed_features(case, inputs, degree, placement)
         else:

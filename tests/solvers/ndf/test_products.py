@@ -40,7 +40,7 @@ def drawn(count, seed=0, size=0.02):
 def follow(case, degree, tail, monkeypatch, **choices):
     monkeypatch.setattr(motion, "TAIL", tail)
     monkeypatch.setattr(motion, "FIRST_DEGREE", 5)
-    return RitzSolver().solve(case, RitzSettings(hidden="placed", degrees=(degree,), **choices))
+    return RitzSolver().solve(case, RitzSettings(hidden="placed", degrees=(degree,), grow=True, **choices))
 
 
 def test_sums_over_one_coordinate_after_the_other_are_those_of_a_table_of_all_products():
