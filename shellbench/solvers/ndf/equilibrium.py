@@ -108,6 +108,14 @@ class Basis:
         """Number of unknowns r."""
         return self.combine.shape[1]
 
+    def spread(self, y: Tensor) -> Tensor:
+        """Return weights (3 M,) of unknowns (r,), less what is held."""
+        return self.combine @ y
+
+    def gather(self, force: Tensor) -> Tensor:
+        """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
+        return self.combine.T @ force
+
 
 @dataclass(frozen=True)
 class PathProblem:

@@ -16,6 +16,10 @@ in its plane, 226 unknowns up to .2 s, one core, errors against tolerances of 1e
 An iteration costs the third power of the number of unknowns, an evaluation the first. Steps shrink with the square of
 the degree, and with its fourth power where bending decides: a shell as stiff as steel would ask for the other scheme.
 
+Products of placed waves (`products`) can be added on the way: those of a higher degree begin with those that are there,
+so that displacement, velocity and energy stay what they are. More are asked for when the smallest waves of the motion
+stop being small, which the field itself tells: see `asks_for_more`.
+
 Ever finer features are tried until the motion stands still from one to the next; how much the case's quantities moved
 between the last two is the estimate of their error. What no integrator tells is whether the field exploits its
 quadrature: energies at the kept times are computed again on a finer one.
@@ -23,6 +27,7 @@ quadrature: energies at the kept times are computed again on a finer one.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,6 +35,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import torch
 from scipy.integrate import DOP853
+from torch import Tensor
 
 from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
@@ -42,8 +48,9 @@ from shellbench.solvers.ndf.field import Features
 from shellbench.solvers.ndf.jets import Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
 from shellbench.solvers.ndf.motion_solution import Course, MotionSolution
+from shellbench.solvers.ndf.products import Products
 from shellbench.solvers.ndf.quadrature import area_rule
-from shellbench.solvers.ndf.sampled import NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
+from shellbench.solvers.ndf.sampled import COMPONENTS, NOWHERE, ORDER, POINTS, finer, rule_of, smooth, widest
 
 DEGREES = (10, 13, 17, 22)  # along the longest side, of each rung: each costs some four times the one before
 SETTLED = 2e-4  # change of the motion between rungs, over the longest side, below which the finer one is kept
@@ -55,6 +62,14 @@ STABLE = 5.5  # step times frequency that the method takes: its amplification ex
 FIRST = 1e-4  # of the whole time: the first step, before the error is known
 PARTS = 1000  # in which progress is told
 PROBE = 21  # points a side at which motions are compared
+MORE = 8  # Gauss points a side: few are not enough for waves of a low degree
+FIRST_DEGREE = 13  # of products that follow a motion, and by how much their degree grows at a time
+GROWTH = 1.3
+TOP = 0.8  # of the degree: what varies more quickly is the tail
+TAIL = (
+    SETTLED / 40
+)  # of the displacement, over the longest side, that asks for more where a field may reach `REFERENCE`
+REFERENCE, TAIL_POWER = 30, 4.0
 UNALLOCATED = "can't allocate memory"  # what torch says on a CPU, as a RuntimeError
 
 
@@ -64,13 +79,22 @@ class StuckError(ArithmeticError):
 
 @dataclass(frozen=True)
 class Rung:
-    """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones."""
+    """Features up to a degree, of a network; Gauss points a panel, and in all as a share of the usual ones.
+
+    With `grow`, products begin with few and follow the motion up to that degree.
+    """
 
     degree: int
-    features: Features
+    features: Features | Products
     trained: int = 0
     order: int = ORDER
     share: float = 1.0
+    grow: bool = False
+
+    @property
+    def first(self) -> int:
+        """The degree that a motion begins with."""
+        return min(FIRST_DEGREE, self.degree) if self.grow else self.degree
 
 
 @dataclass(frozen=True)
@@ -84,12 +108,16 @@ class Stepping:
 
 @dataclass
 class Track:
-    """What integration has done so far: at each accepted step time, y, y', y'', and the work done since rest."""
+    """What integration has done so far: at each accepted step time, y, y', y'', work since rest, and whose."""
 
     times: list[float] = field(default_factory=list)
     states: list[tuple[tuple[Array, Array, Array], float]] = field(default_factory=list)
     seconds: list[float] = field(default_factory=list)
     evaluations: list[int] = field(default_factory=list)
+    motions: list[Motion] = field(default_factory=list)
+
+
+Finer = Callable[[Motion, Array, float], Motion | None]  # equations of motion to go on with from unknowns y and a time
 
 
 def rungs_of(case: Case, widths: Sequence[int] | None, degrees: Sequence[int] | None = None) -> list[tuple[int, int]]:
@@ -140,7 +168,7 @@ def solve(
         while True:
             try:
                 motion = prepared(case, spec, rung, points)
-                solution = _Run(case, solver, motion, rung, began, progress, stepping or Stepping()).solve()
+                solution = _Run(case, solver, motion, rung, began, progress, stepping or Stepping(), points).solve()
             except SolveFailure as failure:  # what a coarser field found is kept, but not taken for the answer
                 raise SolveFailure(f"at degree {rung.degree} {failure}{kept}", before or failure.partial) from None
             except (MemoryError, RuntimeError) as error:
@@ -179,12 +207,35 @@ def solve(
 
 
 def prepared(case: Case, spec: FieldSpec, rung: Rung, points: float) -> Motion:
-    """Return the equations of motion of a rung's features, on a rule of some points a degree."""
+    """Return the equations of motion of a rung's features, the first ones of products, on a rule of points a degree."""
     spec = spec.model_copy(update={"t": 0.0})
+    if isinstance(rung.features, Products):
+        return grown(case, spec, rung, points, rung.first)
     chosen = rule_of(case, rung.degree, rung.share * points, rung.order)
     rule = area_rule(case.surface.domain, NOWHERE, chosen)
     features = smooth(build_ansatz(case, spec), rung.features, rule, rung.degree)
     return Motion(case, spec, features, chosen)
+
+
+def grown(case: Case, spec: FieldSpec, rung: Rung, points: float, degree: int) -> Motion:
+    """Return the equations of motion of products up to a degree."""
+    assert isinstance(rung.features, Products)
+    # One panel: its points crowd at edges, where such fields vary most.
+    chosen = rule_of(case, degree, rung.share * points, math.ceil(rung.share * points * degree) + MORE)
+    return Motion(case, spec, rung.features.up_to(degree), chosen)
+
+
+def asks_for_more(motion: Motion, w: Tensor, tail: float) -> bool:
+    """Whether the displacement in the highest degrees of products exceeds a share `tail` of the longest side.
+
+    As products are orthonormal in the area, the root mean square of that part of the displacement is the norm of its
+    weights: no quadrature is asked, and none can be exploited.
+    """
+    features = motion.features
+    assert isinstance(features, Products)
+    last = features.degrees > TOP * float(features.degrees[-1])
+    rough = float(w.view(COMPONENTS, -1)[:, last].norm()) / math.sqrt(motion.area)
+    return rough > tail * max(side_lengths(motion.case))
 
 
 def distance(first: MotionSolution, second: MotionSolution) -> float:
@@ -196,8 +247,12 @@ def distance(first: MotionSolution, second: MotionSolution) -> float:
     return max(float(np.sqrt(np.mean(np.sum(d * d, axis=-1)))) for d in apart) / max(side_lengths(case))
 
 
-def integrate(motion: Motion, marks: Sequence[float], stepping: Stepping, track: Track) -> Iterator[float]:
+def integrate(
+    motion: Motion, marks: Sequence[float], stepping: Stepping, track: Track, finer: Finer | None = None
+) -> Iterator[float]:
     """Integrate from rest, landing on every mark; yield the time of each accepted step, which `track` has recorded.
+
+    After each step, `finer` may hand over to equations of motion with more features, of which the first are these.
 
     Raises
     ------
@@ -205,44 +260,72 @@ def integrate(motion: Motion, marks: Sequence[float], stepping: Stepping, track:
         If a step can't be cut any further, or too many were taken.
     """
     # z = (y, y', work). The work of loads and supports is integrated too, for the balance of energy.
-    count, placement = motion.basis.size, motion.features.placement
     evaluations = 0
 
     def law(t: float, z: Array) -> Array:
         nonlocal evaluations
         evaluations += 1
-        state = placement.tensor(z[: 2 * count])
+        count = motion.basis.size
+        state = motion.features.placement.tensor(z[: 2 * count])
         acceleration, power = motion.accelerate(state[:count], state[count:], t)
         return np.concatenate([z[count : 2 * count], acceleration.cpu().numpy(), [power]])
 
     def record(t: float, z: Array, slope: Array) -> None:
+        count = motion.basis.size
         track.times.append(t)
         known = z[:count].copy(), z[count : 2 * count].copy(), slope[count : 2 * count].copy()
         track.states.append((known, float(z[-1])))
         track.seconds.append(time.perf_counter())
         track.evaluations.append(evaluations)
+        track.motions.append(motion)
 
-    t, z, step = 0.0, np.zeros(2 * count + 1), FIRST * marks[-1]
+    t, z, step = 0.0, np.zeros(2 * motion.basis.size + 1), FIRST * marks[-1]
     # An explicit method is not stable beyond this. Its error control would find out by steps that it rejects.
     longest = STABLE / motion.highest_frequency()
     record(t, z, law(t, z))
-    for mark in marks:
+    left = list(marks)
+    while left:
+        mark = left[0]
         first = min(step, longest, mark - t)
         # Marks are ends of integration, not values of an interpolant: a load that jumps there is not smoothed over.
         method = DOP853(law, t, z, mark, rtol=stepping.rtol, atol=stepping.atol, first_step=first, max_step=longest)
-        while method.status == "running":
+        following: Motion | None = None
+        while method.status == "running" and following is None:
             if len(track.times) > stepping.most_steps:
                 raise StuckError(f"the motion needs more than {stepping.most_steps} time steps")
             with np.errstate(invalid="ignore", over="ignore"):
                 method.step()
             if method.status == "failed":
                 raise StuckError("the time step can't be cut any further")
-            record(float(method.t), method.y, method.f)
+            t, z = float(method.t), method.y
+            record(t, z, method.f)
             # Else the last step was cut at the mark, and says nothing of the next one's length.
             if method.status == "running":
                 step = float(method.h_abs)
-            yield float(method.t)
-        t, z = mark, method.y
+            yield t
+            following = finer(motion, z[: motion.basis.size], t) if finer and t < marks[-1] else None
+        if method.status == "finished":
+            t = left.pop(0)
+        if following is not None:
+            z = carried(motion, following, z, t)
+            motion = following
+            longest = STABLE / motion.highest_frequency()
+
+
+def carried(motion: Motion, following: Motion, z: Array, t: float) -> Array:
+    """Return unknowns, rates and work of the same motion by features that begin with these."""
+    count, placement = motion.basis.size, motion.features.placement
+    parts = [
+        following.unknowns(widened(motion.weights(placement.tensor(z[k * count : (k + 1) * count]), t, k), following))
+        for k in (0, 1)
+    ]
+    return np.concatenate([*(part.cpu().numpy() for part in parts), z[-1:]])
+
+
+def widened(w: Tensor, motion: Motion) -> Tensor:
+    """Return output weights (3 M,) as those of a motion whose features begin with theirs."""
+    own = w.view(COMPONENTS, -1)
+    return torch.nn.functional.pad(own, (0, motion.features.count - own.shape[1])).reshape(-1)
 
 
 class _Run:
@@ -257,15 +340,20 @@ class _Run:
         began: float,
         progress: ProgressCallback,
         stepping: Stepping,
+        points: float,
     ) -> None:
         self.case, self.solver, self.motion, self.rung = case, solver, motion, rung
         self.began, self.progress, self.stepping = began, progress, stepping
+        self.points = points
+        self.degree = rung.first
+        self.growth = [[self.degree, 0.0]] if rung.grow else []  # degrees, and since when
 
     def solve(self) -> MotionSolution:
         track, reason, until = Track(), "", self.case.states[-1]
+        finer = self._finer if self.rung.grow else None
         try:
-            for t in integrate(self.motion, self.case.states, self.stepping, track):
-                done = f"degree {self.rung.degree}, t = {t:.4g} s of {until:g} s"
+            for t in integrate(self.motion, self.case.states, self.stepping, track, finer):
+                done = f"degree {self.degree}, t = {t:.4g} s of {until:g} s"
                 self.progress(Progress(int(PARTS * t / until), PARTS, done))
         except StuckError as error:
             reason = str(error)
@@ -276,15 +364,25 @@ class _Run:
             raise SolveFailure(f"{reason}; the last time reached is {track.times[-1]:.6g} s", solution)
         return solution
 
+    def _finer(self, motion: Motion, y: Array, t: float) -> Motion | None:
+        """Return equations of motion of more products if the field asks for them, and there are more."""
+        tail = TAIL * (REFERENCE / self.rung.degree) ** TAIL_POWER
+        w = motion.weights(motion.features.placement.tensor(y), t)
+        if self.degree == self.rung.degree or not asks_for_more(motion, w, tail):
+            return None
+        self.degree = min(math.ceil(GROWTH * self.degree), self.rung.degree)
+        self.growth.append([self.degree, t])
+        return grown(self.case, motion.spec, self.rung, self.points, self.degree)
+
     def _kept(self, track: Track) -> MotionSolution:
-        motion, placement = self.motion, self.motion.features.placement
+        motion, placement = track.motions[-1], self.motion.features.placement
         # Weights, rates and accelerations at each step: they are what quintic Hermite interpolation in time needs.
         outputs = [
-            [motion.weights(placement.tensor(state[order]), t, order) for order in range(3)]
-            for t, (state, _) in zip(track.times, track.states, strict=True)
+            [by.weights(placement.tensor(state[order]), t, order) for order in range(3)]
+            for by, t, (state, _) in zip(track.motions, track.times, track.states, strict=True)
         ]
-        weights, rates, seconds = (torch.stack([o[k].view(3, -1) for o in outputs]) for k in range(3))
-        energies = [motion.energies(o[0], o[1], t) for t, o in zip(track.times, outputs, strict=True)]
+        energies = [by.energies(o[0], o[1], t) for by, t, o in zip(track.motions, track.times, outputs, strict=True)]
+        weights, rates, seconds = (torch.stack([widened(o[k], motion).view(3, -1) for o in outputs]) for k in range(3))
         # Energy less work since rest: zero for exact integration in time, whatever the features.
         lost = [e.total - work for e, (_, work) in zip(energies, track.states, strict=True)]
         solution = MotionSolution(
@@ -303,7 +401,7 @@ class _Run:
                 iteration=k - 1,
                 seconds=track.seconds[k] - self.began,
                 energy=lost[k],
-                unknowns=motion.basis.size,
+                unknowns=track.motions[k].basis.size,
                 at=track.times[k],
                 gap=gaps.get(k),
                 phase="time",
@@ -318,7 +416,7 @@ class _Run:
                 "energy_gap": float(np.max(list(gaps.values()))),
                 "energy_drift": max(abs(value) for value in lost),
                 "strain": motion.spec.strain,
-                "degree": self.rung.degree,
+                "degree": self.degree,
                 "features": self.rung.features.count,
                 "independent_features": motion.features.count,
                 "neurons": self.rung.features.network.width,
@@ -326,6 +424,7 @@ class _Run:
                 "time_steps": len(history),
                 "force_evaluations": track.evaluations[-1],
                 "interpolation": "quintic Hermite in time",
+                **({"growth": self.growth} if self.growth else {}),
             },
         )
 

@@ -26,9 +26,10 @@ from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
 from shellbench.solvers.ndf.equilibrium import Basis
 from shellbench.solvers.ndf.field import Ansatz
 from shellbench.solvers.ndf.jets import VALUE, Array
+from shellbench.solvers.ndf.products import Grid, Products
 from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
 from shellbench.solvers.ndf.sampled import COMPONENTS, NOWHERE, Combined, Sampled
-from shellbench.solvers.ndf.strain_measures import stresses
+from shellbench.solvers.ndf.strain_measures import GRADIENTS, stresses
 from shellbench.solvers.ndf.supports import concentrated_forces, force_density, point_supports
 
 STENCIL = 7  # values in time from which rates of prescribed motions follow
@@ -66,6 +67,82 @@ class Lifted:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Features at points, one row a plane and a point: (6 N, M)."""
+
+    rows: Tensor
+
+    def fields(self, output: Tensor) -> Tensor:
+        """Return six planes of fields (N, 6, 3) of output weights (3, M)."""
+        return (self.rows @ output.T).view(-1, 6, COMPONENTS)  # one product for all points
+
+    def onto(self, conjugate: Tensor) -> Tensor:
+        """Return the vector (3, M) on the output weights of what is conjugate (N, 6, 3) to the fields."""
+        total: Tensor = conjugate.reshape(-1, COMPONENTS).T @ self.rows
+        return total
+
+
+@dataclass(frozen=True)
+class Reflected:
+    """Unknowns of orthonormal features: what `Basis` is, without a matrix.
+
+    The null space of what point supports hold is kept as Householder reflections.
+
+    Attributes
+    ----------
+    free
+        (3 M,): whether a weight moves at all; components that are held everywhere do not.
+    root
+        Of the areal density: mass is this squared times the identity.
+    reflections, factors
+        (3 M, k) and (k,): LAPACK's form of an orthogonal matrix whose first k columns span the constraints.
+    held
+        (3 M, k), as in `Basis`.
+    """
+
+    free: Tensor
+    root: float
+    reflections: Tensor
+    factors: Tensor
+    held: Tensor
+
+    @classmethod
+    def from_constraints(cls, free: Tensor, density: float, rows: Tensor) -> Reflected:
+        """Hold what `rows` (k, 3 M) say of the weights."""
+        # R^T = Q [T; 0]: the first columns of Q span what is held, the others are free. R Q_1 T^-T = 1.
+        own = rows[:, free].T.contiguous()
+        reflections, factors = torch.geqrf(own)
+        k = own.shape[1]
+        held = rows.new_zeros((len(free), k))
+        if k:
+            first = torch.linalg.householder_product(reflections, factors)
+            held[free] = torch.linalg.solve_triangular(reflections[:k].triu(), first.T, upper=True).T
+        return cls(free, math.sqrt(density), reflections, factors, held)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns r."""
+        return int(self.free.sum()) - len(self.factors)
+
+    def spread(self, y: Tensor) -> Tensor:
+        """Return weights (3 M,) of unknowns (r,)."""
+        own = torch.cat([y.new_zeros(len(self.factors)), y]) / self.root
+        w = y.new_zeros(len(self.free))
+        w[self.free] = self._turned(own, back=False)
+        return w
+
+    def gather(self, force: Tensor) -> Tensor:
+        """Return forces (r,) on the unknowns of forces (3 M,) on the weights."""
+        return self._turned(force[self.free], back=True)[len(self.factors) :] / self.root
+
+    def _turned(self, own: Tensor, back: bool) -> Tensor:
+        if not len(self.factors):
+            return own
+        turned: Tensor = torch.ormqr(self.reflections, self.factors, own[:, None], transpose=back)[:, 0]
+        return turned
+
+
+@dataclass(frozen=True)
 class Motion:
     """A case with its features on one quadrature.
 
@@ -81,7 +158,7 @@ class Motion:
 
     case: Case
     spec: FieldSpec
-    features: Combined
+    features: Combined | Products
     rule_spec: RuleSpec
 
     def ansatz(self, t: float) -> Ansatz:
@@ -97,7 +174,8 @@ class Motion:
     def sampled(self) -> Sampled:
         """The rule's points."""
         rule = area_rule(self.case.surface.domain, NOWHERE, self.rule_spec)
-        return Sampled.at_points(self.ansatz(0.0), self.features, rule.points)
+        keep = isinstance(self.features, Combined)
+        return Sampled.at_points(self.ansatz(0.0), self.features, rule.points, keep)
 
     @cached_property
     def _alike(self) -> bool:
@@ -107,15 +185,17 @@ class Motion:
         return bool(torch.equal(through, first.expand_as(through)))
 
     @cached_property
-    def _flat(self) -> Tensor:
-        """(6 N, M): the jets of the features; where components are alike, displacement and gradients that they make."""
+    def _table(self) -> Table | Grid:
+        """The features at the points; where components are alike, displacement and gradients that they make."""
+        if isinstance(self.features, Products):
+            return self.features.on_grid(self.sampled.points)
         jets = self.sampled.jets
         # Where M is a multiple of the identity all components share one small table. Both ways give the same field.
         if self._alike:
             through = self.sampled.through.view(-1, 5, COMPONENTS, COMPONENTS, 6)[:, :, 0, 0]
             value = self.sampled.matrix[:, 0, :1, None] * torch.eye(6).to(through)[VALUE]
             jets = torch.cat([value, through], dim=1) @ jets
-        return jets.reshape(-1, self.features.count)
+        return Table(jets.reshape(-1, self.features.count))
 
     @cached_property
     def share(self) -> Tensor:
@@ -161,9 +241,29 @@ class Motion:
         return (held[:, :, None] * self.features.values(points)[:, None, :]).reshape(len(supports), -1)
 
     @cached_property
-    def basis(self) -> Basis:
+    def basis(self) -> Basis | Reflected:
         """The unknowns, orthonormal in mass."""
+        if isinstance(self.features, Products):
+            free = torch.ones((COMPONENTS, self.features.count), dtype=torch.bool)
+            free[list(self.case.held_everywhere)] = False
+            return Reflected.from_constraints(free.flatten(), self.case.material.areal_density, self._rows)
         return Basis.from_stiffness(self.mass, self._rows)
+
+    def inertia(self, second: Tensor) -> Tensor:
+        """Return mass times accelerations (3 M,) of the output weights, N."""
+        if isinstance(self.basis, Reflected):
+            return torch.where(self.basis.free, self.case.material.areal_density * second, 0.0)
+        return self.mass @ second
+
+    def unknowns(self, w: Tensor) -> Tensor:
+        """Return the unknowns y (r,), or their rates, of output weights (3 M,) that hold what is held."""
+        return self.basis.gather(self.inertia(w))
+
+    def pushed(self, force: Tensor) -> Tensor:
+        """Return the vector (3 M,) of forces (N, 3) on u."""
+        if isinstance(self.features, Products):
+            return self._on_weights(force, force.new_zeros((len(force), GRADIENTS)))
+        return self.sampled.forces(force)
 
     def targets(self, t: float) -> Tensor:
         """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
@@ -221,7 +321,7 @@ class Motion:
 
     def weights(self, y: Tensor, t: float, order: int = 0) -> Tensor:
         """Return the output weights w (3 M,) of unknowns (r,), or their derivative in time from that of y."""
-        total = self.basis.combine @ y
+        total = self.basis.spread(y)
         if not self._driven:
             return total
         targets = self.targets(t) if order == 0 else self.rate(self.targets, t, order)
@@ -240,7 +340,7 @@ class Motion:
         if "loads" in self._load_memory and np.array_equal(self._load_memory["loads"][0], key):
             return self._load_memory["loads"][1]
         placement = self.features.placement
-        total = self.sampled.forces(placement.tensor(density) * self.share[:, None])
+        total = self.pushed(placement.tensor(density) * self.share[:, None])
         if len(points):
             matrix = self.ansatz(t).factors.matrix(points, placement)[VALUE]
             on_free = (matrix.mT @ placement.tensor(concentrated)[..., None])[..., 0]
@@ -250,7 +350,7 @@ class Motion:
 
     def _fields(self, w: Tensor, lifted: Lifted | None) -> tuple[Tensor, Tensor]:
         """Return displacement (N, 3) and its gradients (N, 5, 3)."""
-        found = (self._flat @ w.view(COMPONENTS, -1).T).view(-1, 6, COMPONENTS)  # one product for all points
+        found = self._table.fields(w.view(COMPONENTS, -1))
         if self._alike:
             u, gradients = found[:, 0], found[:, 1:]
         else:
@@ -268,11 +368,10 @@ class Motion:
         """Return the vector (3 M,) of forces (N, 3) on u and of what is conjugate (N, 15) to its gradients."""
         if self._alike:
             on_fields = torch.cat([force[:, None], conjugate.view(-1, 5, COMPONENTS)], dim=1)
-            return (on_fields.reshape(-1, COMPONENTS).T @ self._flat).reshape(-1)
+            return self._table.onto(on_fields).reshape(-1)
         on_jet = (conjugate[:, None] @ self.sampled.through).view(-1, COMPONENTS, 6)
         on_jet[..., VALUE] += (self.sampled.matrix.mT @ force[..., None])[..., 0]
-        total: Tensor = on_jet.mT.reshape(-1, COMPONENTS).T @ self._flat
-        return total.reshape(-1)
+        return self._table.onto(on_jet.mT).reshape(-1)
 
     def resistance(self, w: Tensor, t: float) -> tuple[Tensor, Tensor, Tensor]:
         """Return dE/dw (3 M,), and per point what is conjugate to gradients (N, 15) and the springs' pull (N, 3)."""
@@ -280,7 +379,7 @@ class Motion:
         strained = self.sampled.undeformed.strained(self.spec.strain, gradients)
         stress = stresses(self._elasticity, strained.strains)
         # Stress . eps' is conjugate to the gradients of u, the springs' pull to u itself.
-        conjugate, pull = (stress[:, None] @ strained.variation)[:, 0], self._springs * u
+        conjugate, pull = strained.conjugate(stress), self._springs * u
         return self._on_weights(pull, conjugate), conjugate, pull
 
     def accelerate(self, y: Tensor, velocity: Tensor, t: float) -> tuple[Tensor, float]:
@@ -297,14 +396,14 @@ class Motion:
         residual = force - resistance
         rates = self._lift_rates(t) if self._lifts else None
         if rates is not None:
-            residual = residual - self.sampled.forces(rho * self.share[:, None] * rates[1].values)
-        acceleration = self.basis.combine.T @ residual
+            residual = residual - self.pushed(rho * self.share[:, None] * rates[1].values)
+        acceleration = self.basis.gather(residual)
         moved = self.weights(velocity, t, 1)
         power = float(force @ moved)
         if self._driven:
             # The free fields are in balance, so that only held ones are left in it; w' - combine y' is their motion.
-            balance = self.mass @ self.weights(acceleration, t, 2) - residual
-            power += float(balance @ (moved - self.basis.combine @ velocity))
+            balance = self.inertia(self.weights(acceleration, t, 2)) - residual
+            power += float(balance @ (moved - self.basis.spread(velocity)))
         if rates is not None:
             rate, second = rates
             free, _ = self._fields(self.weights(acceleration, t, 2), None)
@@ -316,25 +415,25 @@ class Motion:
         """Return the highest angular frequency of small motions about rest, rad/s, by power iteration."""
         # Power iteration on the stiffness at rest, which in this basis has the squared frequencies as eigenvalues. Its
         # product with a vector is a central difference of the forces: no matrix is made.
-        rest = self.basis.combine.new_zeros(self.basis.size)
+        rest = self.share.new_zeros(self.basis.size)
         direction = torch.sin(torch.arange(1.0, 1 + len(rest)).to(rest))  # any that is orthogonal to no mode
         size, value = NUDGE * self.area**0.5 * self.case.material.areal_density**0.5, 0.0
         for _ in range(ITERATIONS):
             direction = direction / direction.norm()
             there, back = (
-                self.resistance(self.basis.combine @ (rest + side * size * direction), 0.0)[0] for side in (1, -1)
+                self.resistance(self.basis.spread(rest + side * size * direction), 0.0)[0] for side in (1, -1)
             )
-            direction = self.basis.combine.T @ (there - back) / (2 * size)
+            direction = self.basis.gather(there - back) / (2 * size)
             value = float(direction.norm())
         return math.sqrt(value)
 
     def holding(self, w: Tensor, second: Tensor, t: float) -> Tensor:
         """Return the forces (k,) of the point supports, N, from output weights (3 M,) and their second derivative."""
         # D'Alembert: the supports exert what is out of balance, on the fields that move one of them by one unit.
-        residual = self.resistance(w, t)[0] - self.forces(t) + self.mass @ second
+        residual = self.resistance(w, t)[0] - self.forces(t) + self.inertia(second)
         if self._lifts:
             lag = self.case.material.areal_density * self.share[:, None] * self._lift_rates(t)[1].values
-            residual = residual + self.sampled.forces(lag)
+            residual = residual + self.pushed(lag)
         return self.basis.held.T @ residual
 
     def energies(self, w: Tensor, rate: Tensor, t: float) -> Energies:
@@ -342,7 +441,7 @@ class Motion:
         u, gradients = self._fields(w, self._lift(t) if self._lifts else None)
         strains = self.sampled.undeformed.strained(self.spec.strain, gradients).strains
         work = (strains * stresses(self._elasticity, strains)).view(-1, 2, 3).sum(dim=(0, 2)) / 2
-        v = (self.sampled.matrix @ (self.sampled.jets[:, VALUE] @ rate.view(COMPONENTS, -1).T)[..., None])[..., 0]
+        v = self._fields(rate, None)[0]
         if self._lifts:
             v = v + self._lift_rates(t)[0].values
         membrane, bending = work.tolist()

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import torch
@@ -20,16 +21,19 @@ from torch import Tensor
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.solution import time_reached
-from shellbench.solvers.ndf.build import FieldSpec, build_ansatz
-from shellbench.solvers.ndf.field import Ansatz, Features, Field
+from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_inputs
+from shellbench.solvers.ndf.field import Ansatz, Features, Field, Network
 from shellbench.solvers.ndf.jets import VALUE, Array
 from shellbench.solvers.ndf.motion_problem import Energies, Motion
+from shellbench.solvers.ndf.products import KEPT as PRODUCTS
+from shellbench.solvers.ndf.products import Products
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.sampled import Combined
 from shellbench.solvers.ndf.solution import FieldSolution, NdfSolution, PathSolution, features_of, read_states
 from shellbench.solvers.ndf.supports import point_supports
 from shellbench.solvers.ndf.weights import (
     Header,
+    network_of,
     network_tensors,
     read,
     rounded_network,
@@ -39,7 +43,7 @@ from shellbench.solvers.ndf.weights import (
     write,
 )
 
-KEPT = ("combine", "times", "output", "rates", "seconds")  # tensors of a motion, beside the network's
+KEPT = ("times", "output", "rates", "seconds")  # tensors of a motion, beside those of its features
 
 
 @dataclass(frozen=True)
@@ -111,7 +115,7 @@ class MotionSolution(FieldSolution):
     case: Case
     solver: str
     spec: FieldSpec
-    features: Combined
+    features: Combined | Products
     course: Course
     rule: RuleSpec
     parameters: int
@@ -195,20 +199,21 @@ class MotionSolution(FieldSolution):
             return np.asarray(self._motion.holding(w, second, t).cpu().numpy())
 
     def _output(self, t: float, order: int = 0) -> Tensor:
-        """Return the output weights (3, neurons) of the network itself, or their derivative."""
-        return self.course.at(t, order) @ self.features.combine.T
+        """Return the output weights (3, M) of the network itself, or of products, or their derivative."""
+        found = self.course.at(t, order)
+        return found @ self.features.combine.T if isinstance(self.features, Combined) else found
 
     def _state(self, t: float) -> NdfSolution:
         """Return the field at a time as a solution of its own."""
         spec = self.spec.model_copy(update={"t": t})
-        network = self.features.features
-        assert isinstance(network, Features)
+        # What a field at rest is asked for here, its values and jets, products have as well.
+        features = self.features.features if isinstance(self.features, Combined) else self.features
         output = self._output(t)
         return NdfSolution(
             case=self.case,
             solver=self.solver,
             spec=spec,
-            field=Field(build_ansatz(self.case, spec), network, output, output.new_zeros(6)),
+            field=Field(build_ansatz(self.case, spec), cast(Features, features), output, output.new_zeros(6)),
             rule=self.rule,
             membrane=float("nan"),
             bending=float("nan"),
@@ -223,34 +228,42 @@ class MotionSolution(FieldSolution):
         """
         if short_enough(self.tensors().values(), format):
             return self, self.storage_bytes
-        features, course = self.features.features, self.course
-        assert isinstance(features, Features)
-        network, hidden = rounded_network(features.network, format)
-        moving = [self.features.combine, course.weights, course.rates, course.seconds]
-        (combine, *weights), bytes_taken = rounded_tensors(moving, format)
-        combined = Combined(replace(features, network=network), combine)
-        motion = replace(self, features=combined, course=Course(course.times, *weights))
-        return motion, hidden + bytes_taken + course.times.nbytes
+        features, course = self.features, self.course
+        network, hidden = rounded_network(self._network, format)
+        combine = list(features.combine) if isinstance(features, Products) else [features.combine]
+        moving = [course.weights, course.rates, course.seconds]
+        (*combine, weights, rates, seconds), taken = rounded_tensors([*combine, *moving], format)
+        if isinstance(features, Products):
+            features = replace(features, network=network, combine=(combine[0], combine[1]))
+            taken += features.pairs.numel() * combine[0].element_size() + features.degrees.nbytes
+        else:
+            assert isinstance(features.features, Features)
+            features = Combined(replace(features.features, network=network), combine[0])
+        motion = replace(self, features=features, course=Course(course.times, weights, rates, seconds))
+        return motion, hidden + taken + course.times.nbytes
+
+    @property
+    def _network(self) -> Network:
+        """The hidden layer."""
+        if isinstance(self.features, Products):
+            return self.features.network
+        assert isinstance(self.features.features, Features)
+        return self.features.features.network
 
     def tensors(self) -> dict[str, Tensor]:
         """Return the tensors that the field is made of, by the names they have in a file."""
-        network = self.features.features
-        assert isinstance(network, Features)
-        course = (self.course.weights, self.course.rates, self.course.seconds)
-        return {
-            **network_tensors(network.network),
-            **dict(zip(KEPT, (self.features.combine, torch.as_tensor(self.course.times), *course), strict=True)),
-        }
+        features, course = self.features, self.course
+        combine = features.tensors() if isinstance(features, Products) else {"combine": features.combine}
+        moving = (torch.as_tensor(course.times), course.weights, course.rates, course.seconds)
+        return {**network_tensors(self._network), **combine, **dict(zip(KEPT, moving, strict=True))}
 
     def save(self, path: Path) -> Path:
         """Write the solution as safetensors, all else as JSON in its header; return the file with its suffix."""
-        network = self.features.features
-        assert isinstance(network, Features)
         header = Header(
             solver=self.solver,
             **self.facts(),
             spec=self.spec,
-            activation=network.network.activation,
+            activation=self._network.activation,
             rule=self.rule,
             membrane=0.0,
             bending=0.0,
@@ -271,13 +284,13 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
     """
     with telling_damage(path):
         case = header.read_case()
-        features = features_of(case, header, tensors)
         if any(name not in tensors for name in KEPT):
             raise ValueError("its motion is not whole")
-        combine, times, *course = (tensors[name] for name in KEPT)
-        if combine.ndim != 2 or len(combine) != features.count or times.ndim != 1 or not len(times):
+        features = _features_of(case, header, tensors)
+        times, *course = (tensors[name] for name in KEPT)
+        if times.ndim != 1 or not len(times):
             raise ValueError("its tensors do not fit each other")
-        if any(values.shape != (len(times), 3, combine.shape[1]) for values in course):
+        if any(values.shape != (len(times), 3, features.count) for values in course):
             raise ValueError("its tensors do not fit each other")
         if times[0] != 0 or bool((times.diff() <= 0).any()):
             raise ValueError("its times do not increase from 0")
@@ -285,12 +298,25 @@ def read_motion(path: Path, header: Header, tensors: Mapping[str, Tensor]) -> Mo
         case=case,
         solver=header.solver,
         spec=header.spec,
-        features=Combined(features, combine),
+        features=features,
         course=Course(times.numpy(), *course),
         rule=header.rule,
         parameters=header.parameters,
         **header.course(),
     )
+
+
+def _features_of(case: Case, header: Header, tensors: Mapping[str, Tensor]) -> Combined | Products:
+    """Return the features of a motion's file; ValueError if its tensors do not fit each other."""
+    if "combine" in tensors:
+        features, combine = features_of(case, header, tensors), tensors["combine"]
+        if combine.ndim != 2 or len(combine) != features.count:
+            raise ValueError("its tensors do not fit each other")
+        return Combined(features, combine)
+    if any(name not in tensors for name in PRODUCTS):
+        raise ValueError("its motion is not whole")
+    inputs = build_inputs(case, header.spec)
+    return Products.from_tensors(inputs, network_of(tensors, header.activation, inputs.count), tensors)
 
 
 def load_solution(

@@ -174,6 +174,7 @@ def features_of(shell: Case, degree: int, settings: ConditionedSettings) -> tupl
     motion = prepared(shell, spec, Rung(degree, features), POINTS)
     # As prepared they are orthonormal in all three components, of which one is held.
     values = motion.sampled.jets[:, VALUE]
+    assert isinstance(motion.features, Combined)  # features of a network are combined
     root = torch.linalg.cholesky(values.T @ (motion.share[:, None] * values))
     combine = torch.linalg.solve_triangular(root, motion.features.combine.T, upper=False).T
     return motion, Combined(motion.features.features, combine)

@@ -33,6 +33,7 @@ from shellbench.solvers.ndf.jets import Placement, activation, smooth_activation
 from shellbench.solvers.ndf.large_displacement import Rung
 from shellbench.solvers.ndf.motion_solution import MotionSolution, load_solution
 from shellbench.solvers.ndf.path_challenge import SETTLED
+from shellbench.solvers.ndf.products import product_features, why_no_products
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
@@ -137,8 +138,13 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
     placement, inputs = Placement.on(settings.device), build_inputs(case, spec)
 
     placed = settings.hidden == "placed"
+    sums = placed and why_no_products(case, spec, inputs) is None
 
     def build(degree: int, width: int) -> motion.Rung:
+        if sums:
+            return motion.Rung(
+                degree, product_features(case, inputs, degree, placement), 0, share=LONG_SHARE, grow=settings.grow
+            )
         if placed:
             network = placed_features(case, inputs, degree, placement)
         else:

@@ -46,7 +46,12 @@ class RitzSettings(SeededSettings):
         description="of motions: degrees of the fields along the longest side, tried in turn; not with neurons",
     )
     hidden: Literal["drawn", "placed"] = PydanticField(
-        "drawn", description="of motions: hidden weights drawn at random, or placed on a lattice that leaves no gaps"
+        "drawn",
+        description="of motions: hidden weights drawn at random, or placed on a lattice that leaves no gaps;"
+        " on planes with free edges as products",
+    )
+    grow: bool = PydanticField(
+        False, description="of products: begin with few, and add more on the way as the motion asks for them"
     )
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces and edges")

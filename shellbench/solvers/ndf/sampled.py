@@ -349,7 +349,7 @@ def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Com
     held = ansatz.factors.matrix(rule.points, placement)[VALUE]
     weights = placement.tensor(rule.weights) * jacobian * (held * held).sum(dim=(1, 2)) / 3
     jets = features.jets(rule.points)
-    combine = _independent(jets, weights)
+    combine = orthonormal(jets, weights)
     lengths = side_lengths(ansatz.case)
     operator = combine.new_zeros((combine.shape[1],) * 2)
     for axis, plane in enumerate((D1, D2)):
@@ -362,7 +362,7 @@ def smooth(ansatz: Ansatz, features: FeatureSet, rule: Rule, degree: int) -> Com
     return Combined(features, combine @ vectors[:, kept])
 
 
-def _independent(jets: Tensor, weights: Tensor) -> Tensor:
+def orthonormal(jets: Tensor, weights: Tensor) -> Tensor:
     """Return orthonormal combinations (M, r) of features with jets (6, N, M).
 
     The constant one, the output layer's bias, is taken out of the others and kept: what is left out because it nearly
