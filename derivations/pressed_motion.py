@@ -5,7 +5,8 @@ For w = sum_m c_m(t) sin(m pi x / a) sin(pi y / b) the linear theory gives oscil
     rho c'' + rho omega_m^2 c = p_m sin(w t),   omega_m = pi^2 (m^2/a^2 + 1/b^2) sqrt(B / rho),
     c = p_m / (rho (omega_m^2 - w^2)) (sin(w t) - (w / omega_m) sin(omega_m t)).
 
-Energies: rho a b / 8 sum c'^2 kinetic, and rho a b / 8 sum omega_m^2 c^2 of bending.
+Energies: rho a b / 8 sum c'^2 kinetic, and rho a b / 8 sum omega_m^2 c^2 of bending. The rim bears what the load is more than
+the plate's acceleration takes, by Newton's law of the whole: the integral of p_m sin(w t) - rho c'' over a wave.
 
 The case asks for large displacements. With its edges held the plate stretches as it deflects, which stiffens it by a
 fraction of order (w / h)^2, here 1e-7: `STIFFENING`, the uncertainty of what is linear. The second form keeps it: the
@@ -53,6 +54,18 @@ def amplitude(m: int, time: float) -> tuple[float, float]:
     return float(size * moved), float(size * RATE * (np.cos(RATE * time) - np.cos(omega * time)))
 
 
+def acceleration(m: int, time: float) -> float:
+    """Second derivative of the amplitude of a wave, m/s^2."""
+    omega = frequency(m)
+    size = PRESSURES[m] / (DENSITY * (omega**2 - RATE**2))
+    return float(size * RATE * (omega * np.sin(omega * time) - RATE * np.sin(RATE * time)))
+
+
+def wave_area(m: int) -> float:
+    """Integral of a wave over the plate, m^2."""
+    return float(A * (1 - np.cos(m * np.pi)) / (m * np.pi) * 2 * B / np.pi)
+
+
 def shape(m: int, x: Array, y: Array) -> Array:
     """A wave at points."""
     return np.asarray(np.sin(m * np.pi * x / A) * np.sin(np.pi * y / B))
@@ -80,6 +93,14 @@ def pressed_motion() -> dict[str, Estimate]:
         bending = share * sum((frequency(m) * c) ** 2 for m, (c, _) in modes.items())
         for name, (value, unit) in _named(time, deflections, kinetic, bending).items():
             values[name] = Estimate(value, 2 * STIFFENING * abs(value), unit)
+    early = TIMES[0]
+    parts = [
+        (wave_area(m) * p * np.sin(RATE * early), wave_area(m) * DENSITY * acceleration(m, early))
+        for m, p in PRESSURES.items()
+    ]
+    force = float(sum(load - inertia for load, inertia in parts))
+    error = 2 * STIFFENING * float(sum(abs(load) + abs(inertia) for load, inertia in parts))
+    values["rim_force_60ms"] = Estimate(force, error, "N")
     return values
 
 
@@ -88,6 +109,12 @@ class PressedPlate(Cloth):
     """A cloth under the pressing waves; both are integrated by the splines' own Gauss points."""
 
     waves: Array = field(default_factory=lambda: np.zeros(0), compare=False)
+
+    def rim_force(self, time: float, coefficients: Array) -> float:
+        """Upward force of the rim, N: the load less what accelerates the plate, which splines add up to one everywhere."""
+        lifted, _ = self.acceleration(time, coefficients)
+        one, two = (s.matrix(s.gauss[0].ravel(), 0).T @ s.gauss[1].ravel() for s in self.splines)
+        return float(np.sin(RATE * time) * self.waves.sum() + self.density * (one @ lifted[2] @ two))
 
     def acceleration(self, time: float, coefficients: Array) -> tuple[Array, Array]:
         """Second time derivative of the coefficients, and the reactions of the held ones."""
@@ -127,6 +154,8 @@ def pressed_motion_of_splines() -> dict[str, Estimate]:
             energies = plate.energies(moment.coefficients, moment.velocity)
             down = -np.array([plate.position(moment.coefficients, *point)[2] for point in POINTS])
             found |= _named(moment.time, down, energies.kinetic, energies.bending)
+            if moment.time == TIMES[0]:
+                found["rim_force_60ms"] = (plate.rim_force(moment.time, moment.coefficients), "N")
         levels.append(found)
     fine, coarse = levels
     return {

@@ -41,6 +41,7 @@ def pushed_plate() -> dict[str, Estimate]:
         "kinetic_energy_200ms": kinetic(0.2),
         "strain_energy_200ms": Estimate.exact(0.0, "J"),
         "total_energy_200ms": Estimate.exact(0.0, "J"),
+        "energy_balance_200ms": Estimate.exact(0.0, "J"),
     }
 
 
@@ -72,6 +73,7 @@ def pushed_plate_by_newton() -> dict[str, Estimate]:
     (early, late) = found.y.T
     centre = float((corners[0] + (along + up) / 2)[1])
     energies = [mass * float(y[3:6] @ y[3:6]) / 2 for y in (early, late)]
+    lost = [energy - float(y[6]) for energy, y in zip(energies, (early, late), strict=True)]
     values = {
         "flight_100ms": (float(ASKEW @ early[:3]), "m"),
         "kinetic_energy_100ms": (energies[0], "J"),
@@ -79,6 +81,7 @@ def pushed_plate_by_newton() -> dict[str, Estimate]:
         "centre_y_200ms": (centre + float(late[1]), "m"),
         "kinetic_energy_200ms": (energies[1], "J"),
         "strain_energy_200ms": (0.0, "J"),
-        "total_energy_200ms": (energies[1] - float(late[6]), "J"),
+        "total_energy_200ms": (lost[1], "J"),
+        "energy_balance_200ms": (max(map(abs, lost)), "J"),
     }
     return {name: Estimate(value, INTEGRATED * max(abs(value), 0.1), unit) for name, (value, unit) in values.items()}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -21,6 +22,7 @@ from tests.mutation.report import (
     Excuse,
     add,
     excuses,
+    of_kinds,
     page,
     read_runs,
     score,
@@ -31,7 +33,7 @@ from tests.mutation.report import (
     unseen,
 )
 from tests.mutation.schedule import Question, Reach, _answers, _in_order, _within
-from tests.mutation.targets import FEM, TARGETS, file_of, parts
+from tests.mutation.targets import CHECK, FEM, KINDS, LEFT_OUT, MECHANICS, STATEMENT, TARGETS, file_of, kind_of, parts
 
 
 def made(rule: str, expression: str) -> set[str]:
@@ -86,7 +88,7 @@ def test_a_rule_makes_what_it_says(rule: str, before: str, after: set[str]) -> N
     assert made(rule, before) == after
 
 
-LEFT_OUT = '''
+NO_MECHANICS = '''
 """A docstring of 2 + 3 words."""
 MOST = 2 * 400
 Load = A | B
@@ -111,7 +113,7 @@ def solve(x, order=2 + 1, progress=None):
 
 
 def test_what_is_no_mechanics_is_left_out() -> None:
-    assert not mutants_of("toy", LEFT_OUT)
+    assert not mutants_of("toy", NO_MECHANICS)
 
 
 def test_tables_and_heads_of_statements_count() -> None:
@@ -149,6 +151,28 @@ def test_every_target_has_mechanics() -> None:
     for target in TARGETS.values():
         for module in target.modules():
             assert list(parts(ast.parse(file_of(module).read_text()))), module
+
+
+def test_a_function_is_what_the_first_entry_says_of_it_and_mechanics_otherwise() -> None:
+    assert kind_of("shellbench.solvers.ndf.signs", "rounding_energy") == STATEMENT
+    assert kind_of("shellbench.solvers.ndf.signs", "jitter_share") == CHECK
+    assert kind_of("shellbench.solvers.fem.mesh", "TensorMesh.locate") == MECHANICS
+    source = "class A:\n    def f(self, x):\n        def inner():\n            return x + 1\n        return inner()\n"
+    assert {part.function for part in parts(ast.parse(source))} == {"A.f"}
+
+
+def test_kinds_name_functions_that_are_there_and_say_why() -> None:
+    functions = {
+        module: {part.function for part in parts(ast.parse(file_of(module).read_text()))}
+        for target in TARGETS.values()
+        for module in target.modules()
+    }
+    for modules, pattern, kind, why in KINDS:
+        assert kind in {*LEFT_OUT, STATEMENT}
+        assert why
+        for name in modules.split("|"):
+            own = {function for module, there in functions.items() if module.endswith(f".{name}") for function in there}
+            assert any(re.fullmatch(pattern, function) for function in own), (name, pattern)
 
 
 def reach(case: str, seconds: float) -> Reach:
@@ -209,7 +233,7 @@ def test_a_figure_within_its_tolerance_that_is_wrong_with_confidence_is_a_mistak
 
 def entry(name: str, red: str) -> dict[str, Any]:
     texts = {"rule": "sign", "old": "a", "new": "-a", "statement": f"{name} = a", "becomes": f"{name} = -a"}
-    return {"name": name, "module": "toy", "line": 1, "red": red, "by": "fem a", "asked": 1, **texts}
+    return {"name": name, "module": "toy", "line": 1, "red": red, "by": "fem a", "asked": 1, "kind": MECHANICS, **texts}
 
 
 RUN = {
@@ -230,6 +254,14 @@ def test_a_score_leaves_equivalent_mutants_out() -> None:
     assert name == "fem, seed 1"
     assert found == (4, 2, 1, 1, 0)
     assert found.share == 2 / 3
+
+
+def test_a_score_by_kind_counts_these_alone() -> None:
+    stated = {**entry("v", ""), "kind": STATEMENT}
+    mixed = {**RUN, "results": [*RUN["results"], stated]}
+    assert score(of_kinds(mixed, (MECHANICS,))["results"], SAID) == (4, 2, 1, 1, 0)
+    assert score(of_kinds(mixed, (STATEMENT,))["results"], SAID) == (1, 0, 0, 1, 0)
+    assert "| fem, seed 1 | 50 % of 4 | 67 % of 3 | 0 % of 1 |  |" in page([mixed], SAID)
 
 
 def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() -> None:

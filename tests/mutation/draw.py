@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from tests.mutation.operators import RULES
-from tests.mutation.targets import Part, file_of, parts
+from tests.mutation.targets import Part, file_of, kind_of, parts
 
 SHOWN_DIGITS = 12  # of a mutant's name
 
@@ -35,6 +35,8 @@ class Mutant:
         Among the mutants of the module with the same texts, for a statement may occur twice.
     place
         Of the changed node among the nodes that a module offers, and of the change among those of the rule.
+    kind
+        What the function that it stands in is: see `targets.KINDS`.
     """
 
     module: str
@@ -47,6 +49,7 @@ class Mutant:
     becomes: str
     number: int
     place: tuple[int, int]
+    kind: str
 
     @property
     def name(self) -> str:
@@ -66,6 +69,7 @@ def mutants_of(module: str, source: str) -> list[Mutant]:
     found: list[Mutant] = []
     seen: Counter[tuple[str, ...]] = Counter()
     for place, (part, node) in enumerate(_nodes(tree)):
+        kind = kind_of(module, part.function)
         before = _head(part.statement)
         for rule, change in RULES.items():
             for which, new in enumerate(change(node)):
@@ -76,7 +80,7 @@ def mutants_of(module: str, source: str) -> list[Mutant]:
                 number = seen[texts]
                 seen[texts] += 1
                 line = getattr(node, "lineno", part.lines[0])
-                found.append(Mutant(module, line, part.lines, *texts, number, (place, which)))
+                found.append(Mutant(module, line, part.lines, *texts, number, (place, which), kind))
     return found
 
 

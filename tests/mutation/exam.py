@@ -11,13 +11,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from itertools import chain
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Any
 
 from tests.mutation.draw import Mutant
@@ -178,17 +178,22 @@ def _noted(modules: Sequence[str]) -> Iterator[dict[str, set[int]]]:
         yield lines
         return
     files = {str(ROOT.joinpath(*module.split("."))) + ".py": rows for module, rows in lines.items()}
-    within: dict[str, Callable[..., Any]] = {}
-    for name, rows in files.items():
+    missing: dict[
+        CodeType, set[int]
+    ] = {}  # lines of a function that have not run: one that has run wholly is left alone
 
-        def local(frame: FrameType, event: str, _: Any, rows: set[int] = rows) -> Any:
-            rows.add(frame.f_lineno)
-            return within[frame.f_code.co_filename]
-
-        within[name] = local
+    def ran(frame: FrameType, event: str, _: Any) -> Any:
+        files[frame.f_code.co_filename].add(frame.f_lineno)
+        missing[frame.f_code].discard(frame.f_lineno)
+        return ran
 
     def called(frame: FrameType, event: str, _: Any) -> Any:
-        return within.get(frame.f_code.co_filename)
+        code = frame.f_code
+        if code.co_filename not in files:
+            return None
+        if code not in missing:
+            missing[code] = {line for _, _, line in code.co_lines() if line is not None} - {code.co_firstlineno}
+        return ran if missing[code] else None
 
     sys.settrace(called)
     threading.settrace(called)

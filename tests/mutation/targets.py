@@ -8,6 +8,12 @@ a mistake there shows as cost or as a refusal. So does one in the choice of tria
 - fields of classes, defaults of arguments, decorators, annotations;
 - numbers and types with a name of their own at the top of a module: tolerances, limits, numbers of points;
 - functions that return text, check input, or read and write files.
+
+These rules name modules, and functions do other things beside the mechanics of theirs: a module of meshes holds basis
+functions and chooses lines. `KINDS` applies the same rules function by function: by what a function is, whatever became
+of its mutants. It was written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Mutants are drawn of all
+statements as before. The score is told of all of them, of those that are mechanics, and of those that state how sure an
+answer is: these are part of the answer, and are examined by calibration.
 """
 
 from __future__ import annotations
@@ -15,7 +21,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -91,6 +97,155 @@ QUESTION = Target(
 )
 TARGETS = {target.name: target for target in (FEM, NDF, QUESTION)}
 
+MECHANICS = "mechanics"  # what an answer's value is made of
+STATEMENT = "statement"  # of how sure an answer is, and of what is rounding in it
+CHOICE = "choice"  # of meshes, points, steps, trial functions and folding: answers converge to the same
+CHECK = "check"  # refuses an answer, and changes none
+EQUATION = "equation"  # solves what others set up; ends an iteration
+RECORD = "record"  # what a record or a picture has beside the values
+LEFT_OUT = (CHOICE, CHECK, EQUATION, RECORD)
+
+DRAWN_ONLY = "fields at points are drawn, and no quantity is made of them"
+FOLDS = "it tells what may be left out of a symmetric shell, as `symmetry` of the question does, which is left out"
+
+# Module, functions (a pattern of the whole name), what they are, and why. What is named nowhere is mechanics.
+KINDS: tuple[tuple[str, str, str, str], ...] = (
+    # fem
+    (
+        "fem.buckling",
+        r"following_steps|.*(softest|softest_mode|area|stiffness|relaxed|_carried|_pushed|_downhill)",
+        CHOICE,
+        "steps from an unstable state to a stable one; `critical`, which tells the critical load, is mechanics",
+    ),
+    ("fem.buckling", r"_left_to_itself|_times|_on_free", CHOICE, "parts of these steps"),
+    ("fem.cell_dissection", r".*", EQUATION, "the order of an elimination, and a factorisation"),
+    ("fem.contact", r"_length", EQUATION, "the length of a step toward a minimum"),
+    ("fem.contact", r".*softness", CHOICE, "penalties in the order in which they are tried"),
+    ("fem.eigenpairs", r".*", EQUATION, "a block Lanczos method"),
+    (
+        "fem.equilibrium",
+        r"solve_reduced|_cosine|_ratio|_dissection|_superlu|_pardiso|factorised",
+        EQUATION,
+        "iterative refinement, and factorisations",
+    ),
+    ("fem.equilibrium", r"_energy", STATEMENT, "the energy of rounding"),
+    ("fem.finite_state", r".*", EQUATION, "a step of Newton's method with one more equation"),
+    ("fem.following", r"PressedFactor\..*", EQUATION, "an unsymmetric system, by a symmetric factor"),
+    ("fem.layers", r".*", CHOICE, "how a mesh is graded toward layers"),
+    (
+        "fem.mesh",
+        r"singular_points|segment|marked_coordinates|break_coordinates|axis_lines|graded_mesh",
+        CHOICE,
+        "where mesh lines are; the basis on them is mechanics",
+    ),
+    (
+        "fem.problem",
+        r".*\.(equilibrium|carried|revolution|on_path|_newton|_bordered|_factorised)|_size",
+        EQUATION,
+        "Newton's method: its first step, its steps, and when it ends; residual and tangent are mechanics",
+    ),
+    ("fem.solution|fem.motion_solution", r".*\.field_at", RECORD, DRAWN_ONLY),
+    (
+        "fem.symmetry",
+        r".*\.from_case|_Observed\..*|_gauss_points",
+        CHOICE,
+        FOLDS + "; how a part is unfolded is mechanics",
+    ),
+    (
+        "fem.time_step",
+        r"_Minimum\.(find|_factorised)|_solved",
+        EQUATION,
+        "Newton's method; the potential and its derivatives are mechanics",
+    ),
+    # ndf-ritz
+    ("ndf.buckling", r"trust_region_step", EQUATION, "the least of a quadratic form within a radius"),
+    (
+        "ndf.buckling",
+        r"relaxed|_size|follow_steps|_to_buckling|_beyond_buckling|_stepped",
+        CHOICE,
+        "steps of a path; `_critical` and `_zero`, which tell the critical load, are mechanics",
+    ),
+    (
+        "ndf.contact",
+        r"solve|_located|edges_of_contact|_root_of_gap|drawn",
+        CHOICE,
+        "resolutions, and where features jump",
+    ),
+    ("ndf.contact", r"_stated", STATEMENT, "the uncertainty of an answer in contact"),
+    ("ndf.contact_at_finite_strain", r"in_contact", EQUATION, "Newton's method; its rows are mechanics"),
+    ("ndf.energy", r"energy_gap", CHECK, "an answer is refused where two rules differ"),
+    ("ndf.equilibrium", r".*\.(independent|_stiffness)", CHOICE, "which combinations of features are kept"),
+    (
+        "ndf.equilibrium",
+        r".*\.(unstrained|settled|likeness|predicted|foretold_energies|_strain_change)",
+        EQUATION,
+        "when Newton's method ends, and what it predicts",
+    ),
+    (
+        "ndf.field",
+        r"Network\.narrowed|siren|random_features|deep_random_features|_uniform",
+        CHOICE,
+        "trial functions are drawn",
+    ),
+    (
+        "ndf.field",
+        r"FixedFeatures\.(from_case|former|allowed|_around)|Features\.pairs",
+        CHOICE,
+        "which fixed trial functions there are; their jets are mechanics",
+    ),
+    ("ndf.modes", r"still_missed", STATEMENT, "the uncertainty of modes"),
+    ("ndf.modes", r"solve|_OneLevel\._combinations", CHOICE, "levels of ever more features, and which are independent"),
+    ("ndf.motion_problem", r".*\.highest_frequency", CHOICE, "how long a step in time may be"),
+    ("ndf.patches", r"Recovery\._plain", CHOICE, "whether polynomials may be fitted on a patch"),
+    ("ndf.path_challenge", r".*", STATEMENT, "how sure a path is, by challengers"),
+    (
+        "ndf.quadrature",
+        r"_?panel_ends|_layered_ends|ends_of|_cut_cells|_beside",
+        CHOICE,
+        "where panels end; points and weights on them are mechanics",
+    ),
+    ("ndf.ritz", r".*", CHOICE, "rungs, which are tried in order until a path settles"),
+    (
+        "ndf.sampled",
+        r".*independent|smooth|placed_features|scales|widest|degrees",
+        CHOICE,
+        "trial functions of paths and motions",
+    ),
+    ("ndf.sampled", r"rule_of|finer", CHOICE, "how fine a rule is"),
+    ("ndf.signs", r"rounding_energy", STATEMENT, "an energy that is rounding"),
+    ("ndf.signs", r".*", CHECK, "what makes a solved field no answer"),
+    (
+        "ndf.solution|ndf.motion_solution",
+        r".*\.(field_at|_strained|on_rounded)|one_of_fields|strained",
+        RECORD,
+        DRAWN_ONLY + "; sizes of files",
+    ),
+    ("ndf.solve", r"(RegularisedInverse|HeldInverse)\..*", EQUATION, "factorisations with a jitter, refined"),
+    ("ndf.static", r"solve|_without_challengers|Solved\.challenged", CHOICE, "levels of ever more features"),
+    ("ndf.static", r"Answer\.missed|_stated|_unrecovered", STATEMENT, "the uncertainty of a linear shell's answer"),
+    # the question
+    ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),
+    ("problems.solving", r".*", RECORD, "how solvers take a case: no mechanics"),
+    ("shell.contact", r"kept_touch|restored_touch", RECORD, "what a file keeps"),
+    (
+        "shell.mirrors",
+        r"Sight\..*|mirror_of|_.*|point_forces",
+        CHOICE,
+        FOLDS + "; how points, places and supports are mirrored is mechanics",
+    ),
+    ("shell.self_intersection", r".*", RECORD, "a study of an answer, and no quantity"),
+    ("shell.shell", r"Shell\.(physics|asked_as_well)", RECORD, "which records answer a question"),
+)
+
+
+def kind_of(module: str, function: str) -> str:
+    """Return what a function of a module is: mechanics unless `KINDS` says otherwise; the first entry counts."""
+    for modules, functions, kind, _ in KINDS:
+        if any(module.endswith(f".{name}") for name in modules.split("|")) and re.fullmatch(functions, function):
+            return kind
+    return MECHANICS
+
+
 FILES_AND_CHECKS = re.compile(
     r"_pole|_?check(ed)?|_?check_.*|_?declined?s?|save|load|kept|restored|rounded|storage_bytes|__\w+__"
 )
@@ -122,18 +277,21 @@ class Part:
         Nodes in it that may be changed, in the order of the tree.
     lines
         First and last line: whatever runs one of them reaches it.
+    function
+        In which it stands, `Class.method` of a method; functions within functions are part of these. Empty at the top.
     """
 
     statement: ast.stmt
     expressions: tuple[ast.AST, ...]
     lines: tuple[int, int]
+    function: str = ""
 
 
 def parts(tree: ast.Module) -> Iterator[Part]:
     """Yield what may be changed of a module, statement by statement."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
-            yield from _of_function(node)
+            yield from _named(node.name, _of_function(node))
         elif isinstance(node, ast.ClassDef):
             yield from _of_class(node)
         elif isinstance(node, ast.Assign | ast.AnnAssign) and not (_is_named_number(node) or _is_type(node)):
@@ -143,7 +301,11 @@ def parts(tree: ast.Module) -> Iterator[Part]:
 def _of_class(node: ast.ClassDef) -> Iterator[Part]:
     for child in node.body:
         if isinstance(child, ast.FunctionDef):
-            yield from _of_function(child)
+            yield from _named(f"{node.name}.{child.name}", _of_function(child))
+
+
+def _named(function: str, found: Iterator[Part]) -> Iterator[Part]:
+    return (replace(part, function=function) for part in found)
 
 
 def _of_function(node: ast.FunctionDef) -> Iterator[Part]:
