@@ -43,6 +43,7 @@ BASE = 12  # cells of the coarsest mesh along the longer side
 COURANT = 0.3  # of a cell of the coarsest mesh that a membrane wave crosses in one step
 FEWEST_STEPS, MOST_STEPS = 100, 1000  # of the coarsest level, whatever the speed of waves
 ORDER = 2.0  # of the errors in the number of cells: the fourth in the size of one
+WHOLE = 0.1  # in log2 of a growth: what whole numbers of cells may miss of the root of two a side that a level asks for
 MOST_LEVELS = 3  # from three values on the rate is observed
 MOST_WORK = 400_000  # cells times steps: no level that takes more is begun
 UNPREDICTABLE = 0.05  # relative uncertainty after two levels beyond which a third one would tell no more
@@ -173,7 +174,7 @@ def solve(
         # Where cells are whole numbers of few, it grows by less, or not at all: changes say less of its error, then.
         last = [k for k, n in enumerate(meshes) if n not in meshes[k + 1 :]]  # the level with the least step on each
         for name, v in values.items():
-            least = estimate([v[k] for k in last], [meshes[k] for k in last], ORDER).uncertainty
+            least = estimate([v[k] for k in last], _as_asked([meshes[k] for k in last]), ORDER).uncertainty
             estimates[name] = replace(estimates[name], uncertainty=max(estimates[name].uncertainty, least))
         scales = {q.name: _scale(found, q, quantities) for q in case.quantities}
         error = max(estimates[name].uncertainty / scales[name] for name in values)
@@ -186,6 +187,17 @@ def solve(
             break
     assert solution is not None  # there is a first level
     return solution
+
+
+def _as_asked(meshes: list[float]) -> list[float]:
+    """Return how fine meshes are, without what three or more miss of an even growth as cells are whole numbers."""
+    # A rate that is observed on three meshes is sensitive to that: 12, 18, 24 cells are meant to grow alike. Two show
+    # no rate, and growth far from even is not forgiven.
+    growths = np.diff(np.log2(meshes))
+    asked = np.round(2 * growths) / 2  # sides that grow by the root of two
+    if len(meshes) < 3 or not asked.all() or np.abs(growths - asked).max() > WHOLE:
+        return meshes
+    return [float(n) for n in 2 ** np.concatenate([[0.0], np.cumsum(asked)])]
 
 
 def _cells(mesh: TensorMesh) -> str:

@@ -453,6 +453,18 @@ def test_meshes_that_hardly_grow_leave_all_of_an_error_of_fourth_order(monkeypat
     assert solution.uncertainty["kinetic"] == pytest.approx(32.0**-2, rel=1e-9)
 
 
+@pytest.mark.parametrize("order", [1.0, 1.5])
+def test_three_meshes_that_grow_unevenly_by_whole_cells_show_the_rate_of_time(monkeypatch, order):
+    """Errors fall with the step alone, which halves; a rate by the cells' growth would be near nothing."""
+    asked, cells, error = [KINETIC | {"at": 0.02}], [(6, 4), (9, 4), (12, 4)], 1e-2
+    monkeypatch.setattr(motion, "usual_cells", lambda case, level, grading: cells[level])
+    fallen = iter(1.0 + error * 2.0 ** (-order * level) for level in range(3))
+    monkeypatch.setattr(motion, "measure_all", lambda found: dict.fromkeys(("largest", "kinetic"), next(fallen)))
+    solution = solve(moving(0.02, asked), tolerance=1e-12)
+    left = error * 2.0 ** (-2 * order)
+    assert left <= solution.uncertainty["kinetic"] <= 4 * left
+
+
 def test_settings_fix_one_level():
     case = moving(0.1)
     for settings in ({"cells": (3, 2)}, {"time_step": 0.01}, {"cells": (3, 2), "time_step": 0.01}):
