@@ -1,46 +1,57 @@
-"""Which sample threw the published training of the free cylinder off: `python docs/collapse.py`, some 5 minutes.
+"""How the published training of the free cylinder is thrown off: `python docs/collapse.py`, some 5 minutes.
 
-Trains as printed, seed 0, for 550 iterations, and shows what the next samples see of that network: the loss, the
-largest strain energy of one sample, and the length of the gradient. The training itself goes no further.
+Trains as printed, and shows what the next samples see: the loss, its membrane and bending parts, the largest strain
+energy of one sample, and the length of the gradient. With seed 0 the network stays as it was after 550 iterations, so that
+one sample among others is seen. `--seed 1 --last 925 --shown 40 --going-on` trains on, so that the collapse is seen to grow.
 """
 
 from __future__ import annotations
+
+import argparse
 
 import torch
 
 from shellbench.bench.catalog import named_case
 from shellbench.solvers.ndf.published import _Training
-from shellbench.solvers.ndf.published_samples import stratified_samples
+from shellbench.solvers.ndf.published_network import Siren
+from shellbench.solvers.ndf.published_samples import Sample, stratified_samples
 from shellbench.solvers.ndf.published_solver import PublishedSettings
 from shellbench.solvers.ndf.published_training import Plan, beginning, train
 
-LAST, SHOWN = 550, 13
+CASE, RATE = "pinched_cylinder_free", 1e-4
 
 
 def main() -> None:
-    """Print a line for each iteration after the last good ones."""
-    case = named_case("pinched_cylinder_free")
-    training = _Training.from_case(case, PublishedSettings())
-    unit = training.sampler.modulus_factor
-    now = train(
-        training.siren,
-        beginning(training.key, training.siren),
-        training.sampler,
-        Plan(LAST, 1e-4),
-        lambda siren: {},
-        lambda told: None,
+    """Print a line for each iteration after the last that is trained unseen."""
+    asked = argparse.ArgumentParser()
+    for name, usual in (("--seed", 0), ("--last", 550), ("--shown", 13)):
+        asked.add_argument(name, type=int, default=usual)
+    asked.add_argument("--going-on", action="store_true")
+    told = asked.parse_args()
+    training = _Training.from_case(named_case(CASE), PublishedSettings(seed=told.seed))
+    sampler, now = training.sampler, beginning(training.key, training.siren)
+    stops = [told.last, *(told.last + k for k in range(1, told.shown) if told.going_on)]
+    for iteration, sample in enumerate(sampler.samples(told.last, told.last + told.shown), told.last + 1):
+        if stops:
+            plan = Plan(stops.pop(0), RATE)
+            now = train(training.siren, now, sampler, plan, lambda siren: {}, lambda told: None)
+        network = training.siren.with_tensors([weight.clone().requires_grad_() for weight in now.weights])
+        show(iteration, sample, network, sampler.modulus_factor, told.seed)
+
+
+def show(iteration: int, sample: Sample, network: Siren, unit: float, seed: int) -> None:
+    """Print what the samples of an iteration see of a network, whose outputs are displacements in a unit, m."""
+    loss, count = sample.loss(network), len(sample.rows)
+    length = sum(float(g.square().sum()) for g in torch.autograd.grad(loss, network.tensors)) ** 0.5
+    jets = network.jets(sample.inputs).detach()[:, :count].permute(1, 2, 0).reshape(count, 18, 1)
+    energies = unit * 0.5 * ((sample.rows @ jets)[..., 0] + sample.offset).square()
+    membrane, bending = energies[:, :3].sum(), energies[:, 3:].sum()
+    one = energies.sum(1)
+    xi = stratified_samples(named_case(CASE), (20, 20), seed, iteration - 1)[int(one.argmax())]
+    print(
+        f"{iteration}: energy {unit * loss.item():.3g} J, membrane {membrane:.2g}, bending {bending:.2g}, one sample"
+        f" {float(one.max()):.2g} J at {xi[0] * 180 / torch.pi:.2f} degrees, {xi[1]:.2f} m; gradient {length:.3g}"
     )
-    network = training.siren.with_tensors([weight.requires_grad_() for weight in now.weights])
-    for iteration, sample in enumerate(training.sampler.samples(LAST, LAST + SHOWN), LAST + 1):
-        loss, count = sample.loss(network), len(sample.rows)
-        length = sum(float(g.square().sum()) for g in torch.autograd.grad(loss, network.tensors)) ** 0.5
-        jets = network.jets(sample.inputs).detach()[:, :count].permute(1, 2, 0).reshape(count, 18, 1)
-        energy = 0.5 * ((sample.rows @ jets)[..., 0] + sample.offset).square().sum(1)
-        xi = stratified_samples(case, (20, 20), 0, iteration - 1)[int(energy.argmax())]
-        print(
-            f"{iteration}: energy {unit * loss.item():.3g} J, one sample {unit * float(energy.max()):.2g} J at", end=""
-        )
-        print(f" {xi[0] * 180 / torch.pi:.2f} degrees, {xi[1]:.2f} m; gradient {length:.3g}")
 
 
 if __name__ == "__main__":
