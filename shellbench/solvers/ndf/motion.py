@@ -66,9 +66,8 @@ MORE = 8  # Gauss points a side: few are not enough for waves of a low degree
 FIRST_DEGREE = 13  # of products that follow a motion, and by how much their degree grows at a time
 GROWTH = 1.3
 TOP = 0.8  # of the degree: what varies more quickly is the tail
-TAIL = (
-    SETTLED / 40
-)  # of the displacement, over the longest side, that asks for more where a field may reach `REFERENCE`
+# Of the displacement, over the longest side: asks for more where a field may reach `REFERENCE`, and falls with a power.
+TAIL = SETTLED / 40
 REFERENCE, TAIL_POWER = 30, 4.0
 UNALLOCATED = "can't allocate memory"  # what torch says on a CPU, as a RuntimeError
 
