@@ -32,7 +32,6 @@ from shellbench.solvers.ndf.build import (
     build_features,
     build_inputs,
     graded_points,
-    is_flat,
     rung,
     rung_count,
 )
@@ -57,6 +56,8 @@ from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
     FINAL_ORDER,
+    MIXED_SCALES,
+    SINGULAR_SCALES,
     Plan,
     Quadratures,
     Trained,
@@ -251,8 +252,11 @@ class _Run:
         self.spec = field_spec(settings, "linear")
         self.problem = TrainingProblem.from_case(case, self.spec, Placement.on(settings.device), point_constraints)
         widths, scales = default_plan_widths(case, self.problem.singular)
+        mixed = scales == MIXED_SCALES and not settings.widths
+        if settings.widths and self.problem.singular:  # starts are compared: the mixture is one for the usual width
+            scales = SINGULAR_SCALES
         self.plan = training_plan(settings, settings.widths or widths, scales)
-        if self.problem.singular and not is_flat(case):
+        if mixed:
             iterations = MIXED_ITERATIONS if settings.iterations is None else settings.iterations
             self.plan = replace(self.plan, mixed=True, iterations=iterations)
         self.history: list[Step] = []

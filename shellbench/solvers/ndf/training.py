@@ -49,6 +49,8 @@ CHECK = 2.0  # check points, as a multiple of the training points
 CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training points
 ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
 GRADING = 3.0  # of panels toward point forces
+SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
+MIXED_SCALES = (1.0, 4.0), (2.0, 2.0)  # on curved shells: the features of one start have both
 MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
 COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
 AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
@@ -397,7 +399,5 @@ def agree(new: Trained, old: Trained) -> bool:
 def default_plan_widths(case: Case, singular: bool) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
     """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders."""
     if singular:
-        if is_flat(case):
-            return (100, 200), ((2.0, 2.0), (2.0, 3.0), (1.0, 4.0))
-        return (500,), ((1.0, 4.0), (2.0, 2.0))
+        return ((100, 200), SINGULAR_SCALES) if is_flat(case) else ((500,), MIXED_SCALES)
     return (40, 80, 160, 320), ((2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0))
