@@ -354,8 +354,9 @@ def test_held_edges_stay_and_the_motion_is_symmetric():
     cloth = held_edges(Resolution(5, 3))
     (moment,) = motion(cloth, (0.2,), 1e-7)
     u = moment.coefficients
-    assert np.abs(u[:, 0]).max() < 1e-14
-    assert np.abs(u[:, :, 0]).max() < 1e-14
+    rounding = 1e-12  # m, of displacements of .2 m: what is left depends on the processor
+    assert np.abs(u[:, 0]).max() < rounding
+    assert np.abs(u[:, :, 0]).max() < rounding
     assert np.allclose(u[0], u[1].T, rtol=0, atol=1e-9)
     assert cloth.centre(u)[2] < -0.1
     assert abs(cloth.energies(u, moment.velocity).total) < 1e-7
