@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from .bedded_plate import bedded_plate, bedded_plate_by_ritz
+from .bent_in_plane import bent_in_plane, bent_in_plane_by_ritz
 from .blown_tube import blown_tube, blown_tube_by_samples
 from .bridge_plate import bridge_plate, bridge_plate_by_ritz
 from .clamped_plate import by_ritz, clamped_plate_point, clamped_plate_uniform
@@ -40,6 +41,7 @@ from .rigid_turn import (
 from .ring_twist import ring_twist, ring_twist_by_ritz
 from .rippled_plate import rippled_plate, rippled_plate_by_ritz
 from .sprung_motion import sprung_motion, sprung_motion_by_splines
+from .turned_saddle import turned_saddle, turned_saddle_by_simpson
 from .turned_strip import turned_cantilever, turned_cantilever_by_polynomials
 from .uneven_pipe import uneven_pipe, uneven_pipe_by_statics
 
@@ -75,6 +77,8 @@ JUDGES: dict[str, Values] = {
     "blown_tube": blown_tube,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
+    "bent_in_plane": bent_in_plane,
+    "turned_saddle": turned_saddle,
     "inclined_moments": inclined_moments,
     "narrow_peak": narrow_peak,
     "lifted_plate": lifted_plate,
@@ -111,6 +115,8 @@ SECOND_FORMS: dict[str, Values] = {
     "blown_tube": blown_tube_by_samples,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
+    "bent_in_plane": bent_in_plane_by_ritz,
+    "turned_saddle": turned_saddle_by_simpson,
     "inclined_moments": inclined_moments_by_potential,
     "narrow_peak": narrow_peak_by_galerkin,
     "lifted_plate": lifted_plate_by_navier,

@@ -19,9 +19,11 @@ from tests.mutation.operators import RULES
 from tests.mutation.report import (
     PAGE,
     SCORE,
+    UNJUDGED,
     Excuse,
     add,
     excuses,
+    hole_groups,
     of_kinds,
     page,
     read_runs,
@@ -246,6 +248,7 @@ RUN = {
     "not_reached": {"toy": ["3-4"]},
     "results": [entry("x", "value: w: its error is 1"), entry("y", ""), entry("z", ""), entry("w", "crash: KeyError")],
 }
+GROUPS = {"what no case asks": "none has it", UNJUDGED: "nobody has said", STATEMENT: "how sure"}
 SAID = {("toy", "sign", "y = a", "y = -a"): Excuse("equivalent", "its sign does not count")}
 
 
@@ -261,13 +264,13 @@ def test_a_score_by_kind_counts_these_alone() -> None:
     mixed = {**RUN, "results": [*RUN["results"], stated]}
     assert score(of_kinds(mixed, (MECHANICS,))["results"], SAID) == (4, 2, 1, 1, 0)
     assert score(of_kinds(mixed, (STATEMENT,))["results"], SAID) == (1, 0, 0, 1, 0)
-    assert "| fem, seed 1 | 50 % of 4 | 67 % of 3 | 0 % of 1 |  |" in page([mixed], SAID)
+    assert "| fem, seed 1 | 1 | 0 | 60 | 5 |  |  | 50 % of 4 | 67 % of 3 |" in page([mixed], SAID, GROUPS)
 
 
 def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() -> None:
     closed = {**RUN, "unseen": True, "results": [{**RUN["results"][0], "closed": True}, *RUN["results"][1:]]}
     assert unseen(closed, SAID) == (4, 1, 1, 2, 0)
-    assert "**Unseen**" in page([closed], SAID)
+    assert "| **seed 1, mechanics** | 4 | 1 | 1 | 2 | 0 | 33 % |" in page([closed], SAID, GROUPS)
     assert '"red": 1' in scores([closed], SAID)
 
 
@@ -280,7 +283,7 @@ def test_what_is_gone_counts_in_an_unseen_score_alone() -> None:
 
 
 def test_the_page_names_holes_and_excuses() -> None:
-    text = page([RUN], SAID)
+    text = page([RUN], SAID, GROUPS)
     holes, equivalent = text.partition("## Holes")[2].split("## Equivalent mutants")
     assert "no verdict yet" in holes
     assert "its sign does not count" in equivalent
@@ -307,7 +310,23 @@ def test_what_is_gone_is_made_no_more() -> None:
 
 
 def test_the_page_is_that_of_the_result() -> None:
-    assert PAGE.read_text(encoding="utf-8") == page(read_runs(), excuses())
+    assert PAGE.read_text(encoding="utf-8") == page(read_runs(), excuses(), hole_groups())
+
+
+def test_holes_in_mechanics_have_a_group_and_others_that_of_their_kind() -> None:
+    said = {**SAID, ("toy", "sign", "z = a", "z = -a"): Excuse("hole", "rare", "what no case asks")}
+    stated = {**RUN, "results": [*RUN["results"], {**entry("v", ""), "kind": STATEMENT}]}
+    text = page([stated], said, GROUPS)
+    assert "| [what no case asks](#what-no-case-asks) | 1 | none has it |" in text
+    assert f"| [{STATEMENT}](#{STATEMENT}) | 1 | how sure |" in text
+    assert UNJUDGED not in text
+
+
+def test_every_group_is_one_that_the_page_explains() -> None:
+    groups = hole_groups()
+    assert {*LEFT_OUT, STATEMENT, UNJUDGED} <= groups.keys()
+    for excuse in excuses().values():
+        assert not excuse.group or (excuse.verdict == "hole" and excuse.group in groups)
 
 
 def test_the_score_of_the_report_is_that_of_the_result() -> None:

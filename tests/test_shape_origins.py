@@ -5,7 +5,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from derivations import blown_tube, clamped_plate, guided_plate, oval_tube, pressed_motion, raft, rigid_turn, ring_twist
+from derivations import (
+    bent_in_plane,
+    blown_tube,
+    clamped_plate,
+    guided_plate,
+    oval_tube,
+    pressed_motion,
+    raft,
+    rigid_turn,
+    ring_twist,
+)
 from derivations.goursat_plate import goursat
 from derivations.navier_plate import SquarePlate
 from derivations.navier_plate import navier as navier_of_a_square
@@ -248,3 +258,35 @@ def test_a_tube_that_grows_little_is_barlow_s():
     circumferential = blown_tube.STRETCHING + blown_tube.BENDING / blown_tube.RADIUS**2
     growth = small * blown_tube.RADIUS**2 / circumferential
     assert blown_tube.radius(small) - blown_tube.RADIUS == pytest.approx(growth, rel=1e-5)
+
+
+# --- a plate bent in its plane --------------------------------------------------------------------
+
+
+def test_what_holds_the_plate_that_is_bent_in_its_plane_balances_its_loads():
+    """Forces on all four edges, and their moments about the centre that the case names, by Gauss's rule."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    force, moment = np.zeros(2), 0.0
+    for axis, side in enumerate(bent_in_plane.SIDES):
+        run = bent_in_plane.SIDES[1 - axis]
+        for at, outward in ((0.0, -1.0), (side, 1.0)):
+            for node, weight in zip(run * (nodes + 1) / 2, weights * run / 2, strict=True):
+                place = np.array([at, node] if axis == 0 else [node, at])
+                pull = weight * outward * bent_in_plane.forces(place)[axis]
+                arm = place - bent_in_plane.CENTRE
+                force, moment = force + pull, moment + arm[0] * pull[1] - arm[1] * pull[0]
+    assert force == pytest.approx(np.zeros(2), abs=1e-9)
+    assert moment == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_strains_of_the_plate_that_is_bent_in_its_plane_are_those_of_its_forces():
+    place, step = np.array([0.9, 0.4]), 1e-4
+    slope = np.array(
+        [
+            (bent_in_plane.displacement(place + e) - bent_in_plane.displacement(place - e))[:2] / (2 * step)
+            for e in step * np.eye(2)
+        ]
+    )
+    strain, nu = (slope + slope.T) / 2, bent_in_plane.POISSON
+    forces = bent_in_plane.STRETCHING / (1 - nu**2) * ((1 - nu) * strain + nu * np.trace(strain) * np.eye(2))
+    assert forces == pytest.approx(bent_in_plane.forces(place), rel=1e-9)

@@ -206,15 +206,22 @@ def exam_words() -> str:
         draws = json.loads((catalog.data_folder("references") / EXAM_SCORE).read_text(encoding="utf-8"))["draws"]
     except OSError:
         return ""
-    found = "; ".join(
-        f"{draw['red']} of {draw['drawn'] - draw['equivalent']} in {draw['target']} (seed {draw['seed']})"
-        for draw in draws
-    )
+    unseen = [draw for draw in draws if draw["unseen"]]
+    if not unseen:
+        return ""
+    newest = max(draw["seed"] for draw in unseen)
+    mechanics = [draw["mechanics"] for draw in unseen]
+    last = [draw["mechanics"] for draw in unseen if draw["seed"] == newest]
     return (
-        f"The exam itself was examined: of mistakes made by rule that change an answer, it finds {found}."
-        if found
-        else ""
+        "The exam itself was examined: of mistakes made by rule that change an answer, in draws that nobody had seen,"
+        f" it finds {_found(mechanics)} in mechanics, of the newest draw {_found(last)} (seed {newest}),"
+        f" and {_found(unseen)} in all statements."
     )
+
+
+def _found(counts: Sequence[Mapping[str, int]]) -> str:
+    """Say how many mutants are red, of those that are not equivalent."""
+    return f"{sum(c['red'] for c in counts)} of {sum(c['drawn'] - c['equivalent'] for c in counts)}"
 
 
 def environment_words(environment: Environment, exams: Collection[int]) -> str:

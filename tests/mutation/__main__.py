@@ -12,12 +12,15 @@ from pathlib import Path
 def main() -> None:
     from tests.mutation.report import add, excuses, summary, write
     from tests.mutation.schedule import examined
-    from tests.mutation.targets import TARGETS
+    from tests.mutation.targets import ALL_KINDS, TARGETS
 
     parser = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
     parser.add_argument("--target", "--solver", action="append", choices=sorted(TARGETS), help="all unless given")
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--count", type=int, default=100, help="mutants of each target")
+    parser.add_argument(
+        "--kind", action="append", choices=ALL_KINDS, help="of what mutants are drawn, all unless given"
+    )
     parser.add_argument("--longest", type=float, default=10.0, help="seconds of the longest case that is asked")
     parser.add_argument("--patience", type=float, default=math.inf, help="seconds of the longest exam of one mutant")
     parser.add_argument("--case", action="append", default=[], help="ask these alone, or SOLVER:CASE")
@@ -27,7 +30,7 @@ def main() -> None:
     say = partial(print, file=sys.stderr, flush=True)
     limits = chosen.longest, chosen.patience, chosen.case, chosen.processes
     runs = [
-        examined(TARGETS[name], chosen.seed, chosen.count, chosen.store, *limits, say)
+        examined(TARGETS[name], chosen.seed, chosen.count, chosen.kind or ALL_KINDS, chosen.store, *limits, say)
         for name in chosen.target or TARGETS
     ]
     said = excuses()

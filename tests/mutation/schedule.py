@@ -2,7 +2,7 @@
 
 1. The code as it is answers every case, one process a case: which lines run, and how long it takes. Cases that it
    does not answer within a time are no part of this exam. This is kept too, as long as the code stays.
-2. Of the mutants whose statement some case runs, a seed draws.
+2. Of the mutants whose statement some case runs, and is of a kind that is asked for, a seed draws.
 3. A mutant is put the cases that run its statement, until one is red: cheap ones first, and each further way to ask
    the same case later. `patience` may end this early. One that a person has found to be equivalent is asked nothing.
 """
@@ -62,6 +62,7 @@ def examined(
     target: Target,
     seed: int,
     count: int,
+    kinds: Collection[str],
     folder: Path,
     longest: float,
     patience: float,
@@ -76,6 +77,8 @@ def examined(
 
     Parameters
     ----------
+    kinds
+        Of what mutants are drawn: see `targets.KINDS`.
     longest
         Seconds of the longest case that is asked.
     patience
@@ -87,8 +90,11 @@ def examined(
     exam = [reach for solver in target.solvers for reach in reaches(solver, folder, longest, only, processes, say)]
     exam = _in_order(exam)
     reached = [mutant for mutant in everything if any(reach.runs(mutant) for reach in exam)]
-    drawn = draw(reached, seed, count)
-    say(f"{target.name}: {len(everything)} mutants, {len(reached)} reached by {len(exam)} cases, {len(drawn)} drawn")
+    offered = [mutant for mutant in reached if mutant.kind in kinds]
+    drawn = draw(offered, seed, count)
+    say(
+        f"{target.name}: {len(reached)} of {len(everything)} mutants reached by {len(exam)} cases, {len(offered)} offered"
+    )
     path = folder / f"{target.name}-{seed}.jsonl"
     known = {entry["name"]: entry for entry in _lines(path)}
     equivalent = {key for key, excuse in excuses().items() if excuse.verdict == "equivalent"}
@@ -110,6 +116,7 @@ def examined(
     return {
         "target": target.name,
         "seed": seed,
+        "kinds": list(kinds),
         "longest": longest,
         "patience": patience if math.isfinite(patience) else None,
         "cases": [f"{r.question.solver} {r.question.case}" for r in exam],

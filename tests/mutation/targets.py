@@ -11,9 +11,10 @@ a mistake there shows as cost or as a refusal. So does one in the choice of tria
 
 These rules name modules, and functions do other things beside the mechanics of theirs: a module of meshes holds basis
 functions and chooses lines. `KINDS` applies the same rules function by function: by what a function is, whatever became
-of its mutants. It was written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Mutants are drawn of all
-statements as before. The score is told of all of them, of those that are mechanics, and of those that state how sure an
-answer is: these are part of the answer, and are examined by calibration.
+of its mutants. It was written when seeds 1 to 6 had been seen, and before seed 7 was drawn. Up to seed 7 mutants were
+drawn of all statements. The score is told of all of them, of those that are mechanics, and of those that state how sure
+an answer is: these are part of the answer, and are examined by calibration. From seed 8 on they are drawn of mechanics
+alone (`--kind mechanics`).
 """
 
 from __future__ import annotations
@@ -104,6 +105,7 @@ CHECK = "check"  # refuses an answer, and changes none
 EQUATION = "equation"  # solves what others set up; ends an iteration
 RECORD = "record"  # what a record or a picture has beside the values
 LEFT_OUT = (CHOICE, CHECK, EQUATION, RECORD)
+ALL_KINDS = (MECHANICS, STATEMENT, *LEFT_OUT)
 
 DRAWN_ONLY = "fields at points are drawn, and no quantity is made of them"
 FOLDS = "it tells what may be left out of a symmetric shell, as `symmetry` of the question does, which is left out"

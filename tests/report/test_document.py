@@ -129,6 +129,13 @@ def test_an_environment_says_by_which_exams_its_runs_were_judged(tmp_path):
 def test_the_score_of_the_exam_in_words(tmp_path, monkeypatch):
     monkeypatch.setattr(catalog, "data_folder", lambda name: tmp_path)
     assert exam_words() == ""
-    draw = {"target": "fem", "seed": 2, "drawn": 10, "red": 7, "equivalent": 2, "holes": 1}
-    (tmp_path / EXAM_SCORE).write_text(json.dumps({"schema_version": 1, "draws": [draw]}))
-    assert "7 of 8 in fem (seed 2)" in exam_words()
+    figures = {"drawn": 10, "red": 7, "equivalent": 2, "holes": 1}
+    mechanics = {"drawn": 5, "red": 4, "equivalent": 1, "holes": 0}
+    draws = [
+        {"target": "fem", "seed": seed, "unseen": seed > 2, **figures, "mechanics": mechanics} for seed in (2, 3, 4)
+    ]
+    (tmp_path / EXAM_SCORE).write_text(json.dumps({"schema_version": 2, "draws": draws}))
+    said = exam_words()
+    assert "8 of 8 in mechanics" in said
+    assert "of the newest draw 4 of 4 (seed 4)" in said
+    assert "14 of 16 in all statements" in said
