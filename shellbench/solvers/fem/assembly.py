@@ -193,10 +193,11 @@ def stiffness(
     unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     if mesh.degree > CUBIC:
-        parts = [_cell_matrices(mesh, cells, surface, material, quadrature, table) for cells in chunks(mesh)]
-        return CellMatrices(
-            np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds)
-        )
+        size = COMPONENTS * len(present)
+        by_cell = np.empty((len(mesh.nodes), size, size))
+        for cells in chunks(mesh):
+            by_cell[cells] = _cell_matrices(mesh, cells, surface, material, quadrature, table)
+        return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
     for cells in chunks(mesh):

@@ -183,7 +183,8 @@ def arc_length_steps(
 ) -> Iterator[FiniteState]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
-    The first step moves the displacement by this share of the path, and none is much longer. Between steps the marks are landed on at the displacement's first passage.
+    The first step moves the displacement by this share of the path, and none is much longer. Between steps the marks
+    are landed on at the displacement's first passage.
 
     Raises
     ------
