@@ -30,6 +30,7 @@ from shellbench.solvers.fem.mesh import (
     KINDS,
     Derivative,
     TensorMesh,
+    gauss_rule,
     kind_scales,
     present_functions,
     tabulate,
@@ -140,7 +141,7 @@ class EdgeRule:
         """Put so many points on the side of each cell."""
         cells = mesh.edge_cells(edge)
         # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
-        x, w = np.polynomial.legendre.leggauss(count)
+        x, w = gauss_rule(count)
         unit = np.full((count, 2), float(edge.side == "max"))
         unit[:, 1 - edge.axis] = (x + 1) / 2
         sizes = mesh.sizes[cells]

@@ -299,11 +299,12 @@ class Deformation:
         membrane, bending = resultants[:, :3], resultants[:, 3:]
         form = np.zeros((len(resultants), GRADIENT, GRADIENT))
         pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
-        form[:, FIRST, FIRST] -= self.second_turning(pulled)
-        for row, (a, b) in enumerate(STRAINS):
-            for c in range(3):
-                form[:, 3 * a + c, 3 * b + c] += membrane[:, row] / 2
-                form[:, 3 * b + c, 3 * a + c] += membrane[:, row] / 2
+        form[:, FIRST, FIRST] = -self.second_turning(pulled)
+        tensor = np.empty((len(form), 2, 2))
+        tensor[:, 0, 0], tensor[:, 1, 1] = membrane[:, 0], membrane[:, 1]
+        tensor[:, 0, 1] = tensor[:, 1, 0] = membrane[:, 2] / 2
+        for c in range(3):  # components of u do not mix
+            form[:, c : FIRST.stop : 3, c : FIRST.stop : 3] += tensor
         coupling = (bending[:, :, None, None] * self.turning[:, None]).reshape(len(form), -1, FIRST.stop)
         form[:, FIRST.stop :, FIRST] = -coupling
         form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)

@@ -38,7 +38,7 @@ from shellbench.solvers.fem.assembly import (
 )
 from shellbench.solvers.fem.clamping import outward_conormal
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
-from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 
 Array = NDArray[np.float64]
@@ -301,7 +301,7 @@ class _Builder:
     def add_edge_load(self, load: EdgeLoad, edge: Edge, states: Sequence[float]) -> None:
         running = 1 - edge.axis
         line = self.mesh.lines[running]
-        x, w = np.polynomial.legendre.leggauss(EDGE_GAUSS_POINTS)
+        x, w = gauss_rule(EDGE_GAUSS_POINTS)
         loaded = edge.covers(self.mesh.domain, (line[:-1] + line[1:]) / 2)
         h = np.diff(line)[loaded, None]
         points = edge.points(self.mesh.domain, (line[:-1][loaded, None] + h * (x + 1) / 2).ravel())
