@@ -12,6 +12,7 @@ import argparse
 import torch
 
 from shellbench.bench.catalog import named_case
+from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.published import _Training
 from shellbench.solvers.ndf.published_network import Siren
 from shellbench.solvers.ndf.published_samples import Sample, stratified_samples
@@ -21,6 +22,13 @@ from shellbench.solvers.ndf.published_training import Plan, beginning, train
 CASE, RATE = "pinched_cylinder_free", 1e-4
 
 
+def cylinder() -> Case:
+    """Return the case that is trained."""
+    case = named_case(CASE)
+    assert isinstance(case, Case)
+    return case
+
+
 def main() -> None:
     """Print a line for each iteration after the last that is trained unseen."""
     asked = argparse.ArgumentParser()
@@ -28,7 +36,7 @@ def main() -> None:
         asked.add_argument(name, type=int, default=usual)
     asked.add_argument("--going-on", action="store_true")
     told = asked.parse_args()
-    training = _Training.from_case(named_case(CASE), PublishedSettings(seed=told.seed))
+    training = _Training.from_case(cylinder(), PublishedSettings(seed=told.seed))
     sampler, now = training.sampler, beginning(training.key, training.siren)
     stops = [told.last, *(told.last + k for k in range(1, told.shown) if told.going_on)]
     for iteration, sample in enumerate(sampler.samples(told.last, told.last + told.shown), told.last + 1):
@@ -47,7 +55,7 @@ def show(iteration: int, sample: Sample, network: Siren, unit: float, seed: int)
     energies = unit * 0.5 * ((sample.rows @ jets)[..., 0] + sample.offset).square()
     membrane, bending = energies[:, :3].sum(), energies[:, 3:].sum()
     one = energies.sum(1)
-    xi = stratified_samples(named_case(CASE), (20, 20), seed, iteration - 1)[int(one.argmax())]
+    xi = stratified_samples(cylinder(), (20, 20), seed, iteration - 1)[int(one.argmax())]
     print(
         f"{iteration}: energy {unit * loss.item():.3g} J, membrane {membrane:.2g}, bending {bending:.2g}, one sample"
         f" {float(one.max()):.2g} J at {xi[0] * 180 / torch.pi:.2f} degrees, {xi[1]:.2f} m; gradient {length:.3g}"

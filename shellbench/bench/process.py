@@ -20,6 +20,9 @@ from shellbench.bench.source import what_was_seen
 THREAD_LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 READ = 65536  # bytes at once
 COMPUTES = 0.05  # share of one processor from which a process counts as computing, and not as waiting for something
+# What the C library (glibc; others ignore it) keeps of memory that is freed, bytes: arrays come and go, and a tenth of
+# a large solve would pass in having the same pages cleared again. The most memory that is in use stays what it is.
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
 MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
 
 
@@ -65,7 +68,7 @@ class SolverProcess:
             [sys.executable, "-m", module, *arguments],
             stdout=streams.pop("stdout", errors),
             stderr=errors,
-            env={**os.environ, **limits, **waiting, "PYTHONPATH": path},
+            env={**os.environ, **limits, **waiting, **KEPT_MEMORY, "PYTHONPATH": path},
             start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
             **streams,
         )

@@ -30,6 +30,7 @@ from shellbench.solvers.fem.mesh import (
     KINDS,
     Derivative,
     TensorMesh,
+    gauss_rule,
     kind_scales,
     present_functions,
     tabulate,
@@ -140,7 +141,7 @@ class EdgeRule:
         """Put so many points on the side of each cell."""
         cells = mesh.edge_cells(edge)
         # The edge is a side of the unit cell: 0 or 1 in its fixed coordinate, all of the other one.
-        x, w = np.polynomial.legendre.leggauss(count)
+        x, w = gauss_rule(count)
         unit = np.full((count, 2), float(edge.side == "max"))
         unit[:, 1 - edge.axis] = (x + 1) / 2
         sizes = mesh.sizes[cells]
@@ -193,10 +194,11 @@ def stiffness(
     unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
     if mesh.degree > CUBIC:
-        parts = [_cell_matrices(mesh, cells, surface, material, quadrature, table) for cells in chunks(mesh)]
-        return CellMatrices(
-            np.concatenate(parts), cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds)
-        )
+        size = COMPONENTS * len(present)
+        by_cell = np.empty((len(mesh.nodes), size, size))
+        for cells in chunks(mesh):
+            by_cell[cells] = _cell_matrices(mesh, cells, surface, material, quadrature, table)
+        return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
     for cells in chunks(mesh):

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.solvers.fem.mesh import Degree, Derivative, TensorMesh, axis_functions
+from shellbench.solvers.fem.mesh import Degree, Derivative, TensorMesh, axis_functions, gauss_rule
 
 Array = NDArray[np.float64]
 Derivatives = Callable[[Array], Mapping[Derivative, Array]]
@@ -22,7 +22,7 @@ MOMENT_POINTS = 6  # Gauss points of a cell at which moments are taken: exact fo
 
 def moment_points() -> Array:
     """Return the points (g,) of the unit interval at which `fitted_bubbles` takes a function."""
-    return np.asarray((np.polynomial.legendre.leggauss(MOMENT_POINTS)[0] + 1) / 2)
+    return np.asarray((gauss_rule(MOMENT_POINTS)[0] + 1) / 2)
 
 
 def fitted_bubbles(degree: Degree, ends: Array, inside: Array) -> Array:
@@ -43,7 +43,7 @@ def fitted_bubbles(degree: Degree, ends: Array, inside: Array) -> Array:
         (c, p - 3, ...).
     """
     # b'' is a multiple of a Legendre polynomial L_m, so that (e'', b'') = (e, L_m''): L_2'' is constant, L_3'' linear.
-    points, weights = np.polynomial.legendre.leggauss(MOMENT_POINTS)
+    points, weights = gauss_rule(MOMENT_POINTS)
     table = axis_functions((points + 1) / 2, 0, degree)
     left = inside - np.einsum("gek,cek...->cg...", table[..., :2], ends)
     powers = points ** np.arange(degree - 3)[:, None] * weights

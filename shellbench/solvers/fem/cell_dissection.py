@@ -81,8 +81,9 @@ def _add_cells(front: Front, matrix: CellMatrices, ranks: Integers, cells: Integ
     places = front.places(ranks[cells])
     n, whole = front.size, front.size + len(front.part.ring)
     dense = np.zeros((whole, whole))
+    flat = dense.reshape(-1)
     for cell, place in zip(cells, places, strict=True):
-        dense[place[:, None], place] += matrix.blocks[cell]  # no degree of freedom occurs twice in a cell
+        flat[(place[:, None] * whole + place).ravel()] += matrix.blocks[cell].ravel()  # no place occurs twice in a cell
     front.own += dense[:n, :n]
     front.coupling += dense[:n, n:]
     front.rest += dense[n:, n:]

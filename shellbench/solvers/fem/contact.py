@@ -32,7 +32,7 @@ from shellbench.solvers.fem.assembly import (
 )
 from shellbench.solvers.fem.cell_matrices import CellMatrices
 from shellbench.solvers.fem.kinematics import Midsurface, stiffness_moduli
-from shellbench.solvers.fem.mesh import CORNERS, TensorMesh, tabulate
+from shellbench.solvers.fem.mesh import CORNERS, TensorMesh, gauss_rule, tabulate
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.equilibrium import Answer
@@ -83,7 +83,7 @@ class ContactPoints:
     def on_mesh(cls, case: Case, mesh: TensorMesh) -> ContactPoints:
         """Choose the points of a mesh."""
         count = mesh.degree - 1
-        x, w = np.polynomial.legendre.leggauss(count)
+        x, w = gauss_rule(count)
         unit = np.stack(np.meshgrid((x + 1) / 2, (x + 1) / 2, indexing="ij"), axis=-1).reshape(-1, 2)
         one, two = (part.ravel() / 2 for part in np.meshgrid(w, w, indexing="ij"))
         rule = Quadrature(unit, one * two)

@@ -33,7 +33,7 @@ from shellbench.solvers.fem.assembly import COMPONENTS, basis_scales
 from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.contact_balance import ROUNDING, Balance, Framed
 from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import KINDS, TensorMesh, tabulate
+from shellbench.solvers.fem.mesh import KINDS, TensorMesh, gauss_rule, tabulate
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -57,7 +57,7 @@ def _rule(first: bool, last: bool) -> tuple[Array, Array]:
         return radau
     if last:
         return 1 - radau[0][::-1], radau[1][::-1]
-    x, w = np.polynomial.legendre.leggauss(2)
+    x, w = gauss_rule(2)
     return (x + 1) / 2, w / 2
 
 

@@ -29,7 +29,7 @@ EASY = 6  # iterations after which the next step may be longer
 EASY_IN_CONTACT = 20  # the same where points come into contact, a few in each iteration
 GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did not converge
 SMALLEST_STEP = 1e-4  # of the whole path
-PATH_STEPS = 48  # steps of a path that is followed by displacement, and of its length by arc
+STEP_SHARE = 1 / 24  # of the path: the longest step by displacement, and the first one by arc length
 LONGEST_ARC = 1.5  # arc in units of the first one
 MOST_STEPS = 2000  # of a path that is followed by arc length
 STRAIGHT = 0.7  # least share of a step that lies along the path's tangent: less is another branch
@@ -107,8 +107,12 @@ def functional(problem: FiniteProblem, quantity: DisplacementQuantity) -> Array:
     return row.reshape(mesh.node_count, -1)
 
 
-def displacement_steps(problem: FiniteProblem, row: Array, marks: Sequence[float], end: float) -> Iterator[FiniteState]:
+def displacement_steps(
+    problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
+) -> Iterator[FiniteState]:
     """Yield the states at increasing values of the displacement row . q, the load factor unknown.
+
+    No step is longer than this share of the path.
 
     Raises
     ------
@@ -121,7 +125,7 @@ def displacement_steps(problem: FiniteProblem, row: Array, marks: Sequence[float
     # 3. Compare the direction of the load with the inertia of the tangent, which tells a branch from a limit point.
     state, value, rising = problem.rest(), 0.0, True
     first = _first_rate(row, problem.drift(state))
-    step = longest = end / PATH_STEPS
+    step = longest = end * share
     for mark in sorted({*marks, end}):
         while value < mark:
             remaining = mark - value
@@ -174,10 +178,13 @@ def _check_branch(found: FiniteState, rises: bool) -> None:
         raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
 
 
-def arc_length_steps(problem: FiniteProblem, row: Array, marks: Sequence[float], end: float) -> Iterator[FiniteState]:
+def arc_length_steps(
+    problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
+) -> Iterator[FiniteState]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
-    Between steps the marks are landed on at the displacement's first passage.
+    The first step moves the displacement by this share of the path, and none is much longer. Between steps the marks
+    are landed on at the displacement's first passage.
 
     Raises
     ------
@@ -202,7 +209,7 @@ def arc_length_steps(problem: FiniteProblem, row: Array, marks: Sequence[float],
     waiting = sorted({*marks, end})
     drift = problem.drift(state)
     first = _first_rate(row, drift)
-    arc = end / PATH_STEPS / abs(first) * size(drift)  # the first one moves the displacement by its share of the path
+    arc = end * share / abs(first) * size(drift)
     longest, sign, heading = LONGEST_ARC * arc, float(np.sign(first)), 1.0
     for _ in range(MOST_STEPS):
         length = size(drift)

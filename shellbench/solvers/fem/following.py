@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from shellbench.problems.shell.case import Case
-from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices, neighbour_columns
+from shellbench.solvers.fem.assembly import COMPONENTS, NODE_DOFS, BlockMatrix, add_cell_matrices
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.dissection import Factor
-from shellbench.solvers.fem.kinematics import cross_matrix
+from shellbench.solvers.fem.kinematics import cross, cross_matrix
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, tabulate
 from shellbench.solvers.fem.strain_energy import Portion, StrainEnergy
 
@@ -76,7 +76,7 @@ class FollowingPressure:
         mesh = self.energy.mesh
         forces = np.zeros((mesh.node_count, NODE_DOFS))
         for portion, (points, weights) in zip(self.energy.portions, self._points, strict=True):
-            push = (self.case.pressure(points, t) * weights)[:, None] * np.cross(*self._base(portion, q))
+            push = (self.case.pressure(points, t) * weights)[:, None] * cross(*self._base(portion, q))
             local = self._values.T @ push.reshape(len(portion.steps), -1, COMPONENTS) * portion.scales[..., None]
             local = local.reshape(-1, len(CORNERS), len(KINDS), COMPONENTS)
             nodes = mesh.nodes[portion.cells]
@@ -95,7 +95,7 @@ class FollowingPressure:
         blocks = np.zeros((mesh.node_count, 9, NODE_DOFS, NODE_DOFS))
         for nodes, local in self._derivative(q, t):
             add_cell_matrices(blocks, nodes, (local - np.moveaxis(local, ROWS, COLUMNS)) / 2)
-        return BlockMatrix(blocks, neighbour_columns(mesh))
+        return BlockMatrix(blocks, self.energy.columns)
 
     def _derivative(self, q: Array, t: float) -> Iterator[tuple[NDArray[np.int64], Array]]:
         """Yield by portion the corners (cells, 4), and the forces' derivative (cells, 3, 4, 4, 3, 4, 4)."""

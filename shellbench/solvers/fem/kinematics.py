@@ -48,6 +48,16 @@ STRAINS: tuple[tuple[int, int], ...] = ((0, 0), (1, 1), (0, 1))  # covariant com
 SECOND: tuple[Derivative, ...] = ((2, 0), (0, 2), (1, 1))  # the second derivative that goes with each of STRAINS
 
 
+def cross(first: Array, second: Array) -> Array:
+    """Return the vector products (..., 3); NumPy's own takes four times as long over its axes."""
+    product = np.empty(np.broadcast_shapes(first.shape, second.shape))
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(first[..., i], second[..., j], out=product[..., k])
+        product[..., k] -= first[..., j] * second[..., i]
+    return product
+
+
 @dataclass(frozen=True)
 class Midsurface:
     """Geometry of the reference midsurface at n points.
@@ -73,7 +83,7 @@ class Midsurface:
     def at(cls, x: Mapping[Derivative, Array]) -> Midsurface:
         """Make it of the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
-        product = np.cross(x[1, 0], x[0, 1])
+        product = cross(x[1, 0], x[0, 1])
         area = np.linalg.norm(product, axis=-1)
         return cls(base, product / area[..., None], np.stack([x[key] for key in SECOND], axis=-2), area)
 
@@ -127,8 +137,8 @@ def strain_operator(surface: Midsurface) -> Array:
         operator[:, row, b] += surface.base[:, a] / 2
     curvature = np.einsum("nkc,nc->nk", surface.second, surface.normal)[..., None]
     tangential = (surface.second - curvature * surface.normal[:, None]) / surface.area[:, None, None]
-    operator[:, 3:, 0] = np.cross(tangential, a2)
-    operator[:, 3:, 1] = np.cross(a1, tangential)
+    operator[:, 3:, 0] = cross(tangential, a2)
+    operator[:, 3:, 1] = cross(a1, tangential)
     for row, key in enumerate(SECOND):
         operator[:, 3 + row, DERIVATIVES.index(key)] = -surface.normal
     return np.swapaxes(operator, 2, 3)
@@ -211,7 +221,7 @@ class Deformation:
         u1, u2 = gradients[:, 0], gradients[:, 1]
         x1, x2 = reference.base[:, 0], reference.base[:, 1]
         before, normal = reference.area[:, None], reference.normal
-        m = np.cross(u1, x2 + u2) + np.cross(x1, u2)
+        m = cross(u1, x2 + u2) + cross(x1, u2)
         area = np.linalg.norm(before * normal + m, axis=-1, keepdims=True)
         growth = np.sum((2 * before * normal + m) * m, axis=-1, keepdims=True) / (area + before)
         current = Midsurface(
@@ -289,11 +299,12 @@ class Deformation:
         membrane, bending = resultants[:, :3], resultants[:, 3:]
         form = np.zeros((len(resultants), GRADIENT, GRADIENT))
         pulled = np.einsum("nk,nkc->nc", bending, self.current.second)
-        form[:, FIRST, FIRST] -= self.second_turning(pulled)
-        for row, (a, b) in enumerate(STRAINS):
-            for c in range(3):
-                form[:, 3 * a + c, 3 * b + c] += membrane[:, row] / 2
-                form[:, 3 * b + c, 3 * a + c] += membrane[:, row] / 2
+        form[:, FIRST, FIRST] = -self.second_turning(pulled)
+        tensor = np.empty((len(form), 2, 2))
+        tensor[:, 0, 0], tensor[:, 1, 1] = membrane[:, 0], membrane[:, 1]
+        tensor[:, 0, 1] = tensor[:, 1, 0] = membrane[:, 2] / 2
+        for c in range(3):  # components of u do not mix
+            form[:, c : FIRST.stop : 3, c : FIRST.stop : 3] += tensor
         coupling = (bending[:, :, None, None] * self.turning[:, None]).reshape(len(form), -1, FIRST.stop)
         form[:, FIRST.stop :, FIRST] = -coupling
         form[:, FIRST, FIRST.stop :] = -np.swapaxes(coupling, 1, 2)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shellbench.problems.shell.surface import ExpressionSurface, Surface
+from shellbench.solvers.fem.mesh import gauss_rule
 
 Array = NDArray[np.float64]
 
@@ -79,7 +80,7 @@ def _points(axis: int, along: Array, across: Array) -> Array:
 def _jumps(surface: Surface, axis: int, start: Array, stop: Array, at: Array) -> tuple[Array, Array]:
     """Return how much tangents (n, 3) change besides the integral of their derivative, and their lengths (n,)."""
     first, second = ((1, 0), (2, 0)) if axis == 0 else ((0, 1), (0, 2))
-    x, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    x, weights = gauss_rule(GAUSS_POINTS)
     inside = start[:, None] + (stop - start)[:, None] * (x + 1) / 2
     with np.errstate(all="ignore"):
         curving = surface.derivatives(_points(axis, inside, at[:, None]), order=2)[second]

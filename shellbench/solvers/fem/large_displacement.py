@@ -23,6 +23,7 @@ from shellbench.solvers.fem.buckling import following_steps
 from shellbench.solvers.fem.contact_at_finite_strain import carried_pressure
 from shellbench.solvers.fem.continuation import (
     EASY,
+    STEP_SHARE,
     PathEndsError,
     arc_length_steps,
     displacement_steps,
@@ -74,6 +75,7 @@ def solve(
     steps: tuple[float, float],
     trail: FemSolution | None = None,
     tell: Callable[[float], None] | None = None,
+    share: float = STEP_SHARE,
 ) -> tuple[Equilibrium, FemSolution]:
     """Follow the path of a case on a mesh.
 
@@ -88,6 +90,8 @@ def solve(
         shell, of which the case is an edit: then the states that are asked for are reached from its own.
     tell
         Called with the load factor of each new state.
+    share
+        Part of the path by which a step of displacement control or of arc length moves the displacement.
 
     Returns
     -------
@@ -115,7 +119,7 @@ def solve(
     seconds: list[float] = []
     reason: str | None = None
     try:
-        for state in _path(problem, controlled, steps, trail):
+        for state in _path(problem, controlled, steps, share, trail):
             # Without its factorisation and deformations a state is small: whole paths stay in memory.
             states.append(state.relieved)
             seconds.append(time.perf_counter() - began)
@@ -188,7 +192,11 @@ def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibri
 
 
 def _path(
-    problem: FiniteProblem, controlled: Array | None, steps: tuple[float, float], trail: FemSolution | None
+    problem: FiniteProblem,
+    controlled: Array | None,
+    steps: tuple[float, float],
+    share: float,
+    trail: FemSolution | None,
 ) -> Iterator[FiniteState]:
     case = problem.case
     match case.path.control:
@@ -206,10 +214,10 @@ def _path(
                 yield from _corrected(problem, trail)
         case "displacement":
             assert controlled is not None
-            yield from displacement_steps(problem, controlled, case.states, case.path.until)
+            yield from displacement_steps(problem, controlled, case.states, case.path.until, share)
         case "arc_length":
             assert controlled is not None
-            yield from arc_length_steps(problem, controlled, case.states, case.path.until)
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share)
 
 
 def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:

@@ -16,7 +16,7 @@ M theta along the edge, so it has a potential and a symmetric tangent at any rot
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import assert_never
 
@@ -38,7 +38,7 @@ from shellbench.solvers.fem.assembly import (
 )
 from shellbench.solvers.fem.clamping import outward_conormal
 from shellbench.solvers.fem.kinematics import DERIVATIVES, Deformation, Midsurface
-from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CORNERS, KINDS, Derivative, TensorMesh, gauss_rule, kind_scales, tabulate
 from shellbench.solvers.fem.rigid_motions import nodal_rigid_motions
 
 Array = NDArray[np.float64]
@@ -170,6 +170,40 @@ def edge_moments(case: Case, mesh: TensorMesh) -> Iterator[EdgeMoment]:
 
 
 @dataclass(frozen=True)
+class AreaPortion:
+    """Some cells of a mesh with what their n Gauss points need to be loaded.
+
+    Attributes
+    ----------
+    cells
+        Which cells.
+    points
+        (n, 2) curvilinear coordinates.
+    surface
+        Geometry there.
+    area
+        (n,) what a point stands for of the undeformed area, m^2.
+    scales
+        (cells, 4, (p - 1)^2) from the unit cell's basis to the scaled degrees of freedom.
+    """
+
+    cells: slice
+    points: Array
+    surface: Midsurface
+    area: Array
+    scales: Array
+
+
+def area_rule(case: Case, mesh: TensorMesh, quadrature: Quadrature) -> Iterator[AreaPortion]:
+    """Yield the cells of a mesh, portion by portion."""
+    for cells in chunks(mesh):
+        points, weights = quadrature.on_cells(mesh, cells)
+        flat = points.reshape(-1, 2)
+        surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+        yield AreaPortion(cells, flat, surface, weights.ravel() * surface.area, basis_scales(mesh, cells))
+
+
+@dataclass(frozen=True)
 class Loading:
     """All loads of a case on a mesh; in the non-linear theory only the dead ones.
 
@@ -190,10 +224,17 @@ class Loading:
     magnitude: Array
 
     @classmethod
-    def on_mesh(cls, case: Case, mesh: TensorMesh, quadrature: Quadrature, states: Sequence[float]) -> Loading:
-        """Integrate the loads at each of the times or load factors `states`."""
+    def on_mesh(
+        cls,
+        case: Case,
+        mesh: TensorMesh,
+        quadrature: Quadrature,
+        states: Sequence[float],
+        rule: Iterable[AreaPortion] | None = None,
+    ) -> Loading:
+        """Integrate the loads at each of the times or load factors `states`; `rule` is that of the area, if known."""
         build = _Builder(case, mesh, len(states))
-        build.add_area_loads(quadrature, states)
+        build.add_area_loads(quadrature, states, rule)
         for load in case.loads:
             for name in load.on if isinstance(load, EdgeLoad | PointLoad) else ():
                 place = case.places[name]
@@ -220,24 +261,24 @@ class _Builder:
         self.nodal = np.zeros((mesh.node_count, COMPONENTS * len(mesh.kinds), states))
         self.resultant, self.magnitude = np.zeros((6, states)), np.zeros(6)
 
-    def add_area_loads(self, quadrature: Quadrature, states: Sequence[float]) -> None:
+    def add_area_loads(
+        self, quadrature: Quadrature, states: Sequence[float], rule: Iterable[AreaPortion] | None
+    ) -> None:
         loads = [load for load in self.case.dead if isinstance(load, AreaLoad | PressureLoad | GravityLoad)]
         if not loads:
             return
         table = tabulate(quadrature.points, (0, 0), self.mesh.degree).reshape(len(quadrature.points), -1)
-        for cells in chunks(self.mesh):
-            points, weights = quadrature.on_cells(self.mesh, cells)
-            surface = Midsurface.at(self.case.surface.derivatives(points.reshape(-1, 2), order=2))
-            area = weights.ravel() * surface.area
-            density = np.stack([self._density(loads, points.reshape(-1, 2), surface, t) for t in states], axis=-1)
-            forces = density * area[:, None, None]
-            self._add_work(points.reshape(-1, 2), forces)
-            per_cell = forces.reshape(*weights.shape, -1)
+        for part in area_rule(self.case, self.mesh, quadrature) if rule is None else rule:
+            points, surface = part.points, part.surface
+            density = np.stack([self._density(loads, points, surface, t) for t in states], axis=-1)
+            forces = density * part.area[:, None, None]
+            self._add_work(points, forces)
+            per_cell = forces.reshape(len(part.scales), len(table), -1)
             work = (table.T @ per_cell).reshape(len(per_cell), len(CORNERS), len(self.mesh.kinds), COMPONENTS, -1)
-            work = work * basis_scales(self.mesh, cells)[..., None, None]
+            work = work * part.scales[..., None, None]
             for corner in range(len(CORNERS)):
                 block = np.swapaxes(work[:, corner], 1, 2)
-                self.nodal[self.mesh.nodes[cells, corner]] += block.reshape(len(block), *self.nodal.shape[1:])
+                self.nodal[self.mesh.nodes[part.cells, corner]] += block.reshape(len(block), *self.nodal.shape[1:])
 
     def _density(
         self, loads: Sequence[AreaLoad | PressureLoad | GravityLoad], points: Array, surface: Midsurface, t: float
@@ -260,7 +301,7 @@ class _Builder:
     def add_edge_load(self, load: EdgeLoad, edge: Edge, states: Sequence[float]) -> None:
         running = 1 - edge.axis
         line = self.mesh.lines[running]
-        x, w = np.polynomial.legendre.leggauss(EDGE_GAUSS_POINTS)
+        x, w = gauss_rule(EDGE_GAUSS_POINTS)
         loaded = edge.covers(self.mesh.domain, (line[:-1] + line[1:]) / 2)
         h = np.diff(line)[loaded, None]
         points = edge.points(self.mesh.domain, (line[:-1][loaded, None] + h * (x + 1) / 2).ravel())

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -117,6 +117,14 @@ def tabulate(points: ArrayLike, derivative: Derivative, degree: Degree = CUBIC) 
         for function, (k, m) in zip(row, kinds, strict=True):
             np.multiply(first[..., i, k], second[..., j, m], out=function)
     return np.moveaxis(table, (0, 1), (-2, -1))
+
+
+@cache
+def gauss_rule(count: int) -> tuple[Array, Array]:
+    """Return points (count,) in [-1, 1] and weights of the Gauss rule, computed once and not to be written to."""
+    points, weights = np.polynomial.legendre.leggauss(count)
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
 
 
 def present_functions(degree: Degree) -> NDArray[np.int64]:

@@ -32,7 +32,7 @@ from shellbench.solvers.fem.contact_at_finite_strain import Pressed, Pressing
 from shellbench.solvers.fem.dissection import Dissection, Factor, NotPositiveDefiniteError, factorise
 from shellbench.solvers.fem.finite_state import Constraint, FiniteState, Hold, on_free
 from shellbench.solvers.fem.following import FollowingPressure, PressedFactor, TangentFactor
-from shellbench.solvers.fem.loads import EdgeMoment, Loading, edge_moments
+from shellbench.solvers.fem.loads import EdgeMoment, Loading, area_rule, edge_moments
 from shellbench.solvers.fem.mesh import TensorMesh
 from shellbench.solvers.fem.rigid_motions import Revolution, determinate_pins, nodal_rigid_motions
 from shellbench.solvers.fem.strain_energy import Strained, StrainEnergy
@@ -127,9 +127,10 @@ class FiniteProblem:
     @cached_property
     def loads(self) -> Callable[[float], Array]:
         """The nodal forces (nodes, 12) of the dead loads at a load factor."""
+        rule = tuple(area_rule(self.case, self.mesh, self.quadrature))  # the same at every t
 
         def at(t: float) -> Array:
-            return Loading.on_mesh(self.case, self.mesh, self.quadrature, (t,)).nodal[..., 0]
+            return Loading.on_mesh(self.case, self.mesh, self.quadrature, (t,), rule).nodal[..., 0]
 
         if self.case.dynamics is not None and self.case.steady:
             always = at(0.0)

@@ -28,7 +28,7 @@ from shellbench.problems.shell.quantities import ResultantQuantity
 from shellbench.solvers.fem.corners import corner_exponents
 from shellbench.solvers.fem.kinematics import DERIVATIVES as GRADIENTS
 from shellbench.solvers.fem.kinematics import STRAINS, Midsurface, elasticities, stiffness_moduli, strain_operator
-from shellbench.solvers.fem.mesh import SAME, TensorMesh, break_coordinates
+from shellbench.solvers.fem.mesh import SAME, TensorMesh, break_coordinates, gauss_rule
 
 if TYPE_CHECKING:
     from shellbench.solvers.fem.solution import FemSolution
@@ -135,7 +135,7 @@ def _recovered(solution: FemSolution, part: int, points: Array, at: float | None
 def _fitted(mesh: TensorMesh, axis: int, at: float, breaks: list[float]) -> tuple[Array, Array]:
     """Return the Gauss points (k,) of a patch along a coordinate, and (2, k) what gives the fit's value and slope."""
     ends = patch(mesh, axis, at, breaks)
-    gauss, _ = np.polynomial.legendre.leggauss(mesh.degree - 1)
+    gauss, _ = gauss_rule(mesh.degree - 1)
     samples = (ends[:-1, None] + np.diff(ends)[:, None] * (gauss + 1) / 2).ravel()
     middle, half = (ends[0] + ends[-1]) / 2, (ends[-1] - ends[0]) / 2
     # A patch may reach over the seam of a closed coordinate: the point is then a period further.

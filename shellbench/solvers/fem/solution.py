@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
+POINTS = 2048  # at which a field is evaluated at once
 
 
 @dataclass(frozen=True)
@@ -96,13 +97,17 @@ class FemSolution(ShellSolution):
     def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
         xi = np.asarray(points, dtype=float)
-        nodes, unit, sizes = self.mesh.locate(xi.reshape(-1, 2))
-        steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
-        degree = self.mesh.degree
-        basis = tabulate(unit, order, degree) * (kind_scales(sizes, degree) / steps[:, None])[:, None]
+        flat, degree = xi.reshape(-1, 2), self.mesh.degree
         nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
-        local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
-        return np.asarray((basis.reshape(len(nodes), 1, -1) @ local).reshape(*xi.shape[:-1], COMPONENTS))
+        found = np.empty((len(flat), COMPONENTS))
+        for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
+            portion = slice(start, start + POINTS)
+            nodes, unit, sizes = self.mesh.locate(flat[portion])
+            steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
+            basis = tabulate(unit, order, degree) * (kind_scales(sizes, degree) / steps[:, None])[:, None]
+            local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
+            found[portion] = (basis.reshape(len(nodes), 1, -1) @ local)[:, 0]
+        return found.reshape(*xi.shape[:-1], COMPONENTS)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""

@@ -18,6 +18,7 @@ from shellbench.problems.shell.edit import why_no_edit
 from shellbench.problems.shell.measure import measure_all
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
+from shellbench.solvers.fem.continuation import STEP_SHARE
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
 from shellbench.solvers.fem.layers import layer_gradings
 from shellbench.solvers.fem.mesh import (
@@ -58,6 +59,7 @@ MOST_UNKNOWNS, MOST_LARGE_UNKNOWNS = 165_000, 40_000  # of the finest mesh, in t
 USUAL_DEGREE: Degree = 5  # where it is taken: reaches 1e-6 soonest (tests/benchmarks/test_time_to_error.py)
 GRADING: dict[Degree, float] = {3: 2.0, 4: 2.0, 5: 2.5}  # toward points, usually: higher degrees gain from more
 FIRST_STEP, TRIAL_STEP = 1 / 8, 1 / 2  # of the path, at first; Newton's method has the last word
+TRIAL_SHARE = 1 / 12  # of the path: its steps by displacement or arc length in a trial
 SHORTEST_STEP, SHORTEST_TRIAL_STEP = 1e-4, 0.04  # of the path: where a shorter one were needed, the path ends
 FIRST_TOUCH = 8  # most cells along a coordinate, as settings count them, where contact at finite strain begins
 MOST_UNCERTAIN = 0.5  # relative uncertainty beyond which an answer says nothing
@@ -239,7 +241,11 @@ def _solves(
         return linear(case), (linear(case),)
 
     def nonlinear(
-        of: Case, first_step: float, shortest_step: float = SHORTEST_STEP, earlier: FemSolution | None = None
+        of: Case,
+        first_step: float,
+        shortest_step: float = SHORTEST_STEP,
+        share: float = STEP_SHARE,
+        earlier: FemSolution | None = None,
     ) -> OnMesh:
         trail: FemSolution | None = None
 
@@ -255,7 +261,8 @@ def _solves(
                 progress(Progress(0, None, f"{mesh.cells[0]} x {mesh.cells[1]} cells, load factor {t:.4g}"))
 
             steps = first_step, shortest_step
-            found, trail = large_displacement.solve(of, mesh, settings.quadrature_order, steps, trail or earlier, tell)
+            order, begin = settings.quadrature_order, trail or earlier
+            found, trail = large_displacement.solve(of, mesh, order, steps, begin, tell, share)
             return found
 
         return follow
@@ -272,7 +279,8 @@ def _solves(
     if start is not None and case.path.quantity is not None:
         what = "it does on paths under load only"
         raise InputError(f"fem can't go on from an earlier solution in {case.name}: {what}")
-    return nonlinear(case, FIRST_STEP, earlier=start), (nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP), unbent)
+    trial = nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP, TRIAL_SHARE)
+    return nonlinear(case, FIRST_STEP, earlier=start), (trial, unbent)
 
 
 def _measured(solution: FemSolution) -> Mapping[str, float]:

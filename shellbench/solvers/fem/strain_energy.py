@@ -127,6 +127,11 @@ class StrainEnergy:
             )
 
     @cached_property
+    def columns(self) -> NDArray[np.int64]:
+        """(nodes, 9) see `neighbour_columns`."""
+        return neighbour_columns(self.mesh)
+
+    @cached_property
     def _table(self) -> Array:
         """(q, 5, 16) derivatives of the unit cell's basis at the Gauss points."""
         unit = self.quadrature.points
@@ -186,7 +191,7 @@ class StrainEnergy:
             form = np.swapaxes(deformation.operator, 1, 2) @ elastic
             form += deformation.second_variation(stress)
             add_cell_matrices(blocks, self.mesh.nodes[portion.cells], self._cell_matrices(portion, form))
-        return BlockMatrix(blocks, neighbour_columns(self.mesh))
+        return BlockMatrix(blocks, self.columns)
 
     def _cell_matrices(self, portion: Portion, form: Array) -> Array:
         """Turn forms (n, 15, 15) of the derivatives into matrices (cells, 3, 4, 4, 3, 4, 4) of the cells' freedoms."""

@@ -156,6 +156,15 @@ class MovingShell:
         return spring_matrix(self.problem.case, self.problem.mesh) if self.problem.case.springs else None
 
     @cached_property
+    def _sparse_springs(self) -> sp.csr_matrix | None:
+        return None if self.springs is None else self.springs.to_csr()
+
+    def pull(self, q: Array) -> Array:
+        """Return the forces (nodes, 12) of the springs on a displacement (nodes, 12), N."""
+        springs = self._sparse_springs
+        return np.zeros_like(q) if springs is None else np.asarray((springs @ q.ravel()).reshape(q.shape))
+
+    @cached_property
     def points(self) -> TouchingPoints | None:
         """Where obstacles are asked for their distance."""
         return TouchingPoints.on_mesh(self.problem.case, self.problem.mesh) if self.problem.case.obstacles else None
@@ -187,7 +196,7 @@ class MovingShell:
         return 0.5 * float(np.sum(v * self.momentum(v)))
 
     def _sprung(self, q: Array) -> float:
-        return 0.0 if self.springs is None else 0.5 * float(np.sum(q * _times(self.springs, q)))
+        return 0.0 if self.springs is None else 0.5 * float(np.sum(q * self.pull(q)))
 
     def step(self, start: Instant, h: float) -> Instant:
         """Return the state after a step.
@@ -375,7 +384,7 @@ class _Minimum:
     def _residual(self, x: Array, strained: Strained) -> Array:
         forces = self.loads - strained.forces - self.weight * self.shell.momentum(x - self.target)
         forces -= sum(clamp.at(x, self.t).gradient(len(x)) for clamp in self.shell.problem.clamps)
-        return forces if self.shell.springs is None else forces - _times(self.shell.springs, x)
+        return forces if self.shell.springs is None else forces - self.shell.pull(x)
 
     def _factorised(self, x: Array, strained: Strained) -> Factor:
         matrix = self.shell.problem.tangent(x, self.t, strained, strained.stresses)
@@ -389,10 +398,6 @@ class _Minimum:
             return factorise(reduced, self.shell.problem.dissection, "imposed")
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
-
-
-def _times(matrix: BlockMatrix, vector: Array) -> Array:
-    return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
 def _on_free(ties: Ties, factor: Factor, right: Array) -> Array:
