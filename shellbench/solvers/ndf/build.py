@@ -118,9 +118,7 @@ def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
 
     points, kept = samples(found.domain), []
     for mirror in found.each:
-        signs = np.ones(3)
-        signs[mirror.component] = -1
-        image = matrix(found.domain.wrap(mirror.image(points))) * signs[:, None] * signs
+        image = matrix(found.domain.wrap(mirror.image(points))) * mirror.signs[:, None] * mirror.signs
         if np.abs(image - matrix(points)).max() <= SAME:
             kept.append(mirror)
     return replace(found, each=tuple(kept)) if kept else None

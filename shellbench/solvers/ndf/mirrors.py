@@ -1,8 +1,7 @@
-"""Planes of symmetry of a shell, its supports and its loads: found in the case, and built into the field.
+"""Planes of symmetry that are built into a field.
 
-A reflection maps the coordinate rectangle onto itself, xi_a -> 2 c - xi_a, and the surface onto its mirror image: one
-Cartesian component changes its sign. Where supports, loads and stiffness are their own images, too, so is the answer of
-linear theory, as it is the only one. Each of its components then is even about a plane, or odd about it. So is
+Where a case has mirrors (see `shellbench.problems.shell.mirrors`), the answer of linear theory is its own image, as it
+is the only one. Each of its Cartesian components is even about a plane, or odd about it. So is
 
     u = M O F,
 
@@ -23,35 +22,20 @@ import torch
 from torch import Tensor
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PointLoad, PressureLoad
-from shellbench.problems.shell.places import Edge, Point, Side
+from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.mirrors import Mirror, Sight, mirror_of
+from shellbench.problems.shell.places import Edge
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.jets import PLANES, VALUE, Array, Placement, compose, constant, coordinates, sine
 from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
-from shellbench.solvers.ndf.supports import edge_supports, force_density
 
-SAMPLES = 11  # points a side at which a shell is compared with its mirror image
+SAMPLES = 11  # points a side at which functions are compared with their images
 SAME = 1e-9  # of the size of what is compared: far above rounding
 
 
 @dataclass(frozen=True)
-class Mirror:
-    """A reflection: coordinate `axis` about the value `at`, and the Cartesian `component` that changes its sign."""
-
-    axis: int
-    at: float
-    component: int
-
-    def image(self, points: Array) -> Array:
-        """Return the mirror images (N, 2) of points, periodic coordinates in any period."""
-        images = np.array(points, dtype=float)
-        images[..., self.axis] = 2 * self.at - images[..., self.axis]
-        return images
-
-
-@dataclass(frozen=True)
 class Mirrors:
-    """Reflections of different Cartesian components, on a coordinate rectangle."""
+    """Mirrors whose planes are normal to different Cartesian axes, on a coordinate rectangle."""
 
     domain: Domain
     each: tuple[Mirror, ...]
@@ -72,8 +56,8 @@ class Mirrors:
                 shares[axis] = 0.5 ** len(planes)
                 lower[axis] = min(planes) if closed else lower[axis]
                 upper[axis] = lower[axis] + shares[axis] * self.domain.size[axis]
-        open_axes = [p and share == 1.0 for p, share in zip(self.domain.periodic, shares, strict=True)]
-        part = Domain((lower[0], lower[1]), (upper[0], upper[1]), (open_axes[0], open_axes[1]), self.domain.angle)
+        closed_sides = [p and share == 1.0 for p, share in zip(self.domain.periodic, shares, strict=True)]
+        part = Domain((lower[0], lower[1]), (upper[0], upper[1]), (closed_sides[0], closed_sides[1]), self.domain.angle)
         return part, (shares[0], shares[1])
 
     def rule(self, focal: Array, spec: RuleSpec) -> Rule:
@@ -91,7 +75,7 @@ class Mirrors:
                 if reflects:
                     here = mirror.image(here)
                     coordinate_signs[mirror.axis] *= -1
-                    component_signs[mirror.component] *= -1
+                    component_signs = component_signs * mirror.signs
             yield self.domain.wrap(here), coordinate_signs, component_signs
 
     def mean(self, jets: Callable[[Array], Tensor], points: Array) -> Tensor:
@@ -107,10 +91,9 @@ class Mirrors:
 
     def mean_of_vectors(self, vectors: Callable[[Array], Array], points: Array) -> Array:
         """Return the mean (N, 3, ...) over all images of vector fields, each mirrored back."""
-        values = [
-            signs.reshape(3, *(1,) * (vectors(here).ndim - 2)) * vectors(here) for here, _, signs in self.images(points)
-        ]
-        return np.asarray(np.mean(values, axis=0))
+        images = [(vectors(here), signs) for here, _, signs in self.images(points)]
+        mirrored = [signs.reshape(3, *(1,) * (values.ndim - 2)) * values for values, signs in images]
+        return np.asarray(np.mean(mirrored, axis=0))
 
     def odd(self, points: Array, placement: Placement) -> Tensor:
         """Return the jets (6, N, 3) of functions that are odd where a component is, and even about all other planes."""
@@ -120,9 +103,9 @@ class Mirrors:
             t[VALUE] -= mirror.at
             if self.domain.periodic[mirror.axis]:
                 angle = 2 * math.pi / size * t
-                columns[mirror.component] = compose(sine(angle[VALUE], 2), angle)
+                columns[mirror.normal] = compose(sine(angle[VALUE], 2), angle)
             else:
-                columns[mirror.component] = 2 / size * t
+                columns[mirror.normal] = 2 / size * t
         return torch.stack(columns, dim=-1)
 
     def parity(self, values: Callable[[Array], Tensor]) -> Tensor:
@@ -149,82 +132,17 @@ def samples(domain: Domain) -> Array:
 
 
 def mirrors_of(case: Case) -> Mirrors:
-    """Return the reflections that a linear case at rest is its own image under; there may be none.
-
-    Planes are normal to Cartesian axes. Conditions whose images this does not look at have none.
-    """
+    """Return the mirrors of a linear case at rest that can be built into its field; there may be none."""
     domain = case.surface.domain
-    none = Mirrors(domain, ())
-    loads = all(isinstance(load, PointLoad | AreaLoad | GravityLoad | PressureLoad) for load in case.loads)
-    held = all(isinstance(place, Edge) and place.whole for _, place in case.supported_places())
-    moved = any(support.motion for support in case.supports)
-    others = case.springs or case.obstacles or case.dynamics or any(case.kinks)
-    if not loads or not held or moved or others or not case.linear or case.modal:
-        return none
+    held = all(isinstance(place, Edge) and not support.motion for support, place in case.supported_places())
+    moments = any(isinstance(load, MomentLoad) for load in case.loads)
+    others = moments or case.focus or case.obstacles or case.dynamics or any(case.kinks)
     found: list[Mirror] = []
-    for axis in (0, 1):
-        start, size = domain.lower[axis], domain.size[axis]
-        for at in (start, start + size / 4) if domain.periodic[axis] else (start + size / 2,):
-            for component in range(3):
-                taken = any(mirror.component == component for mirror in found)
-                mirror = Mirror(axis, at, component)
-                if not taken and _is_its_image(case, mirror):
+    if held and not others and case.linear and not case.modal:
+        sight = Sight.spread(domain)
+        for axis, (start, size) in enumerate(zip(domain.lower, domain.size, strict=True)):
+            for at in (start, start + size / 4) if domain.periodic[axis] else (start + size / 2,):
+                mirror = mirror_of(case, axis, at, sight)
+                if mirror is not None and all(mirror.normal != other.normal for other in found):
                     found.append(mirror)
-                    break
     return Mirrors(domain, tuple(found))
-
-
-def _is_its_image(case: Case, mirror: Mirror) -> bool:
-    domain, sign = case.surface.domain, np.ones(3)
-    sign[mirror.component] = -1
-    points = samples(domain)
-    images = domain.wrap(mirror.image(points))
-    # 1. The surface, but for a shift of the plane.
-    x, mirrored = case.surface.position(points), sign * case.surface.position(images)
-    shift = (x - mirrored).mean(axis=0)
-    size = np.abs(x - x.mean(axis=0)).max()
-    if np.abs(x - mirrored - shift).max() > SAME * size:
-        return False
-    for here, there in zip(
-        *(case.material.factors(p, case.surface.named_constants) for p in (points, images)), strict=True
-    ):
-        if np.abs(here - there).max() > SAME * np.abs(here).max():
-            return False
-    # 2. What each edge holds.
-    held = {(s.edge.axis, s.edge.side): (set(s.held), s.slope is not None) for s in edge_supports(case)}
-    for (axis, side), conditions in held.items():
-        other: Side = "max" if side == "min" else "min"
-        if held.get((axis, other if axis == mirror.axis else side)) != conditions:
-            return False
-    # 3. Loads on areas, and at points; points that are named as foci count as without a force.
-    force, there = force_density(case, points), sign * force_density(case, images)
-    if np.abs(force - there).max() > SAME * np.abs(force).max(initial=0.0):
-        return False
-    forces = _point_forces(case)
-    for at, vector in forces:
-        image = domain.wrap(mirror.image(np.asarray(at)))
-        same = [v for xi, v in forces if _distance(domain, np.asarray(xi), image) <= SAME]
-        if not same or np.abs(sum(same) - sign * vector).max() > SAME * np.abs(vector).max(initial=0.0):
-            return False
-    return True
-
-
-def _point_forces(case: Case) -> list[tuple[tuple[float, float], Array]]:
-    forces: dict[tuple[float, float], Array] = {}
-    for load in case.loads:
-        for name in load.on if isinstance(load, PointLoad) else ():
-            place = case.places[name]
-            if isinstance(place, Point) and isinstance(load, PointLoad):
-                force = np.asarray(case.evaluate(load.force, np.array([place.xi]), 1.0)[0, 0][0])
-                forces[place.xi] = forces.get(place.xi, np.zeros(3)) + force
-    for name in case.focus:
-        place = case.places[name]
-        if isinstance(place, Point):
-            forces.setdefault(place.xi, np.zeros(3))
-    return list(forces.items())
-
-
-def _distance(domain: Domain, one: Array, other: Array) -> float:
-    """Return the largest difference of coordinates, in units of the sides."""
-    apart = np.abs(one - other) / np.asarray(domain.size)
-    return float(np.where(domain.periodic, np.minimum(apart, 1 - apart), apart).max())

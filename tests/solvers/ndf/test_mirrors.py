@@ -30,7 +30,7 @@ def edited(name, **changes):
 
 
 def planes(case):
-    return {(mirror.axis, round(mirror.at, 9), "xyz"[mirror.component]) for mirror in mirrors_of(case).each}
+    return {(mirror.axis, round(mirror.at, 9), "xyz"[mirror.normal]) for mirror in mirrors_of(case).each}
 
 
 def field_of(case, spec=SPEC, width=7):
@@ -92,10 +92,8 @@ def test_a_field_is_its_own_image(name, spec):
     mirrors = built_in(case, spec)
     assert len(mirrors.each) == len(mirrors_of(case).each) > 1
     for mirror in mirrors.each:
-        signs = np.ones(3)
-        signs[mirror.component] = -1
         there = field.displacement(domain.wrap(mirror.image(points))).numpy()
-        np.testing.assert_allclose(there * signs, here, rtol=0, atol=1e-9 * np.abs(here).max())
+        np.testing.assert_allclose(there * mirror.signs, here, rtol=0, atol=1e-9 * np.abs(here).max())
 
 
 def test_without_a_plane_nothing_is_built_in():
