@@ -84,6 +84,8 @@ class FieldSpec(Model):
         Strain measure.
     mirrors
         Whether planes of symmetry are built into the field; in linear theory, at rest.
+    vanishing
+        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
     """
 
     activation: str = "sine"
@@ -101,6 +103,7 @@ class FieldSpec(Model):
     t: float = 1.0
     strain: StrainName = "linear"
     mirrors: bool = False
+    vanishing: bool = False
 
 
 def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
@@ -150,6 +153,8 @@ def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the way the case's supports are built in."""
     if spec.supports == "soft":
         return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
+    if spec.vanishing:
+        return Ansatz(case, NoFactors(case), NoLift(), spec.t)
     factors = BoundaryFactors(case, spec.components == "covariant", spec.slopes)
     if turns(case):
         turning = Turning(case, spec.t)
