@@ -30,10 +30,11 @@ from shellbench.solvers.ndf.choices import (
 )
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.creases import Crease, Creases
-from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, TurnedFactors, Turning, turns
+from shellbench.solvers.ndf.factors import BoundaryFactors, Lift, MirroredFactors, TurnedFactors, Turning, turns
 from shellbench.solvers.ndf.field import Ansatz, Features, FixedFeatures, Network
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci, mirrored_axes, strongest_curvature
-from shellbench.solvers.ndf.jets import Array, Placement
+from shellbench.solvers.ndf.jets import VALUE, Array, Placement
+from shellbench.solvers.ndf.mirrors import SAME, Mirrors, mirrors_of, samples
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.soft import NoFactors, NoLift
 
@@ -81,6 +82,10 @@ class FieldSpec(Model):
         Load factor.
     strain
         Strain measure.
+    mirrors
+        Whether planes of symmetry are built into the field; in linear theory, at rest.
+    vanishing
+        Whether features vanish at held edges by themselves, as products do: the boundary matrix is then the identity.
     """
 
     activation: str = "sine"
@@ -97,6 +102,29 @@ class FieldSpec(Model):
     creases: tuple[Crease, ...] = ()
     t: float = 1.0
     strain: StrainName = "linear"
+    mirrors: bool = False
+    vanishing: bool = False
+
+
+def built_in(case: Case, spec: FieldSpec) -> Mirrors | None:
+    """Return the planes of symmetry that are built into a field; None if there are none, or none are asked for.
+
+    Only those are about which the boundary matrix is its own image.
+    """
+    plain = spec.supports == "hard" and spec.components == "cartesian" and spec.periodic_input == "both"
+    if not spec.mirrors or not plain or turns(case):
+        return None
+    found, factors = mirrors_of(case), BoundaryFactors(case, slopes=spec.slopes)
+
+    def matrix(points: Array) -> Array:
+        return factors.matrix(points, Placement(planes=1))[VALUE].numpy()
+
+    points, kept = samples(found.domain), []
+    for mirror in found.each:
+        image = matrix(found.domain.wrap(mirror.image(points))) * mirror.signs[:, None] * mirror.signs
+        if np.abs(image - matrix(points)).max() <= SAME:
+            kept.append(mirror)
+    return replace(found, each=tuple(kept)) if kept else None
 
 
 def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
@@ -104,7 +132,8 @@ def build_inputs(case: Case, spec: FieldSpec) -> Inputs:
     around = foci(case, spec.layer)
     asked = spec.edge_stretched and (spec.detail > 0 or not around)
     edges = edge_layers(case, flat=spec.detail > 0) if asked else None
-    return Inputs.from_case(case, spec.periodic_input, around if spec.stretched else (), edges, spec.slopes)
+    near = around if spec.stretched else ()
+    return Inputs.from_case(case, spec.periodic_input, near, edges, spec.slopes, built_in(case, spec))
 
 
 def build_features(case: Case, spec: FieldSpec, network: Network, placement: Placement, inputs: Inputs) -> Features:
@@ -115,7 +144,8 @@ def build_features(case: Case, spec: FieldSpec, network: Network, placement: Pla
     corners = CornerPowers.from_case(case, spec.detail) if exact and spec.detail else None
     creases = Creases(case.surface.domain, spec.creases) if spec.creases else None
     around = foci(case, spec.layer)
-    fixed = FixedFeatures.from_case(case, around, spec.multipliers, mirrored, corners, spec.slopes, creases)
+    mirrors = built_in(case, spec)
+    fixed = FixedFeatures.from_case(case, around, spec.multipliers, mirrored, corners, spec.slopes, creases, mirrors)
     return Features(inputs, network, fixed, placement)
 
 
@@ -123,11 +153,15 @@ def build_ansatz(case: Case, spec: FieldSpec) -> Ansatz:
     """Return the way the case's supports are built in."""
     if spec.supports == "soft":
         return Ansatz(case, NoFactors(case, spec.components == "covariant"), NoLift(), spec.t, soft=True)
+    if spec.vanishing:
+        return Ansatz(case, NoFactors(case), NoLift(), spec.t)
     factors = BoundaryFactors(case, spec.components == "covariant", spec.slopes)
     if turns(case):
         turning = Turning(case, spec.t)
         return Ansatz(case, TurnedFactors(factors, turning), turning, spec.t)
-    return Ansatz(case, factors, Lift(case, spec.t), spec.t, slopes=spec.slopes)
+    mirrors = built_in(case, spec)
+    held = factors if mirrors is None else MirroredFactors(factors, mirrors)
+    return Ansatz(case, held, Lift(case, spec.t), spec.t, slopes=spec.slopes, mirrors=mirrors)
 
 
 def focal_points(case: Case) -> Array:

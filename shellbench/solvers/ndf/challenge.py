@@ -39,6 +39,9 @@ from shellbench.solvers.ndf.solve import potential_energy, solve_part
 from shellbench.solvers.ndf.supports import point_supports
 
 SHARE = 0.5  # challengers, in units of the width of the trained layer
+# Where planes of symmetry are built in, a field is wide for its part of the shell, and gains ever less: as many
+# challengers as features tell half of an error that falls with the width, or faster. They look closer at point forces.
+MIRRORED_SHARE, MIRRORED_SCALES = 1.0, (1.0, 4.0)
 
 
 @dataclass(frozen=True)
@@ -107,13 +110,17 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     case, trained = solution.case, solution.field.features
     spec = looking_everywhere(solution.spec)
     level, focal = first_level(case, resolution(case)), graded_points(case, spec)
-    number = max(1, round(SHARE * trained.network.width / len(level.kinds)))
-    usual = level.resolution
-    growth = max(1.0, math.sqrt((trained.network.width + len(level.kinds) * number) / usual.neurons))
+    ansatz, placement = solution.field.ansatz, trained.placement
+    usual, share = level.resolution, SHARE
+    if ansatz.mirrors:
+        share, (plain, stretched) = MIRRORED_SHARE, MIRRORED_SCALES
+        usual = replace(usual, scale=plain, stretched_scale=stretched)
+    number = max(1, round(share * trained.network.width / len(level.kinds)))
+    parts = ansatz.mirrors.parts if ansatz.mirrors else 1
+    growth = max(1.0, math.sqrt(parts * (trained.network.width + len(level.kinds) * number) / usual.neurons))
     usual = replace(usual, neurons=0, rule=finer_rule(usual.rule, growth), fine=finer_rule(usual.fine, growth))
     features = joined_features(solution, replace(level, resolution=usual, challengers=number), seed)
-    ansatz, placement = solution.field.ansatz, trained.placement
-    rule, fine = (area_rule(case.surface.domain, focal, s) for s in (usual.rule, usual.fine))
+    rule, fine = (ansatz.rule(focal, s) for s in (usual.rule, usual.fine))
     equations = normal_equations(ansatz, features, rule, concentrated(ansatz, usual.rule, focal, placement))
     layer = solve_part(ansatz, features, equations, np.arange(features.count))
     alone = solution.field.output.new_zeros((3, features.count))
@@ -129,7 +136,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
     field = Field(ansatz, features, shares[1] * outputs[1], solution.field.output.new_zeros(6))
     other = replace(
         solution,
-        field=field.less_rigid(rigid_part(field, rule)),
+        field=field.less_rigid(rigid_part(field, area_rule(case.surface.domain, focal, usual.rule))),
         rule=usual.fine,
         membrane=membrane,
         bending=bending,

@@ -73,7 +73,7 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
     if ansatz.lift.moves:
         lift = ansatz.lift.jet(points, placement)
         offset, work = apply_rows(rows, lift), float((force * lift[VALUE]).sum())
-    modes = placement.tensor(rigid_modes(case.surface, points)[0, 0] @ free_motions(case)).permute(2, 0, 1)
+    modes = placement.tensor(_free_modes(ansatz, points)).permute(2, 0, 1)
     anchors = modes * (weights / area)[:, None] * case.material.membrane_stiffness**0.5
     transposed = matrix[VALUE].mT
     return Table(
@@ -83,6 +83,16 @@ def tabulate(ansatz: Ansatz, rule: Rule, placement: Placement, area: float = 1.0
         work,
         (transposed @ anchors[..., None])[..., 0],
     )
+
+
+def _free_modes(ansatz: Ansatz, points: Array) -> Array:
+    """Return the rigid motions (N, 3, r) left free; of a field that is its own image, what these have in common."""
+    case = ansatz.case
+
+    def modes(at: Array) -> Array:
+        return np.asarray(rigid_modes(case.surface, at)[0, 0] @ free_motions(case))
+
+    return modes(points) if ansatz.mirrors is None else ansatz.mirrors.mean_of_vectors(modes, points)
 
 
 def pulling_rows(stiffness: Tensor) -> Tensor:

@@ -64,6 +64,7 @@ from shellbench.solvers.ndf.jets import (
     product,
     sine,
 )
+from shellbench.solvers.ndf.mirrors import Mirrors
 from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, edge_supports, even_sides
 
 NORMAL_SAMPLES = 17  # points a side of the grid on which a3 is looked at
@@ -341,6 +342,18 @@ class Turning:
         s, c = (compose(f(angle[VALUE]), angle)[..., None, None] for f in (sine, cosine))
         identity = constant(torch.eye(3, device=cross.device, dtype=cross.dtype).expand(weight.shape[1], 3, 3))
         return identity + s * cross + (constant(torch.ones_like(weight[VALUE]))[..., None, None] - c) * (cross @ cross)
+
+
+@dataclass(frozen=True)
+class MirroredFactors:
+    """Boundary factors times functions that are odd where a component of the answer is: the matrix M O."""
+
+    factors: Factors
+    mirrors: Mirrors
+
+    def matrix(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jet (6, N, 3, 3) of M O at points (N, 2)."""
+        return product(self.factors.matrix(points, placement), self.mirrors.odd(points, placement)[..., None, :])
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from shellbench.problems.shell.rigid import rigid_modes
 from shellbench.solvers.ndf.choices import MULTIPLIERS, Slopes
 from shellbench.solvers.ndf.corners import CornerPowers
 from shellbench.solvers.ndf.creases import Creases
-from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns
+from shellbench.solvers.ndf.inputs import Focus, Inputs, even_columns, independent_columns
 from shellbench.solvers.ndf.jets import (
     D1,
     VALUE,
@@ -38,6 +38,8 @@ from shellbench.solvers.ndf.jets import (
     matrix_product,
     product,
 )
+from shellbench.solvers.ndf.mirrors import Mirrors, samples
+from shellbench.solvers.ndf.quadrature import Rule, RuleSpec, area_rule
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports
 
 
@@ -221,6 +223,8 @@ class FixedFeatures:
         Which of these features are used: all, unless an edge asks for even ones.
     corners, creases
         Powers about corners, and about edges of contact; they come last.
+    mirrors
+        Planes about which each feature is made even, as the mean of its images.
     """
 
     case: Case
@@ -229,6 +233,7 @@ class FixedFeatures:
     kept: tuple[int, ...]
     corners: CornerPowers | None = None
     creases: Creases | None = None
+    mirrors: Mirrors | None = None
 
     @classmethod
     def from_case(
@@ -240,8 +245,12 @@ class FixedFeatures:
         corners: CornerPowers | None = None,
         slopes: Slopes = "even",
         creases: Creases | None = None,
+        mirrors: Mirrors | None = None,
     ) -> FixedFeatures:
-        """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`."""
+        """Derive the features of a case: those that are even where inputs are, and about the seams `mirrored`.
+
+        With `mirrors`, those whose means of all images are independent.
+        """
         total = 1 + multipliers * len(around) + sum(part.count for part in (corners, creases) if part)
         everything = cls(case, around, multipliers, tuple(range(total)), corners, creases)
         even = torch.ones(everything.count, dtype=torch.bool)
@@ -252,7 +261,16 @@ class FixedFeatures:
                 even &= slope <= ODD * jets[VALUE].abs().amax(0).clamp_min(1.0)
         if mirrored:
             even &= even_columns(lambda p: everything.jets(p, Placement())[VALUE], case.surface.domain, mirrored)
-        return replace(everything, kept=tuple(torch.nonzero(even)[:, 0].tolist()))
+        kept = tuple(torch.nonzero(even)[:, 0].tolist())
+        return replace(everything, kept=kept) if mirrors is None else everything._made_even(kept, mirrors)
+
+    def _made_even(self, kept: tuple[int, ...], mirrors: Mirrors) -> FixedFeatures:
+        """Return the features with their images' means in their place, of which those remain that are independent."""
+        points, made = samples(mirrors.domain), replace(self, mirrors=mirrors)
+        before, after = (each.jets(points, Placement())[VALUE] for each in (self, made))
+        usable = (after.norm(dim=0) > ODD * before.norm(dim=0)).tolist()
+        others = independent_columns(after, [k in kept and usable[k] for k in range(len(usable))])
+        return replace(made, kept=(0, *others))  # of which no constant is one
 
     @property
     def count(self) -> int:
@@ -278,11 +296,20 @@ class FixedFeatures:
         """Return the jets (6, N, count) at points (N, 2)."""
         if not self.kept:
             return placement.tensor(np.zeros((placement.planes, len(points), 0)))
+        if self.mirrors is None:
+            return self._kept_columns(points, placement)
+        return self.mirrors.mean(lambda images: self._kept_columns(images, placement), points)
+
+    def _kept_columns(self, points: Array, placement: Placement) -> Tensor:
+        """Return the jets (6, N, count) as they are without mirrors."""
         columns = [constant(placement.tensor(np.ones(len(points))), placement.planes)]
         if self.foci and self.multipliers:
             x = from_derivatives(self.case.surface.derivatives(points, 2), placement)
+            zero = x.new_zeros(x.shape[:2])
             for focus in self.foci:
-                columns += self._around(focus, x, placement)
+                numbers = range(len(columns), len(columns) + self.multipliers)
+                used = any(k in numbers for k in self.kept)
+                columns += self._around(focus, x, placement) if used else [zero] * self.multipliers
         if self.corners:
             columns += self.corners.columns(points, placement)
         if self.creases:
@@ -323,7 +350,10 @@ class Lifting(Protocol):
 
 @dataclass(frozen=True)
 class Ansatz:
-    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead."""
+    """A case with the way its supports are built in: u = lift + M F for any F; if `soft`, springs hold them instead.
+
+    With `mirrors`, for any F that is even about their planes.
+    """
 
     case: Case
     factors: Factors
@@ -331,6 +361,16 @@ class Ansatz:
     t: float = 1.0
     soft: bool = False
     slopes: Slopes = "even"
+    mirrors: Mirrors | None = None
+
+    def rule(self, focal: Array, spec: RuleSpec) -> Rule:
+        """Return the rule over which energies are integrated, graded toward focal points (k, 2).
+
+        With mirrors its points are those of one part, and its weights stand for the images, too.
+        """
+        if self.mirrors is not None:
+            return self.mirrors.rule(focal, spec)
+        return area_rule(self.case.surface.domain, focal, spec)
 
 
 @dataclass(frozen=True)

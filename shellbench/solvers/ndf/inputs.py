@@ -10,6 +10,10 @@ lines along which loads or stiffnesses have kinks.
 These lengths come first. A shell bends within layers of the length sqrt(h R), R the smallest radius of curvature, far
 below its size, around points that carry a force and along edges.
 
+About planes of symmetry that are built into a field (see `mirrors`) every input is even: one that is odd, and goes from
+-1 to 1, enters as 2 z^2 - 1, and one that is neither, such as the distance from one of two edges, as the mean of its
+images.
+
 Also here: which functions of a point are even about the seam of a periodic coordinate, found out by looking.
 """
 
@@ -17,7 +21,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -29,6 +33,7 @@ from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.surface import Domain
 from shellbench.solvers.ndf.choices import LAYER, PeriodicInput, Slopes
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement, compose, coordinates, cosine, from_derivatives, sine
+from shellbench.solvers.ndf.mirrors import Mirrors
 from shellbench.solvers.ndf.supports import edge_supports, even_sides, point_supports
 
 SURFACE_SAMPLES = 9  # points a side of the grid on which a surface is looked at
@@ -196,6 +201,10 @@ class Inputs:
         Bounds at which every input is even.
     kept
         Which of the candidate columns are used: those independent of the earlier ones.
+    mirrors
+        Planes about which all of them are even.
+    squared, averaged
+        Which of the candidates enter as 2 z^2 - 1, and which as the mean of their images.
     """
 
     case: Case
@@ -204,6 +213,9 @@ class Inputs:
     edges: tuple[float, float] | None
     even: Sides
     kept: tuple[int, ...]
+    mirrors: Mirrors | None = None
+    squared: tuple[int, ...] = ()
+    averaged: tuple[int, ...] = ()
 
     @classmethod
     def from_case(
@@ -213,6 +225,7 @@ class Inputs:
         around: tuple[Focus, ...] = (),
         edges: tuple[float, float] | None = None,
         slopes: Slopes = "even",
+        mirrors: Mirrors | None = None,
     ) -> Inputs:
         """Derive the inputs of a case, with stretched coordinates around the given foci and at edges.
 
@@ -221,15 +234,20 @@ class Inputs:
         even = even_sides(edge_supports(case), slopes)
         candidates = cls(case, periodic, around, edges, even, ())
         domain = case.surface.domain
-
-        def values(points: Array) -> Tensor:
-            return torch.stack([c[VALUE] for c, _ in candidates._columns(points, Placement())], dim=-1)
-
+        if mirrors is not None:
+            parity = mirrors.parity(candidates.values)
+            squared, averaged = (torch.nonzero((parity == p).any(0))[:, 0].tolist() for p in (-1, 0))
+            candidates = replace(candidates, mirrors=mirrors, squared=tuple(squared), averaged=tuple(averaged))
+        values = candidates.values
         columns = values(domain.grid(SAMPLES, SAMPLES).reshape(-1, 2))
         usable, axes = [True] * columns.shape[1], mirrored_axes(domain, periodic)
         if axes:
             usable = even_columns(values, domain, axes).tolist()
-        return cls(case, periodic, around, edges, even, _independent(columns, usable))
+        return replace(candidates, kept=independent_columns(columns, usable))
+
+    def values(self, points: Array) -> Tensor:
+        """Return the values (N, n) of all candidates at points (N, 2)."""
+        return torch.stack([c[VALUE] for c, _ in self._columns(points, Placement())], dim=-1)
 
     @property
     def count(self) -> int:
@@ -262,6 +280,26 @@ class Inputs:
         return torch.stack([columns[k][0] for k in self.kept], dim=-1)
 
     def _columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        columns = self._squared_columns(points, placement)
+        if self.mirrors is not None and self.averaged:
+
+            def asymmetric(images: Array) -> Tensor:
+                found = self._squared_columns(images, placement)
+                return torch.stack([found[k][0] for k in self.averaged], dim=-1)
+
+            for k, mean in zip(self.averaged, self.mirrors.mean(asymmetric, points).unbind(-1), strict=True):
+                columns[k] = mean, columns[k][1]
+        return columns
+
+    def _squared_columns(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
+        columns = self._unmirrored(points, placement)
+        for k in self.squared:
+            column, stretched = columns[k]
+            z = column[VALUE]
+            columns[k] = compose((2 * z * z - 1, 4 * z, torch.full_like(z, 4.0)), column), stretched
+        return columns
+
+    def _unmirrored(self, points: Array, placement: Placement) -> list[tuple[Tensor, bool]]:
         domain = self.case.surface.domain
         unit = [even_coordinate(domain, points, axis, self.even[axis], placement) for axis in (0, 1)]
         columns: list[tuple[Tensor, bool]] = []
@@ -333,7 +371,7 @@ def mirrored_axes(domain: Domain, periodic: PeriodicInput) -> tuple[int, ...]:
     return tuple(axis for axis in (0, 1) if domain.periodic[axis] and periodic == "cosine")
 
 
-def _independent(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
+def independent_columns(columns: Tensor, usable: list[bool]) -> tuple[int, ...]:
     """Return the usable columns that are no linear combination of a constant and earlier ones."""
     basis = [torch.ones_like(columns[:, 0]) / math.sqrt(len(columns))]
     kept = []

@@ -269,9 +269,8 @@ class Motion:
         """Return what the point supports prescribe (k,) at a time, metres, less the lift."""
         supports, placement = point_supports(self.case, t), self.features.placement
         values = placement.tensor(np.array([s.value for s in supports]))
-        ansatz = self.ansatz(t)
-        if supports and ansatz.lift.moves:
-            lift = ansatz.lift.jet(np.array([s.point.xi for s in supports]), placement)[VALUE]
+        if supports and self._lifts:
+            lift = self.ansatz(t).lift.jet(np.array([s.point.xi for s in supports]), placement)[VALUE]
             values = values - lift[torch.arange(len(supports)), [s.component for s in supports]]
         return values
 
@@ -324,8 +323,20 @@ class Motion:
         total = self.basis.spread(y)
         if not self._driven:
             return total
-        targets = self.targets(t) if order == 0 else self.rate(self.targets, t, order)
+        targets = self.targets(t) if order == 0 else self._target_rates(t)[order - 1]
         return total + self.basis.held @ targets
+
+    def _target_rates(self, t: float) -> tuple[Tensor, Tensor]:
+        """Return the rates of what point supports prescribe; at the last time asked for they are known."""
+        # Each evaluation of the accelerations asks for both rates, of which either takes a whole stencil of motions.
+        if t not in self._rate_memory:
+            self._rate_memory.clear()
+            self._rate_memory[t] = self.rates(self.targets, t)
+        return self._rate_memory[t]
+
+    @cached_property
+    def _rate_memory(self) -> dict[float, tuple[Tensor, Tensor]]:
+        return {}
 
     @cached_property
     def _load_memory(self) -> dict[str, tuple[Array, Tensor]]:

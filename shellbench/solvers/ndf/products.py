@@ -13,8 +13,11 @@ basis of them O(p^6). Here each side is made orthonormal by itself, smoothest fu
 Products are ordered by how quickly they vary. A field of lower degree holds the first of them: what it is, it stays
 when features are added.
 
-This holds where the boundary matrix is the identity and a coordinate's length is the same everywhere: on a plane whose
-edges are free. Points may be held, springs may pull.
+Where edges are held, each side's functions are waves times the factor that vanishes at its held ends: the factor of a
+rectangle is a product of such factors, too (`factors.edge_factor`).
+
+This holds where one factor is that of all components and a coordinate's length is the same everywhere: on a plane whose
+edges are free, or held as a whole and at rest, but not clamped. Points may be held, springs may pull.
 """
 
 from __future__ import annotations
@@ -29,11 +32,13 @@ from torch import Tensor
 
 from shellbench.problems.shell.case import Case
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, side_lengths
+from shellbench.solvers.ndf.factors import edge_factor
 from shellbench.solvers.ndf.field import Network
 from shellbench.solvers.ndf.inputs import Inputs
-from shellbench.solvers.ndf.jets import D1, D2, D11, D22, VALUE, Array, Placement, constant
+from shellbench.solvers.ndf.jets import D1, D2, D11, D22, VALUE, Array, Placement, product
 from shellbench.solvers.ndf.quadrature import line_rule
 from shellbench.solvers.ndf.sampled import COMPONENTS, PERIOD, degrees, orthonormal
+from shellbench.solvers.ndf.supports import edge_supports
 
 ALONG = ((VALUE, D1, D11), (VALUE, D2, D22))  # planes of the derivatives along each side
 OVER = 1.2  # highest frequency over the degree: with 1.5 steps of time are shorter by .6, and waves longer that are met
@@ -46,11 +51,15 @@ def why_no_products(case: Case, spec: FieldSpec, inputs: Inputs) -> str | None:
     """Return why a case's field is no sum of products of such functions, as one clause, or None if it is."""
     if inputs.axes != (0, 1) or any(any(side) for side in inputs.even):
         return "its inputs are not the two coordinates alone"
-    ansatz, placement = build_ansatz(case, spec), Placement()
     points = case.surface.domain.grid(LOOKED_AT, LOOKED_AT).reshape(-1, 2)
-    identity = constant(torch.eye(COMPONENTS).to(placement.dtype).expand(len(points), COMPONENTS, COMPONENTS))
-    if not torch.equal(ansatz.factors.matrix(points, placement), identity) or ansatz.lift.moves:
-        return "its edges are held"
+    if spec.components != "cartesian" or spec.supports != "hard":
+        return "its components or supports are others"
+    if build_ansatz(case, spec).lift.moves:
+        return "its edges are moved"
+    everywhere = set(case.held_everywhere)
+    for edge in edge_supports(case):
+        if edge.slope or not edge.edge.whole or len(everywhere | set(edge.held)) < COMPONENTS:
+            return "its edges are clamped, or held in parts or in some components"
     x = case.surface.derivatives(points, 2)
     straight = all(np.all(x[key] == 0) for key in ((2, 0), (1, 1), (0, 2)))
     if not straight or np.any(np.sum(x[1, 0] * x[0, 1], axis=-1)):
@@ -97,11 +106,7 @@ class Products:
 
     def line(self, axis: int, at: Array) -> Tensor:
         """Return one side's functions with two derivatives (3, n, r) at values (n,) of its coordinate."""
-        points = np.tile(np.asarray(self.inputs.case.surface.domain.lower), (len(at), 1))
-        points[:, axis] = at
-        waves = self.network.features(self.inputs.jets(points, self.placement))[list(ALONG[axis])]
-        first = self.combine[0].shape[0]
-        own = waves[..., :first] if axis == 0 else waves[..., first:]
+        own = _waves_along(self.inputs, self.network, self.combine[0].shape[0], axis, at, self.placement)
         used = self.combine[axis][:, : int(self.pairs[:, axis].max()) + 1]
         return own @ used
 
@@ -227,6 +232,20 @@ def _waves(degree: float, placement: Placement) -> tuple[Tensor, Tensor]:
     return torch.cat([frequency.new_zeros(1), frequency, frequency]), torch.cat([phases[-1:], phases])
 
 
+def _waves_along(inputs: Inputs, network: Network, first: int, axis: int, at: Array, placement: Placement) -> Tensor:
+    """Return one side's waves with two derivatives (3, n, waves), zero at its held ends, at values (n,)."""
+    case = inputs.case
+    points = np.tile(np.asarray(case.surface.domain.lower), (len(at), 1))
+    points[:, axis] = at
+    waves = network.features(inputs.jets(points, placement))
+    own = waves[..., :first] if axis == 0 else waves[..., first:]
+    held = {support.edge for support in edge_supports(case) if support.edge.axis == axis}
+    if held:
+        factor = edge_factor(case.surface.domain, held, inputs.even, points, placement)
+        own = product(factor[..., None], own)
+    return own[list(ALONG[axis])]
+
+
 def _orthonormal(
     case: Case, inputs: Inputs, network: Network, first: int, axis: int, order: int, placement: Placement
 ) -> Tensor:
@@ -234,14 +253,11 @@ def _orthonormal(
     domain = case.surface.domain
     low, high, size = domain.lower[axis], domain.upper[axis], domain.size[axis]
     at, weights = line_rule(np.array([low, high]), order)
-    points = np.tile(np.asarray(domain.lower), (order, 1))
-    points[:, axis] = at
-    waves = network.features(inputs.jets(points, placement))
-    own = waves[..., :first] if axis == 0 else waves[..., first:]
+    own = _waves_along(inputs, network, first, axis, at, placement)
     share = placement.tensor(weights * (side_lengths(case)[axis] / size))
     combine = orthonormal(own, share)
     t = placement.tensor((at - low) / size)
-    steep = own[ALONG[axis][1]] @ combine
+    steep = own[1] @ combine
     operator = steep.T @ ((share * size**2 * t * (1 - t))[:, None] * steep)
     _, vectors = torch.linalg.eigh((operator + operator.T) / 2)
     functions: Tensor = (combine @ vectors).contiguous()

@@ -38,6 +38,7 @@ from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from shellbench.solvers.ndf.sampled import LONG_ORDER, LONG_SHARE, placed_features, scales
 from shellbench.solvers.ndf.solution import NdfSolution, PathSolution
 from shellbench.solvers.ndf.static import with_settings
+from shellbench.solvers.ndf.supports import edge_supports
 
 
 def solve(
@@ -139,6 +140,7 @@ def _move(case: Case, spec: FieldSpec, settings: RitzSettings, progress: Progres
 
     placed = settings.hidden == "placed"
     sums = placed and why_no_products(case, spec, inputs) is None
+    spec = spec.model_copy(update={"vanishing": sums and bool(edge_supports(case))})
 
     def build(degree: int, width: int) -> motion.Rung:
         if sums:

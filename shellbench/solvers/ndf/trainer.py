@@ -31,7 +31,9 @@ from shellbench.solvers.ndf.build import (
     FieldSpec,
     build_features,
     build_inputs,
+    focal_points,
     graded_points,
+    is_flat,
     rung,
     rung_count,
 )
@@ -56,6 +58,7 @@ from shellbench.solvers.ndf.trainer_solver import NdfSolver, TrainerSettings
 from shellbench.solvers.ndf.training import (
     CERTIFICATE,
     FINAL_ORDER,
+    MIRRORED_SCALES,
     MIXED_SCALES,
     SINGULAR_SCALES,
     Plan,
@@ -178,7 +181,7 @@ def solve(
             recipe = modes.Recipe(NdfSolver.name, settings.inner)
             return modes.solve(case, field_spec(settings, strain), chosen, tell, recipe)
         if not large_displacement.is_path(case):
-            return _Run(case, settings, tell).solve(begin)
+            return _Run(case, settings, begin, tell).solve(begin)
         smooth_activation(settings.activation)
         return follow(
             case,
@@ -204,6 +207,16 @@ def field_spec(settings: TrainerSettings, strain: StrainName) -> FieldSpec:
         multipliers=settings.singular,
         strain=strain,
     )
+
+
+def mirrored(case: Case, settings: TrainerSettings, start: Solution | None) -> bool:
+    """Tell whether planes of symmetry are to be built in: those of a start, or as settings say, or where they pay."""
+    # Where widths are given, fields of these widths are compared, with each other and with those of other recipes.
+    if isinstance(start, NdfSolution):
+        return start.spec.mirrors
+    if settings.mirrors is not None:
+        return settings.mirrors
+    return len(focal_points(case)) > 0 and not is_flat(case) and settings.widths is None
 
 
 def _move(case: Case, settings: TrainerSettings, strain: StrainName, tell: ProgressCallback) -> MotionSolution:
@@ -245,15 +258,20 @@ def training_plan(settings: TrainerSettings, widths: tuple[int, ...], scales: tu
 class _Run:
     """One training: the states it passes through become the solution's history."""
 
-    def __init__(self, case: Case, settings: TrainerSettings, progress: ProgressCallback) -> None:
+    def __init__(
+        self, case: Case, settings: TrainerSettings, start: Solution | None, progress: ProgressCallback
+    ) -> None:
         smooth_activation(settings.activation)
         self.begin = time.perf_counter()
         self.case, self.settings, self.progress = case, settings, progress
-        self.spec = field_spec(settings, "linear")
+        self.spec = field_spec(settings, "linear").model_copy(update={"mirrors": mirrored(case, settings, start)})
         self.problem = TrainingProblem.from_case(case, self.spec, Placement.on(settings.device), point_constraints)
-        widths, scales = default_plan_widths(case, self.problem.singular)
-        mixed = scales == MIXED_SCALES and not settings.widths
-        if settings.widths and self.problem.singular:  # starts are compared: the mixture is one for the usual width
+        mirrors = self.problem.ansatz.mirrors
+        widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
+        mixed = scales == MIRRORED_SCALES or (scales == MIXED_SCALES and not settings.widths)
+        if (
+            settings.widths and self.problem.singular and not mirrors
+        ):  # starts are compared: the mixture is one for the usual width
             scales = SINGULAR_SCALES
         self.plan = training_plan(settings, settings.widths or widths, scales)
         if mixed:
@@ -337,7 +355,7 @@ class _Run:
     def _certified(self, state: Trained, points: Quadratures, ending: str) -> NdfSolution:
         problem, domain = self.problem, self.case.surface.domain
         spec = problem.rule_spec(CERTIFICATE * len(points.train), FINAL_ORDER)
-        rule = area_rule(domain, problem.focal, spec)
+        rule = problem.ansatz.rule(problem.focal, spec)
         features = problem.with_network(state.network)
         forces = concentrated(problem.ansatz, spec, problem.focal, features.placement)
         (energies,) = certify(problem.ansatz, features, [state.output], rule, forces)

@@ -51,6 +51,9 @@ class TrainerSettings(SeededSettings):
     layer: Positive = PydanticField(LAYER, description="length of stretched inputs, in sqrt(h R)")
     singular: int = PydanticField(MULTIPLIERS, ge=0, le=6, description="singular features a point force; 0 for none")
     stretched: bool = PydanticField(True, description="whether inputs are stretched toward point forces")
+    mirrors: bool | None = PydanticField(
+        None, description="whether planes of symmetry are built in; None: on curved shells under forces at points"
+    )
     periodic_input: PeriodicInput = PydanticField("both", description='"both", "cosine" or "none" (a slit shell)')
     components: Components = PydanticField("cartesian", description="what the output layer gives")
     largest_gap: Positive = PydanticField(LARGEST_GAP, description="largest admissible quadrature gap")

@@ -36,13 +36,13 @@ from shellbench.solvers.ndf.gauss_newton import (
     unflatten,
 )
 from shellbench.solvers.ndf.jets import VALUE, Array, Placement
-from shellbench.solvers.ndf.quadrature import RuleSpec, area_rule
+from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.sketch import Sketch
 from shellbench.solvers.ndf.solve import solve_output
 
 # Points a feature of the last hidden layer; more where the field is singular. With these, converged fields agree with
 # themselves to 1e-6 and less on independent points.
-POINTS, SINGULAR_POINTS = 8.0, 18.0
+POINTS, SINGULAR_POINTS, MIRRORED_POINTS = 8.0, 18.0, 20.0
 MOST_POINTS = 7200  # at first: with 400, 500 and 600 features about point forces gaps are 2e-6 alike
 LEAST_POINTS = 550  # 4 x 4 panels: below, even the inputs are not resolved
 CHECK = 2.0  # check points, as a multiple of the training points
@@ -50,7 +50,9 @@ CERTIFICATE = 3.0  # points of the final rule, as a multiple of the training poi
 ORDER, COARSE_ORDER, FINAL_ORDER = 6, 4, 7  # Gauss points along a panel
 GRADING = 3.0  # of panels toward point forces
 SINGULAR_SCALES = (2.0, 2.0), (2.0, 3.0), (1.0, 4.0)  # about point forces: each start has one of them
+WIDEST = 500  # last hidden layer, about point forces on curved shells
 MIXED_SCALES = (1.0, 4.0), (2.0, 2.0)  # on curved shells: the features of one start have both
+MIRRORED_SCALES = (1.0, 3.0), (0.7, 4.0)  # the same where a field has to vary over one of several parts only
 MANY_WEIGHTS, STEEPEST = 3200, 900  # hidden weights beyond which a step moves only the steepest ones, and how many
 COARSE_ROWS = 2.0  # strain rows of the Gauss-Newton matrix a column; 3 gains nothing more
 AGREEMENT = 0.2  # admissible difference of the gains on the two point sets, as a share of the smaller
@@ -158,7 +160,8 @@ class TrainingProblem:
         return Features(old.inputs, network, old.fixed, old.placement)
 
     def rule_spec(self, count: float, order: int, more: int = 0) -> RuleSpec:
-        """Return a rule of about `count` points, with `more` panels along each side."""
+        """Return a rule with about `count` points where energies are integrated, and `more` panels along each side."""
+        count *= self.ansatz.mirrors.parts if self.ansatz.mirrors else 1  # rules are those of the whole shell
         turns = [2.0 if p else 1.0 for p in self.ansatz.case.surface.domain.periodic]
         side = math.sqrt(count / (turns[0] * turns[1])) / order
         first, second = (max(2, round(side * turn)) + more for turn in turns)
@@ -166,9 +169,7 @@ class TrainingProblem:
 
     def sample(self, spec: RuleSpec) -> Sample:
         """Tabulate a rule."""
-        return Sample.from_rule(
-            self.ansatz, self.features, area_rule(self.ansatz.case.surface.domain, self.focal, spec)
-        )
+        return Sample.from_rule(self.ansatz, self.features, self.ansatz.rule(self.focal, spec))
 
     def tips(self, spec: RuleSpec) -> Tips:
         """Tabulate edge and point loads."""
@@ -190,6 +191,8 @@ class Quadratures:
     def for_width(cls, problem: TrainingProblem, width: int, refinement: float = 1.0) -> Quadratures:
         """Take as many points as a width asks for."""
         each = SINGULAR_POINTS if problem.singular else POINTS
+        if problem.ansatz.mirrors:
+            each = MIRRORED_POINTS
         count = refinement * min(max(LEAST_POINTS, each * width), MOST_POINTS)
         spec, check = problem.rule_spec(count, ORDER), problem.rule_spec(CHECK * count, ORDER, more=1)
         return cls(spec, problem.sample(spec), problem.sample(check), problem.tips(check), refinement)
@@ -396,8 +399,15 @@ def agree(new: Trained, old: Trained) -> bool:
     return seen > 0 and certified > 0 and abs(seen - certified) <= AGREEMENT * min(seen, certified)
 
 
-def default_plan_widths(case: Case, singular: bool) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
-    """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders."""
+def default_plan_widths(
+    case: Case, singular: bool, parts: int = 1
+) -> tuple[tuple[int, ...], tuple[tuple[float, float], ...]]:
+    """Return the widths and scales that a case asks for, chosen by certified energy on plates, roofs and cylinders.
+
+    `parts` is how many parts planes of symmetry cut the shell into that are built into the field.
+    """
+    if singular and is_flat(case):
+        return (100, 200), SINGULAR_SCALES
     if singular:
-        return ((100, 200), SINGULAR_SCALES) if is_flat(case) else ((500,), MIXED_SCALES)
+        return (round(WIDEST / math.sqrt(parts)),), MIXED_SCALES if parts == 1 else MIRRORED_SCALES
     return (40, 80, 160, 320), ((2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (5.0, 0.0))

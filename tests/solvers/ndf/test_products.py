@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from shellbench.errors import InputError
-from shellbench.solvers.ndf import motion
+from shellbench.solvers.ndf import motion, ritz
 from shellbench.solvers.ndf.build import FieldSpec, build_inputs
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.motion_problem import Table
@@ -53,8 +53,45 @@ def test_sums_over_one_coordinate_after_the_other_are_those_of_a_table_of_all_pr
     alike(found._table.onto(conjugate), dense.onto(conjugate), 1e-10)
 
 
-def test_jets_are_derivatives_of_the_values():
-    features, step = products(moving(), 6), 1e-5
+HELD = [support("edges", "xi1_min", "xi2_min"), support("other", "xi2_max")]
+
+
+def test_at_held_edges_products_vanish_and_remain_orthonormal():
+    case = moving(supports=HELD)
+    features, domain = products(case, 7), case.surface.domain
+    first, second = (np.linspace(low, high, 5) for low, high in zip(domain.lower, domain.upper, strict=True))
+    for axis, side in ((0, domain.lower[0]), (1, domain.lower[1]), (1, domain.upper[1])):
+        points = np.stack([first, second], axis=-1)
+        points[:, axis] = side
+        assert float(features.values(points).abs().max()) == 0.0
+        assert float(features.jets(points)[1 + axis].abs().max()) > 1.0
+    x, weights = np.polynomial.legendre.leggauss(40)
+    u = (x + 1) / 2
+    size = np.asarray(domain.size)
+    points = np.asarray(domain.lower) + np.stack(np.meshgrid(u, u, indexing="ij"), axis=-1).reshape(-1, 2) * size
+    values = features.values(points)
+    gram = values.T @ (torch.as_tensor(np.outer(weights, weights).ravel() / 4 * size.prod())[:, None] * values)
+    torch.testing.assert_close(gram, torch.eye(features.count, dtype=torch.float64), rtol=0, atol=1e-5)
+
+
+def test_with_held_edges_both_ways_follow_the_same_motion(monkeypatch):
+    case = moving(0.04, supports=HELD[:1], loads=PULLED)
+    fast = RitzSolver().solve(case, RitzSettings(hidden="placed", degrees=(9,)))
+    assert isinstance(fast.features, Products)
+    assert fast.spec.vanishing
+    monkeypatch.setattr(ritz, "why_no_products", lambda *_: "")
+    dense = RitzSolver().solve(case, RitzSettings(hidden="placed", degrees=(9,)))
+    assert not isinstance(dense.features, Products)
+    moved = np.abs(dense.displacement(GRID, 0.04)).max()
+    apart = np.abs(fast.displacement(GRID, 0.04) - dense.displacement(GRID, 0.04)).max()
+    assert moved > 5e-3
+    assert apart < 0.03 * moved  # a lattice's waves and products of waves are not the same functions
+    assert sum(fast.energies(0.04)) == pytest.approx(sum(dense.energies(0.04)), rel=0.02)
+
+
+@pytest.mark.parametrize("supports", [[], HELD], ids=["free", "held"])
+def test_jets_are_derivatives_of_the_values(supports):
+    features, step = products(moving(supports=supports), 6), 1e-5
     inside = INSIDE[1:2]
     jets = features.jets(inside)[:, 0]
     across = [np.array([step, 0.0]), np.array([0.0, step])]
@@ -177,8 +214,14 @@ def test_a_field_that_asks_for_nothing_keeps_its_features(monkeypatch):
 
 
 def test_what_products_are_not_made_for_goes_the_usual_way(monkeypatch):
-    held = moving(0.01, supports=[support("edge", "xi1_min")])
-    assert why_no_products(held, SPEC, build_inputs(held, SPEC)) == "its edges are held"
+    held = moving(0.01, supports=[support("edge", "xi1_min", clamped=True)])
+    reason = "its edges are clamped, or held in parts or in some components"
+    assert why_no_products(held, SPEC, build_inputs(held, SPEC)) == reason
+    some = moving(0.01, supports=[support("edge", "xi1_min", components=["x", "y"])])
+    assert why_no_products(some, SPEC, build_inputs(some, SPEC)) == reason
+    lifted = {"kind": "translation", "vector": [0, 0, "t**3"]}
+    moved = moving(0.01, supports=[support("edge", "xi1_min", motion=lifted)])
+    assert why_no_products(moved, SPEC, build_inputs(moved, SPEC)) == "its edges are moved"
     roof = shell("roof", {"areal_density": RHO})
     assert (
         why_no_products(roof, SPEC, build_inputs(roof, SPEC)) == "its coordinates are not straight and at right angles"
