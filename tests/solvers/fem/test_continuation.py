@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 from shellbench.bench import catalog
+from shellbench.load_curve import Curve
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure
 from shellbench.solvers.fem.assembly import Quadrature
@@ -40,6 +41,10 @@ def roof(name, cells=(4, 4)):
 
 def values(row, states):
     return np.array([float(np.sum(row * state.q)) for state in states])
+
+
+def curve(row, states):
+    return Curve(np.array([0.0, *(state.t for state in states)]), np.array([0.0, *values(row, states)]))
 
 
 def followed(steps):
@@ -155,6 +160,16 @@ def test_displacement_control_passes_both_limit_points(thick):
             assert negative >= 1
         if min(abs(value - deflection[top]), abs(value - deflection[valley])) > 1:
             assert state.stable == (negative == 0)
+
+
+def test_limit_points_do_not_depend_on_the_length_of_steps(thick):
+    problem, row, states = thick
+    coarse = list(displacement_steps(problem, row, THICK_MARKS, THICK_END, 1 / 12))
+    assert len(coarse) < 0.7 * len(states)
+    for number in (1, 2):
+        (load, at), (other, there) = (curve(row, found).turning("load", number) for found in (states, coarse))
+        assert other == pytest.approx(load, rel=1e-4)
+        assert there == pytest.approx(at, rel=1e-3)
 
 
 def test_every_state_of_the_path_is_in_equilibrium(thick):
