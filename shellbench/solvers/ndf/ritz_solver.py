@@ -48,7 +48,7 @@ class RitzSettings(SeededSettings):
     hidden: Literal["drawn", "placed"] = PydanticField(
         "drawn",
         description="of motions: hidden weights drawn at random, or placed on a lattice that leaves no gaps;"
-        " on planes with free edges as products",
+        " on planes whose edges are free or held as products",
     )
     grow: bool = PydanticField(
         False, description="of products: begin with few, and add more on the way as the motion asks for them"
