@@ -68,7 +68,7 @@ class SolverProcess:
             [sys.executable, "-m", module, *arguments],
             stdout=streams.pop("stdout", errors),
             stderr=errors,
-            env={**os.environ, **limits, **waiting, **KEPT_MEMORY, "PYTHONPATH": path},
+            env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
             start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
             **streams,
         )
