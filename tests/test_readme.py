@@ -12,6 +12,7 @@ import json
 import re
 import tomllib
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -230,6 +231,16 @@ def collapse():
     assert len(lines) == 7
     for line in lines:
         yield re.sub(r"[-+]?\d[\d.e-]*", "{}", line), *re.findall(r"[-+]?\d[\d.e-]*", line)
+    yield (
+        "third falls between iterations {} and {}, the second between {} and {}",
+        *(f"{step:,}" for seed in (2, 1) for step in fallen(trainings()["pinched_cylinder_free", "as printed", seed])),
+    )
+
+
+def fallen(record):
+    """The two iterations that were certified between which a training lost more than it ever gained."""
+    course = [(step["iteration"], step["energy"]) for step in record["history"]]
+    return next((a, b) for (a, _), (b, lost) in pairwise(course) if lost > -min(e for _, e in course) and a > 100)
 
 
 TRAINED = ("Square plate", "Scordelis-Lo roof", "Pinched cylinder, diaphragms", "Pinched cylinder, free")
