@@ -408,7 +408,8 @@ Draws were cut by the time there was, on busy machines: seeds 3 to 6 at 40 s a m
 cases by `fem` and 16 by `ndf-ritz`. Four survivors of seed 7 were put dear cases that a person chose who had read them: that made two red.
 Seeds 1 to 7 were drawn of all statements. Seed 8 was drawn of mechanics alone, and put to 63 cases by `fem` and 25 by `ndf-ritz`; it ended at
 one of the numbers of mutants that had been written down before, not between them, for what takes long tends to survive. It is small:
-a mutant of `fem` is 6 points of its score, one of the others 17 to 20.
+a mutant of `fem` is 6 points of its score, one of the others 17 to 20. One survivor of it was then put
+a dear case that a person chose who had read it, and is red: that is no part of the unseen score.
 """
 
 
