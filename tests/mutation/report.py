@@ -328,11 +328,8 @@ def _survivors(entries: Sequence[Entry], said: Mapping[Key, Excuse]) -> Iterator
             if entry["asked"]
             else "not asked again"
         )
-        yield f"- {place}, {entry['rule']}, {asked}: {reason}\n"
-        yield "    ```diff"
-        yield f"    - {_short(entry['old'])}"
-        yield f"    + {_short(entry['new'])}"
-        yield "    ```"
+        yield f"- {place}, {entry['rule']}, {asked}: {reason}<br>"
+        yield f"  `{_short(entry['old'])}` → `{_short(entry['new'])}`"
 
 
 def _short(text: str) -> str:
