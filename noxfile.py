@@ -379,7 +379,7 @@ def long(session: nox.Session) -> None:
 def mutation(session: nox.Session) -> None:
     """Examine the exam: put mutants of our solvers through the gate, and write docs/mutation.md. Takes hours.
 
-    `-- --seed 8 --count 25 --solver fem --kind mechanics`: which of them. What was examined is kept in reports/mutation.
+    `-- --seed 8 --count 25 --solver fem --kind mechanics`: which ones. What was examined is kept in reports/mutation.
     """
     install(session, "test")
     session.run("python", "-m", "tests.mutation", *session.posargs)

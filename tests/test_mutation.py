@@ -24,6 +24,7 @@ from tests.mutation.report import (
     add,
     excuses,
     hole_groups,
+    interval,
     of_kinds,
     page,
     read_runs,
@@ -272,6 +273,16 @@ def test_what_was_closed_after_it_was_seen_counts_as_a_hole_of_an_unseen_draw() 
     assert unseen(closed, SAID) == (4, 1, 1, 2, 0)
     assert "| **seed 1, mechanics** | 4 | 1 | 1 | 2 | 0 | 33 % |" in page([closed], SAID, GROUPS)
     assert '"red": 1' in scores([closed], SAID)
+
+
+def test_the_bounds_of_a_share_are_those_of_the_binomial_distribution() -> None:
+    """At either bound so many red ones, or so few, come up in a fortieth of all draws."""
+    low, high = interval(18, 20)
+    chances = [[math.comb(20, k) * p**k * (1 - p) ** (20 - k) for k in range(21)] for p in (low, high)]
+    assert sum(chances[0][18:]) == pytest.approx(0.025, rel=1e-9)
+    assert sum(chances[1][:19]) == pytest.approx(0.025, rel=1e-9)
+    assert interval(5, 5)[1] == 1.0
+    assert interval(0, 5)[0] == 0.0
 
 
 def test_what_is_gone_counts_in_an_unseen_score_alone() -> None:
