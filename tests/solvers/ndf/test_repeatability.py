@@ -14,7 +14,7 @@ from shellbench.bench import catalog
 from shellbench.bench.baseline import read_baseline
 from shellbench.problem import Solution
 from shellbench.problems.shell.measure import measure
-from shellbench.solvers.ndf import static, trainer, training
+from shellbench.solvers.ndf import field, static, trainer
 from shellbench.solvers.ndf.gauss_newton import JITTER as GAUSS_NEWTON
 from shellbench.solvers.ndf.quadrature import Rule
 from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
@@ -137,7 +137,7 @@ def test_values_repeat_when_points_are_off_by_rounding(
 ) -> None:
     primary = next(q for q in catalog.find_case(case).quantities if q.primary)
     values = [measure(answer(case), primary)]
-    for module in (static, trainer, training):
+    for module in (field, static, trainer):
         monkeypatch.setattr(module, "area_rule", perturbed(module.area_rule, 1))
     values.append(measure(answer(case), primary))
     assert len(set(values)) > 1, "the points were not perturbed"
