@@ -192,6 +192,39 @@ def _mirror(edge: Edge, x: Mapping[Derivative, Array], support: Support, carried
     return rows, np.zeros(1)
 
 
+def why_no_slope(case: Case) -> str | None:
+    """Return why a slope that is held at an edge can't be stated at nodes, as a clause, or None."""
+    for support, place in case.supported_places():
+        if not isinstance(place, Edge) or support.symmetry or not support.holds_slope:
+            continue
+        points = place.samples(case.surface.domain, MIRROR_SAMPLES)
+        x = case.surface.derivatives(case.surface.domain.wrap(points), order=2)
+        if _needs_more(place, x, support, np.cross(x[1, 0], x[0, 1])):
+            return (
+                f"on oblique lines, as at '{place.name}', it holds a slope only with the displacement along the normal"
+            )
+    return None
+
+
+def _needs_more(edge: Edge, x: Mapping[Derivative, Array], support: Support, normal: Array) -> bool:
+    """Tell whether the slope about an edge, at points of it, asks for what is no degree of freedom.
+
+    On oblique lines it asks for u,tt . N. That is known where the support prescribes the edge's displacement along N,
+    and only there.
+    """
+    x_k, x_t = (x[(1, 0)], x[(0, 1)]) if edge.axis == 0 else (x[(0, 1)], x[(1, 0)])
+    tt, kt = (np.sum(x_t * v, axis=-1, keepdims=True) for v in (x_t, x_k))
+    oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
+    loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    if support.local:
+        # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
+        straight = np.ptp(normal / length, axis=0).max() <= IN_PLANE
+        known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
+        loose = [] if known else loose
+    return bool(np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)))
+
+
 def _slope(
     edge: Edge, x: Mapping[Derivative, Array], support: Support, motion: Motion, turn: Array, carried: int
 ) -> tuple[Array, Array]:
@@ -218,17 +251,7 @@ def _slope(
             twice: -kt * normal,
         },
     }
-    # On oblique lines c'(u) needs u,tt, which is no degree of freedom. It is known where the support prescribes the
-    # edge's displacement along N, and only there.
-    oblique = np.abs(kt) > OBLIQUE * np.sqrt(tt) * np.linalg.norm(x_k, axis=-1, keepdims=True)
-    loose = [number for number, c in enumerate(COMPONENTS) if c not in support.held]
-    if support.local:
-        # A local support gives u,tt . N the motion's value where it holds all, or a normal that does not turn.
-        straight = np.ptp(normal / np.linalg.norm(normal, axis=-1, keepdims=True), axis=0).max() <= IN_PLANE
-        known = len(support.held) == len(COMPONENTS) or (straight and "normal" in support.held)
-        loose = [] if known else loose
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    if np.any(oblique & (np.abs(normal[:, loose]) > OBLIQUE * length)):
+    if _needs_more(edge, x, support, normal):
         raise InputError(
             f"support '{support.name}' holds the slope of '{edge.name}', where the coordinate lines are oblique,"
             " without holding the displacement along the normal: fem can't state that at its nodes"

@@ -83,10 +83,10 @@ class FemSolver(ShellSolver):
         """Return why the solver can't take this case, or None."""
         if refusal := super().declines(case):
             return refusal
-        if any(support.symmetry for support in case.supports):
-            from shellbench.solvers.fem.constraints import why_no_mirror
+        if any(support.holds_slope for support in case.supports):
+            from shellbench.solvers.fem.constraints import why_no_mirror, why_no_slope
 
-            if refusal := why_no_mirror(case):
+            if refusal := why_no_mirror(case) or why_no_slope(case):
                 return refusal
         if case.dynamics is not None:
             from shellbench.solvers.fem import motion

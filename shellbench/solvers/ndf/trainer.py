@@ -269,9 +269,8 @@ class _Run:
         mirrors = self.problem.ansatz.mirrors
         widths, scales = default_plan_widths(case, self.problem.singular, mirrors.parts if mirrors else 1)
         mixed = scales == MIRRORED_SCALES or (scales == MIXED_SCALES and not settings.widths)
-        if (
-            settings.widths and self.problem.singular and not mirrors
-        ):  # starts are compared: the mixture is one for the usual width
+        # Where widths are given starts are compared: the mixture is one for the usual width.
+        if settings.widths and self.problem.singular and not mirrors:
             scales = SINGULAR_SCALES
         self.plan = training_plan(settings, settings.widths or widths, scales)
         if mixed:

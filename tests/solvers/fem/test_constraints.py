@@ -189,7 +189,7 @@ def test_a_slope_that_nodes_cannot_state_is_refused_in_one_sentence():
         {"name": "s", "on": ["xi1_min"], "components": ["x"], "clamped": True},
         {"name": "t", "on": ["xi1_max"]},
     ]
-    with pytest.raises(InputError, match="'s' holds the slope of 'xi1_min', where the coordinate lines are oblique"):
+    with pytest.raises(InputError, match="on oblique lines, as at 'xi1_min'"):
         solved("hypar", supports)
 
 
@@ -259,3 +259,11 @@ def test_a_mirror_that_oblique_lines_meet_is_declined():
     answered, declined = (catalog.named_case(f"guided_plate@{chart}") for chart in ("warped", "oblique"))
     assert FemSolver().declines(answered) is None
     assert "those at 'xi2_min' are oblique" in str(FemSolver().declines(declined))
+
+
+def test_a_slope_held_alone_on_oblique_lines_is_declined_and_not_refused_later():
+    declined, answered = (catalog.find_case(f"sheared_sleeve{variant}") for variant in ("@helical", "@warped"))
+    assert "on oblique lines, as at 'xi1_min'" in str(FemSolver().declines(declined))
+    assert FemSolver().declines(answered) is None
+    # With the displacement along the normal held, oblique lines do no harm.
+    assert FemSolver().declines(catalog.find_case("clamped_plate_uniform@oblique")) is None
