@@ -6,11 +6,10 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.bench.expected import Scope
-from shellbench.bench.gate import gate
 from shellbench.bench.store import Store
 from shellbench.bench.suite import read_suite
 from shellbench.errors import InputError
-from tests.test_faults import findings
+from tests.test_faults import accuracy_gate, findings
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -102,7 +101,7 @@ def test_a_study_is_judged_only_if_it_is_named(tmp_path):
     findings(Store(tmp_path), "fem", "square_plate")
 
     def solvers(*suites):
-        return {row.solver for row in (f.row for f in gate(Store(tmp_path), None, Scope(suites)).accuracy)}
+        return {row.solver for row in (f.row for f in accuracy_gate(Store(tmp_path), Scope(suites)).accuracy)}
 
     assert "fem" in solvers()
     assert "kratos-iga" not in solvers()
