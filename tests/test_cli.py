@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 
 from shellbench import __version__, cli
+from shellbench.bench import local
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
 from shellbench.report import sections
 from tests.bench import strip
 from tests.bench.conftest import made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
+from tests.bench.running import InThisProcess
 from tests.bench.test_compare import CONTRACT, edit
 from tests.patience import COMMAND_LINE, GUARD, until
 
@@ -86,6 +88,12 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sections, "exhibits", lambda evidence: [])
 
 
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make runs in this process, which takes a twentieth of the time: other tests start some of their own."""
+    monkeypatch.setattr(local, "LocalProcesses", lambda *_: InThisProcess())
+
+
 @pytest.mark.parametrize("format_", ["text", "markdown", "latex", "csv"])
 def test_table_prints_in_all_formats(solved, format_: str) -> None:
     code, out, err = solved("table", "--format", format_)
@@ -112,6 +120,7 @@ def test_a_gate_that_judges_nothing_exits_2(solved) -> None:
         assert "nothing was judged" in err
 
 
+@pytest.mark.usefixtures("here", "undrawn")
 def test_the_obvious_path_is_green(shellbench) -> None:
     """Table, gate and report after one case by one solver: about that, in one line what else there is, and green."""
     assert shellbench("run", "strip", "--solver", "toy")[0] == 0
@@ -128,7 +137,7 @@ def test_the_obvious_path_is_green(shellbench) -> None:
     assert shellbench("gate", "--suite", "toys")[0] == 1
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("here", "undrawn")
 def test_two_files_of_one_title_are_told_apart(shellbench, own_case: Path) -> None:  # noqa: F811
     other = own_case.with_name("thicker_strip.toml")
     other.write_text(own_case.read_text(encoding="utf-8"), encoding="utf-8")
@@ -185,7 +194,7 @@ def test_failed_runs_exit_1_and_the_others_are_kept(shellbench) -> None:
     assert (code, err) == (1, "shellbench: strip toy: timeout: stopped after 0.5 s\n")
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("here", "undrawn")
 def test_an_answer_that_has_not_settled_exits_1_is_kept_and_is_in_the_table(shellbench) -> None:
     command = ("run", "strip", "--solver", "toy", "--set", "toy.behaviour=unsettled")
     code, out, err = shellbench(*command)
@@ -353,6 +362,7 @@ def falling_case(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.usefixtures("here")
 def test_a_motion_is_run_shown_and_exported_at_any_time(shellbench, falling_case: Path) -> None:
     code, out, err = shellbench("run", falling_case, "--solver", "falling")
     assert (code, out.splitlines()[-1], err) == (0, "1 solved", "")
@@ -393,6 +403,7 @@ def test_all_about_one_is_listed_by_name(shellbench) -> None:
     assert "no case, suite or solver is called 'strop': the nearest is strip" in err
 
 
+@pytest.mark.usefixtures("here")
 def test_a_quick_run_takes_one_seed_of_a_named_solver(shellbench) -> None:
     code, out, _ = shellbench("run", "--suite", "toys", "--quick", "--solver", "toy-noisy")
     assert (code, out.splitlines()[-1]) == (0, "1 solved")

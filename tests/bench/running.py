@@ -27,6 +27,12 @@ class InThisProcess:
             work(folder, lambda progress: None)
             yield Ended(task, folder, read_document((folder / RECORD).read_bytes()))
 
+    def expect(self, task: Task) -> None:
+        """Nothing has to be made ready."""
+
+    def close(self) -> None:
+        """Nothing was."""
+
 
 def run(
     store: Store,
