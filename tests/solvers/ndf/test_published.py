@@ -163,7 +163,9 @@ def test_training_lowers_the_energy_and_is_reproduced_by_its_seed():
     assert one.history[-1].quantities["centre_deflection"] == pytest.approx(measure(one, PLATE.primary), rel=1e-5)
 
 
-@pytest.mark.parametrize("by_start", [False, True], ids=["by its folder", "by a file"])
+@pytest.mark.parametrize(
+    "by_start", [pytest.param(False, marks=pytest.mark.long, id="by its folder"), pytest.param(True, id="by a file")]
+)
 def test_an_interrupted_training_goes_on_as_if_nothing_had_been(tmp_path, by_start):
     settings = small(iterations=3 * RECORD + 5, checkpoint=str(tmp_path), checkpoint_every=RECORD)
     whole = trained(DIAPHRAGM, settings)

@@ -66,10 +66,10 @@ def test_a_motion_starts_from_rest_and_answers_at_its_own_times_only():
 
 def test_fields_and_energies_agree_with_each_other():
     solution = trained(MOVED, few(iterations=5, dtype="float64"))
-    points = MOVED.surface.domain.grid(401, 401)
+    points = MOVED.surface.domain.grid(201, 201)
     for part, energy in zip(("membrane", "bending"), solution.energies(0.8), strict=True):
         density = solution.evaluate(f"{part}_energy_density", points, at=0.8)
-        integral = np.trapezoid(np.trapezoid(density, dx=0.0025), dx=0.0025)
+        integral = np.trapezoid(np.trapezoid(density, dx=0.005), dx=0.005)
         assert energy == pytest.approx(integral, rel=2e-3)
     with pytest.raises(KeyError):
         solution.evaluate("colour", points)
@@ -95,13 +95,13 @@ def test_the_reaction_is_what_the_motion_needs_by_newtons_law():
 
 
 def test_training_lowers_the_functional_and_is_reproduced_by_its_seed():
-    settings = few(iterations=4 * RECORD)
+    settings = few(iterations=2 * RECORD)
     one, again = trained(FALL, settings), trained(FALL, settings)
     other = trained(FALL, settings.model_copy(update={"seed": 1}))
     assert same(one, again)
     assert not same(one, other)
     assert one.history[-1].energy < one.history[0].energy
-    assert [step.iteration for step in one.history] == [RECORD * k for k in (1, 2, 3, 4)]
+    assert [step.iteration for step in one.history] == [RECORD, 2 * RECORD]
     assert one.history[-1].quantities["fall_500ms"] == pytest.approx(-one.displacement([0.5, 0.5], at=0.5)[2])
 
 
