@@ -179,12 +179,8 @@ def test_splines_meet_what_supports_prescribe():
             np.testing.assert_allclose(answer.displacement(*xi), case.evaluate(motion, xi)[0, 0], atol=1e-16)
 
 
-OBLIQUE = "manufactured_oblique_cylinder"  # coordinate lines at no right angle: what is wrong in any metric shows
-
-
-@pytest.mark.parametrize(
-    "name", [OBLIQUE, *(pytest.param(name, marks=pytest.mark.long) for name in (*NAMES, FINITE) if name != OBLIQUE)]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*NAMES, FINITE])
 def test_second_forms_are_what_they_compute_and_agree(name):
     found = (finite_strain_by_splines if name == FINITE else manufactured_by_splines)(name)
     first, known, case = manufactured(name), catalog.known_values(name), catalog.named_case(name)

@@ -516,7 +516,9 @@ def test_forces_and_tangent_are_derivatives_of_the_energy(make):
     ("make", "mesh", "place", "direction", "linear"),
     [
         (large.plate, Mesh((5, 5), 6), (50.0, 50.0), (0, 0, -1), square_plate),
-        (large.roof, Mesh((8, 6), 6), (np.radians(50), 25.0), (0, -1, 0), scordelis_lo),
+        pytest.param(
+            *(large.roof, Mesh((8, 6), 6), (np.radians(50), 25.0), (0, -1, 0), scordelis_lo), marks=pytest.mark.long
+        ),
     ],
 )
 def test_small_loads_give_the_linear_values(make, mesh, place, direction, linear):
@@ -551,6 +553,7 @@ def test_an_equilibrium_balances_its_load_and_meets_its_condition():
     assert again.factor == pytest.approx(state.factor, rel=1e-12)
 
 
+@pytest.mark.long
 def test_a_path_passes_limit_points_of_both_kinds():
     path = Path.follow(hinged_roof(6.35, Mesh((3, 3), 4)), 28.0)
     deflections, loads = path.points.T

@@ -39,6 +39,7 @@ def path_of(solution):
 # closed forms
 
 
+@pytest.mark.long
 def test_a_shell_that_is_turned_as_prescribed_is_not_strained():
     case = catalog.named_case("rigid_rotation")
     solution = solve(case)

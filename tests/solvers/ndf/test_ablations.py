@@ -99,6 +99,7 @@ def test_a_cosine_alone_that_can_not_follow_the_loads_says_so():
     assert abs(measure(partial, partial.case.primary)) < 1e-12 * 4.6e-4
 
 
+@pytest.mark.long
 def test_cosines_are_known_to_every_recipe():
     tube = shell("tube", supports=[support("end", "xi2_min", "xi2_max")],
                  loads=[{"kind": "pressure", "value": -2}])  # fmt: skip
@@ -172,6 +173,7 @@ def test_the_plate_gives_way_at_soft_supports():
     assert errors[0] > 5 * errors[1] > 100 * errors[2] > 0
 
 
+@pytest.mark.long
 def test_the_gap_of_soft_supports_is_that_of_shell_and_springs_together():
     """At rest the work of the loads is twice what shell and springs store (Clapeyron)."""
     case = named_case("scordelis_lo")

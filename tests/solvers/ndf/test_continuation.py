@@ -70,7 +70,7 @@ def test_marks_are_landed_on(plate):
         assert min(abs(v - mark) for v in values) < 1e-12
 
 
-@pytest.mark.parametrize("follow", [displacement_steps, arc_length_steps])
+@pytest.mark.parametrize("follow", [displacement_steps, pytest.param(arc_length_steps, marks=pytest.mark.long)])
 def test_all_ways_along_a_path_meet_the_same_states(plate, follow):
     problem, row = plate
     *_, loaded = load_steps(problem, (0.8,))

@@ -145,6 +145,7 @@ def test_settings_that_do_not_fit_are_refused_in_a_sentence(case, settings, said
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_all_departures_survive_an_interruption_and_a_file(tmp_path):
     settings = small(
         **ALL, iterations=4 * RECORD, learning_rate=1e-3, checkpoint=str(tmp_path), checkpoint_every=RECORD

@@ -379,7 +379,7 @@ def test_gated_quantities_are_within_their_tolerance(name):
             assert measure_all(solution)[quantity.name] == pytest.approx(known, rel=allowed.relative)
 
 
-@pytest.mark.parametrize("at", [1.0, 0.0, -1.0])
+@pytest.mark.parametrize("at", [pytest.param(1.0, marks=pytest.mark.long), 0.0, -1.0])
 def test_a_point_support_is_moved_from_the_start_in_linear_theory(at):
     """In linear theory a prescribed displacement need not vanish at t = 0, and any t may be asked for."""
     moment = {"kind": "moment", "on": ["xi1_max"], "axis": [0, 1, 0], "value": "0.1*t"}
