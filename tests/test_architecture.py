@@ -79,6 +79,7 @@ def test_imports_run_down():
             assert parts[1] in BELOW["base" if own in BASE else own], f"{path} imports {name}"
 
 
+@cache
 def is_module(name: str) -> bool:
     return (PACKAGE / name).with_suffix(".py").exists() or (PACKAGE / name).is_dir()
 

@@ -24,7 +24,7 @@ RAW = [
 ]
 WORDS = ("Input should", "Input tag", "discriminator", "tagged", "after validation", "[key]", "[type=", "pydantic")
 WRONG = ("far", -1, 1e400, math.nan, 0, True, [], ["x", "y", "z", "t"], [[1]], {}, {"kind": "blob"}, "x" * 999)
-CASES = ("scordelis_lo", "sleeve_compression")
+CASES = ("scordelis_lo", pytest.param("sleeve_compression", marks=pytest.mark.long))
 
 
 def places(data, prefix=()):

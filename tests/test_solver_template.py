@@ -93,6 +93,7 @@ def spoil(site: Path, *faults: tuple[str, str, str]) -> None:
         file.write_text(text.replace(good, bad))
 
 
+@pytest.mark.long
 def test_the_plate_passes_the_gate_and_what_it_declines_is_skipped(site: Path, project: Path) -> None:
     done = python(*GATE, "--shellbench-store=.shellbench", site=site, folder=project)
     assert done.returncode == 0, done.stdout

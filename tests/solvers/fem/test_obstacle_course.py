@@ -72,7 +72,7 @@ def test_rates_of_the_smooth_cases(name, degree, cells):
     assert rate >= min(2 * degree - 2, 6) - (0.1 if degree == 3 else 0.5)
 
 
-@pytest.mark.parametrize("thickness", [0.025, 0.125, 0.5])
+@pytest.mark.parametrize("thickness", [0.025, pytest.param(0.125, marks=pytest.mark.long), 0.5])
 def test_the_roof_at_other_thicknesses(thickness):
     data = catalog.named_case("scordelis_lo").model_dump(mode="json", exclude_unset=True, exclude={"name"})
     case = build_case(data | {"material": data["material"] | {"thickness": thickness}}, "roof", "test")

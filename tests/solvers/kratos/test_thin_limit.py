@@ -30,6 +30,7 @@ def without_stretch_in_the_curvature(radius, alpha):
     return strains
 
 
+@pytest.mark.long
 def test_the_roof_converges_to_the_theory_of_flat_elements_and_so_does_its_rate(monkeypatch):
     kirchhoff_love = series_value()
     monkeypatch.setattr(levy_roof, "strains_of_axial_harmonic", without_stretch_in_the_curvature)

@@ -173,6 +173,7 @@ def trained(case, width, start=None, **settings):
     )
 
 
+@pytest.mark.long
 def test_a_mirrored_field_finds_what_a_wider_plain_one_misses_and_is_kept(tmp_path):
     case = catalog.named_case("pinched_cylinder_free")
     plain, mirrored = trained(case, 90), trained(case, 50, mirrors=True)

@@ -51,6 +51,7 @@ def roof():
     return [solve("scordelis_lo", seed=seed) for seed in (0, 1)]
 
 
+@pytest.mark.long
 def test_energies_fall_as_features_join_and_never_below_the_minimum(roof):
     for solution in roof:
         energies = [step.energy for step in solution.history]
@@ -62,6 +63,7 @@ def test_energies_fall_as_features_join_and_never_below_the_minimum(roof):
         assert solution.diagnostics["certified_energy"] >= least * (1 + 1e-9)
 
 
+@pytest.mark.long
 def test_seeds_agree_within_their_stated_uncertainties(roof):
     first, second = roof
     values = [measure_all(solution) for solution in roof]

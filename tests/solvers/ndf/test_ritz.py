@@ -84,6 +84,7 @@ def test_plate_under_a_point_load():
     assert measure(solve(case), case.primary) == pytest.approx(expected, rel=2e-5)
 
 
+@pytest.mark.long
 def test_a_quarter_with_planes_of_symmetry_gives_the_whole():
     whole = plate()
     quarter = shell(
@@ -96,6 +97,7 @@ def test_a_quarter_with_planes_of_symmetry_gives_the_whole():
     assert found == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.long
 def test_cantilever_strip_under_an_edge_load():
     """u = F L^3 / (3 B) per width for nu = 0, by the edge load and by the reaction at the wall."""
     reaction = {"name": "force", "kind": "reaction", "support": "wall", "direction": [0, 0, 1]}
@@ -207,10 +209,9 @@ def test_seeds_are_reproducible_and_differ():
     assert np.abs(new - one).max() > 10 * REPEATED * np.abs(one).max()
 
 
-@pytest.mark.parametrize(
-    "activation", [*(pytest.param(name, marks=pytest.mark.long) for name in ("sine", "gelu")), "tanh"]
-)
-@pytest.mark.parametrize("components", ["cartesian", pytest.param("covariant", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("activation", ["sine", "gelu", "tanh"])
+@pytest.mark.parametrize("components", ["cartesian", "covariant"])
 def test_ablations_solve_as_well(activation, components):
     case = named_case("scordelis_lo")
     found = measure(solve(case, neurons=240, activation=activation, components=components), case.primary)

@@ -81,6 +81,7 @@ def test_marks_are_told_apart_however_small():
         solution.displacement(points, at=6e-10)
 
 
+@pytest.mark.long
 def test_diaphragms_balance_the_load_on_a_deformed_roof():
     """They hold two components alone, and are free to slide along the third."""
     ends = support("ends", "xi2_min", "xi2_max", components=["x", "y"])

@@ -217,7 +217,8 @@ def test_relu_is_refused():
         SOLVER.solve(catalog.named_case("square_plate"), TrainerSettings(activation="relu"))
 
 
-@pytest.mark.parametrize("activation", [pytest.param("tanh", marks=pytest.mark.long), "gelu"])
+@pytest.mark.long
+@pytest.mark.parametrize("activation", ["tanh", "gelu"])
 def test_other_activations_learn_the_plate(activation):
     case = catalog.named_case("square_plate")
     value = measure_all(SOLVER.solve(case, TrainerSettings(activation=activation)))[case.primary.name]
