@@ -17,6 +17,7 @@ from shellbench import __version__, cli
 from shellbench.bench import local
 from shellbench.bench.planned import FOLDER
 from shellbench.bench.store import Store
+from shellbench.problems.shell import self_intersection
 from shellbench.report import sections
 from tests.bench import strip
 from tests.bench.conftest import made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
@@ -355,8 +356,9 @@ def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store
 
 
 @pytest.fixture
-def falling_case(tmp_path: Path) -> Path:
+def falling_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The suite's free fall as a user's own file; the catalog of these tests has none."""
+    monkeypatch.setattr(self_intersection, "crossings", lambda points, triangles: ())  # a plate that falls has none
     path = tmp_path / "fall.toml"
     path.write_bytes((Path(__file__).parents[1] / "cases" / "free_fall.toml").read_bytes())
     return path

@@ -20,7 +20,7 @@ from shellbench.bench.task import case_data
 from shellbench.bench.worker import measured
 from shellbench.errors import InputError
 from shellbench.problem import Step
-from shellbench.problems.shell import sampling
+from shellbench.problems.shell import sampling, self_intersection
 from shellbench.problems.shell.case import Case
 from tests.report.conftest import ENVIRONMENT, Store, identity
 
@@ -221,6 +221,7 @@ def make_motion_store(folder: Path) -> Store:
     with pytest.MonkeyPatch.context() as coarse:
         coarse.setattr(sampling, "PICTURE", 13)
         coarse.setattr(sampling, "RESOLUTIONS", (10,))
+        coarse.setattr(self_intersection, "crossings", lambda points, triangles: ())  # no report shows it
         records = [
             make_record(folder, falling, "fem", Formula(falling, fall)),
             make_record(folder, falling, "ndf", Formula(falling, fall), 0),
