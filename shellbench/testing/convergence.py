@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from shellbench.bench.catalog import find_suite, known_values, suite_names
+from shellbench.bench import catalog
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.examination import Examination, Findings, Verdict, not_applicable, not_shown
@@ -44,7 +44,7 @@ def convergence(exam: Examination, case: Problem) -> Verdict:
     levels = refined(exam, case)
     if isinstance(levels, str):
         return not_applicable(levels)
-    known = known_values(case.name).judge(case.primary.name, case.theory)
+    known = catalog.known_values(case.name).judge(case.primary.name, case.theory)
     of_shell = isinstance(case, Case)
     return judged(levels, known.value if known else None, *(UNKNOWNS if of_shell else STEPS))
 
@@ -96,8 +96,8 @@ def _numbers(value: Any) -> list[float]:
 def _swept(solver: str, case: str) -> list[Mapping[str, Any]]:
     """Return the longest sweep that a suite declares for a solver and a case."""
     sweeps: dict[str, list[Mapping[str, Any]]] = {}
-    for name in suite_names():
-        suite = find_suite(name)
+    for name in catalog.suite_names():
+        suite = catalog.find_suite(name)
         if suite.study != STUDY:
             continue
         for run in suite.runs:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from shellbench.bench.catalog import case_names, named_case
+from shellbench.bench import catalog
 from shellbench.bench.kinds import kinds_of_theories
 from shellbench.bench.registry import SolverEntry
 from shellbench.bench.task import case_data
@@ -35,12 +35,12 @@ MOST = 0.1  # relative difference that no uncertainty excuses: beyond, it states
 def asked_kinds(theories: Iterable[str]) -> tuple[Problem, ...]:
     """Return the suite's own cases of the kinds whose problems ask for one of these theories."""
     kinds = kinds_of_theories(theories)
-    return tuple(case for case in map(named_case, case_names()) if case.kind in kinds)
+    return tuple(case for case in map(catalog.named_case, catalog.case_names()) if case.kind in kinds)
 
 
 def shells(names: Iterable[str] | None = None) -> tuple[Case, ...]:
     """Return the suite's own cases of these names that are shells; all of them if none are named."""
-    cases = map(named_case, case_names() if names is None else names)
+    cases = map(catalog.named_case, catalog.case_names() if names is None else names)
     return tuple(case for case in cases if isinstance(case, Case))
 
 

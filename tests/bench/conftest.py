@@ -18,6 +18,7 @@ from tests.bench import strip
 from tests.bench.running import run
 
 PLUGIN = Path(__file__).parent / "plugin"
+CACHED = ("named_case", "find_suite", "known_values", "tolerances", "variants_asked", "suites_named_by")
 
 
 @contextmanager
@@ -43,11 +44,11 @@ def with_toys(folder: Path) -> Iterator[Path]:
         (folder / "references" / "tolerances" / f"{solver}.toml").write_text(text, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(catalog, "data_folder", lambda name: folder / name)
-        forget()
+        for name in CACHED:  # what was read of our own cases is kept: reading all of them takes long
+            patch.setattr(catalog, name, cache(getattr(catalog, name).__wrapped__))
         write_lock()
         forget()
         yield folder
-    forget()
 
 
 @pytest.fixture
@@ -97,15 +98,8 @@ def full(made_once: tuple[Path, Path], toys: Path, store: Store) -> Store:
 
 def forget() -> None:
     """Have the catalog read its files again."""
-    for cached in (
-        catalog.named_case,
-        catalog.find_suite,
-        catalog.known_values,
-        catalog.tolerances,
-        catalog.variants_asked,
-        catalog.suites_named_by,
-    ):
-        cached.cache_clear()
+    for name in CACHED:
+        getattr(catalog, name).cache_clear()
 
 
 def tolerances_of(solver: str) -> Path:
