@@ -130,7 +130,12 @@ LONG = {
     *garments.JUDGES,
     *ball_drape.JUDGES,
     *resultants.LONG,
+    "square_plate_nonlinear",
+    "guided_ring",
+    "sleeve_compression",
+    "manufactured_finite_strain",
 }
+LONG_SECOND = {"pressed_motion", "guided_plate", "guided_ring", "swung_cantilever", "bedded_plate", "hooked_cantilever"}
 SECOND_FORMS = {
     "Levy's single series": square_plate_by_levy,
     "Fourier series along the axis, exact exponentials along the arc": roof_by_exponentials,
@@ -252,7 +257,7 @@ def of_quantity(values, quantity):
         "rolled_plate",
         "rigid_rotation",
         *(
-            pytest.param(name, marks=pytest.mark.long if name == "pressed_motion" else ())
+            pytest.param(name, marks=pytest.mark.long if name in LONG_SECOND else ())
             for name in shapes_by_series.JUDGES
         ),
         "cantilever_pressure",

@@ -18,6 +18,7 @@ from shellbench.bench.task import Task, case_data
 from shellbench.bench.worker import FIELDS, RECORD, measured, run, values_of, without_values, work, write_fields
 from shellbench.errors import SolveFailure
 from shellbench.problem import Capabilities, Settings, Step
+from shellbench.problems.shell import self_intersection
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.sampling import PICTURE, RESOLUTIONS, energies_of_states, resolution_study
 from tests.bench import spring
@@ -394,6 +395,7 @@ def test_no_record_is_written_that_can_not_be_read(
 ) -> None:
     """Whatever a solver leaves; and what it says of itself stays the reason."""
     monkeypatch.setattr(HostileSolver, "kind", kind)
+    monkeypatch.setattr(self_intersection, "crossings", lambda points, triangles: ())  # a block has none
     case = spring.loaded_case()
     assert left_by(case, tmp_path / "kept").status == "failed"  # its source is not that of the task
     monkeypatch.setattr(HostileSolver, "reason", FOLDS)

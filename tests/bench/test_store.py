@@ -229,7 +229,7 @@ def kill_runs_at_random(own_case: Path, plugin: Path, store: Store, times: int) 
 def test_a_killed_command_leaves_a_store_from_which_the_next_goes_on(
     own_case: Path, plugin: Path, store: Store
 ) -> None:
-    kill_runs_at_random(own_case, plugin, store, 2)
+    kill_runs_at_random(own_case, plugin, store, 1)
 
 
 @pytest.mark.long

@@ -49,6 +49,7 @@ def test_a_rope_in_other_units_or_turned_is_the_same_rope():
     assert ropes.converted(named_case("rope_wind")) is None
 
 
+@pytest.mark.long
 def test_our_own_solver_of_chains_at_rest_is_examined_on_one(tmp_path):
     out = io.StringIO()
     exam = suite.ExamOptions(None, tmp_path / "runs", 1)

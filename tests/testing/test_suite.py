@@ -1,9 +1,14 @@
 """Each check can fail: a right solver passes all of them, and one with a single fault fails the one that asks about it."""
 
+import json
+from functools import cache
+
 import pytest
 
+from shellbench.bench import kinds
 from shellbench.bench.catalog import named_case
 from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.testing import child
 from shellbench.testing.child import Child, answer
 from shellbench.testing.subject import outcome
 from shellbench.testing.suite import OF_CASE, OF_SOLVER, CheckOptions, examine
@@ -26,9 +31,17 @@ class InProcess:
         self.alive = False
 
 
+@cache
+def made_before(data):
+    return kinds.problem_of(json.loads(data))
+
+
 def examined(attribute, module="navier", **wish):
+    """Examine in this process, which reads each shipped case once: a process of a solver reads all of them again."""
     entry = SolverEntry(module, f"tests.testing.{module}:{attribute}", "", "")
-    return list(examine(entry, CheckOptions(**wish), start=lambda: InProcess(entry)))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(child, "problem_of", lambda data: made_before(json.dumps(data)))
+        return list(examine(entry, CheckOptions(**wish), start=lambda: InProcess(entry)))
 
 
 NOT_OF_STATICS = {"course"}
