@@ -62,7 +62,7 @@ def _changes(switch: Expression, axis: int, bounds: tuple[float, float]) -> list
     signs = sign(at)
     (changed,) = np.nonzero(signs[1:] != signs[:-1])
     low, high, before = at[changed], at[changed + 1], signs[changed]
-    for _ in range(HALVINGS):
+    for _ in range(HALVINGS if len(changed) else 0):
         middle = (low + high) / 2
         same = sign(middle) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
