@@ -365,7 +365,7 @@ class Front:
         """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
         # Cholesky first, whatever is asked: it is cheaper, and fails only where a front has a negative eigenvalue.
         # A front that fails takes the eigenvectors, from the copy that Cholesky has not overwritten.
-        kept = None if definiteness == "required" else np.triu(self.own)
+        kept = None if definiteness == "required" else self.own.copy()
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied
         _, info = dpotrf(self.own.T, lower=1, clean=0, overwrite_a=1)
         pivot: Triangle | Spectrum = Triangle(self.own)

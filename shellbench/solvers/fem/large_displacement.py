@@ -231,7 +231,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         if problem.points is not None:
             guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
         try:
-            state = problem.equilibrium(guess, t)
+            state = problem.equilibrium(guess, t, frugal=True)
         except NotConvergedError:
             state = guess
         if state is guess or not state.stable:
