@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,13 @@ LEFT = 1e-6  # of `CONVERGED`: the work that is still to come where the last ste
 
 class NotConvergedError(ArithmeticError):
     """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
+
+
+class Known(NamedTuple):
+    """A tangent beside a state, and the work of the residual on the step that was made by it, J."""
+
+    factor: TangentFactor
+    work: float
 
 
 @dataclass(frozen=True)
@@ -246,18 +254,19 @@ class FiniteProblem:
         ties = self.ties(t)
         # The change of q that puts the start onto the supports as they are at t, and touches nothing else.
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
-        if np.abs(moved).max() > ONTO * np.abs(start.q).max():
-            moved = self.carried(start, t, ties, moved)
+        known: Known | None = None
+        if np.abs(moved).max() > (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
+            moved, known = self.carried(start, t, ties, moved)
         try:
-            return self._newton(start, t, ties, moved, None, tolerance, frugal)
+            return self._newton(start, t, ties, moved, None, tolerance, known if frugal else None, frugal)
         except NotConvergedError:
             if start.pressure is None:
                 raise
             # by way of soft obstacles, which know nothing of the points that were in contact
-            return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance, frugal)
+            return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance, None, frugal)
 
-    def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> Array:
-        """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
+    def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
+        """Return a motion of the supports with what the shell answers to it by its tangent at the start, and that."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
         # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
@@ -272,7 +281,8 @@ class FiniteProblem:
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
         hold = Hold.from_ties(ties, factor, self.travelling(start.q))
-        return moved + hold.step(on_free(ties, factor, right))
+        step = hold.step(on_free(ties, factor, right))
+        return moved + step, Known(factor, abs(float(np.sum(right * step))))
 
     @cached_property
     def revolution(self) -> Revolution | None:
@@ -292,7 +302,7 @@ class FiniteProblem:
             If Newton's method does not get there.
         """
         ties = self.ties(start.t)
-        return self._newton(start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, frugal=True)
+        return self._newton(start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, None, frugal=True)
 
     def _newton(
         self,
@@ -302,6 +312,7 @@ class FiniteProblem:
         step: Array,
         constraint: Constraint | None,
         tolerance: float,
+        known: Known | None,
         frugal: bool,
     ) -> FiniteState:
         """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
@@ -320,17 +331,19 @@ class FiniteProblem:
         # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
         # caller instead.
-        q, strained, predicted = start.q, start.strained, lambda: start.strained.stresses
+        q, strained, predicted = start.q, start.strained, partial(tuple, start.strained.stresses)
         factor: TangentFactor | None = None
         pressing = self.pressing(start, t)
         if np.any(step):
             predicted = partial(self.energy.predicted_stresses, strained, step)
             q = q + step
             strained = self.energy.at(q)
-        if np.abs(step).max() <= ONTO * np.abs(start.q).max():
+        first, before, residuals, waves = 0.0, np.inf, [], self.travelling(start.q)
+        if known is not None:
+            factor, before = known.factor, known.work
+        elif np.abs(step).max() <= (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
             factor = start.factor  # at the start itself the tangent is known
         pressed = pressing.at(q) if pressing else None
-        first, before, residuals, waves = 0.0, np.inf, [], self.travelling(start.q)
         membrane = self.case.material.membrane_stiffness
         for iteration in range(1, (MOST_IN_CONTACT if pressing else MOST_ITERATIONS) + 1):
             forces = self.forces(q, t)
@@ -341,18 +354,18 @@ class FiniteProblem:
             largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
             unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
             residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
-            aged = frugal and not pressing and iteration > 1 and factor is not None
-            if aged:
-                assert factor is not None
+            aged = frugal and not pressing and factor is not None and before < np.inf
+            if aged and factor is not None:
                 step, change = self._step(ties, factor, right, q, t, constraint, waves)
                 aged = abs(float(np.sum(right * step))) <= SLOW * before
             if not aged:
-                if iteration > 1 or factor is None:
+                if iteration > 1 or factor is None or known is not None:
                     try:
                         contact = (pressing, pressed) if pressing and pressed else None
                         factor = self._factorised(q, t, strained, predicted(), contact)
                     except NotPositiveDefiniteError:
                         raise NotConvergedError from None
+                assert factor is not None
                 step, change = self._step(ties, factor, right, q, t, constraint, waves)
             t += change
             decrement = abs(float(np.sum(right * step)))
@@ -379,6 +392,7 @@ class FiniteProblem:
                     pressing, settled = pressing.next_round(pressed), False
                     pressed = pressing.at(q)
             if settled:
+                assert factor is not None
                 angles, forgiven = self._angles(q, start), int(Hold.from_ties(ties, factor, waves).negative)
                 found = FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
                 return replace(found, pressure=pressed.pressure, touch=pressed.forces) if pressed else found
