@@ -83,7 +83,7 @@ def _add_cells(front: Front, matrix: CellMatrices, ranks: Integers, cells: Integ
     dense = np.zeros((whole, whole))
     flat = dense.reshape(-1)
     for cell, place in zip(cells, places, strict=True):
-        flat[(place[:, None] * whole + place).ravel()] += matrix.blocks[cell].ravel()  # no place occurs twice in a cell
+        flat[(place[:, None] * whole + place).ravel()] += matrix.of(cell).ravel()  # no place occurs twice in a cell
     front.own += dense[:n, :n]
     front.coupling += dense[:n, n:]
     front.rest += dense[n:, n:]

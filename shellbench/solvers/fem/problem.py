@@ -49,7 +49,7 @@ UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the roundin
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 ONTO = 1e-12  # of a displacement: what rounding misses supports by that stand still
 SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
-LEFT = 1e-6  # of `CONVERGED`: the work that is still to come where the last step was made by an old tangent
+STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
 
 
 class NotConvergedError(ArithmeticError):
@@ -326,7 +326,7 @@ class FiniteProblem:
         # 6. Obstacles press on all that, and add to K. Those that are touched for the first time are soft for a few
         #    iterations, and ever harder. Where gaps are still open at the end, go on with the pressures as multipliers.
         # 7. Where it is frugal, try the old tangent first in 2. and 3.: a solve costs a tenth of a tangent. Its step is
-        #    kept if the work falls fast. That falls by a constant ratio then, by which 5. knows how much is to come.
+        #    kept if the work falls fast; the work falls by a constant ratio then, and 5. asks for less of it.
         # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
         # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
@@ -379,8 +379,8 @@ class FiniteProblem:
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
-            left, limit = (decrement * decrement / before, LEFT * tolerance) if aged else (decrement, tolerance)
-            idle = left <= limit * scale or decrement <= membrane * moved**2
+            least = STRICT * tolerance if aged else tolerance
+            idle = decrement <= max(least * scale, membrane * moved**2)
             settled = idle and unbalanced <= max(BALANCED * largest, membrane * moved)
             before = decrement
             if pressing:
