@@ -17,7 +17,7 @@ import ast
 import math
 import sys
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
 
@@ -274,7 +274,8 @@ def _evaluation(node: ast.AST) -> Evaluation:
     """Return the function that evaluates a checked tree: the tree is walked once, and not at each evaluation."""
     match node:
         case ast.Constant(value=number):
-            return partial(_constant, float(number))  # type: ignore[arg-type]
+            value = np.asarray(float(number))  # type: ignore[arg-type]
+            return lambda _, order: Taylor({(0, 0): value}, order)
         case ast.Name(id=name):
             return lambda values, _: values[name]
         case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -298,7 +299,3 @@ def _evaluation(node: ast.AST) -> Evaluation:
             chosen, inners = PIECEWISE[name], [_evaluation(argument) for argument in arguments]
             return lambda values, order: chosen([inner(values, order) for inner in inners])
     raise AssertionError("unreachable: the tree was checked")
-
-
-def _constant(number: float, values: Mapping[str, Taylor], order: int) -> Taylor:
-    return Taylor.constant(number, order)

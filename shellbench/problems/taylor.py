@@ -48,6 +48,13 @@ class Taylor:
             terms[unit] = np.asarray(1.0)
         return cls(terms, order)
 
+    @classmethod
+    def _of_value(cls, value: Array) -> Taylor:
+        """Return a series of order zero: long formulas of loads are made of these, and take as long as Python does."""
+        made = cls.__new__(cls)
+        made.terms, made.order = {(0, 0): value}, 0
+        return made
+
     @property
     def value(self) -> Array:
         """The constant term."""
@@ -58,6 +65,8 @@ class Taylor:
         return self.terms.get((i, j), np.asarray(0.0)) * (math.factorial(i) * math.factorial(j))
 
     def __add__(self, other: Taylor) -> Taylor:
+        if self.order == 0 and self.terms and other.terms:
+            return Taylor._of_value(self.terms[0, 0] + other.terms[0, 0])
         terms = dict(self.terms)
         for key, term in other.terms.items():
             terms[key] = terms[key] + term if key in terms else term
@@ -70,6 +79,8 @@ class Taylor:
         return self + (-other)
 
     def __mul__(self, other: Taylor) -> Taylor:
+        if self.order == 0 and self.terms and other.terms:
+            return Taylor._of_value(self.terms[0, 0] * other.terms[0, 0])
         terms: dict[tuple[int, int], Array] = {}
         for (i, j), a in self.terms.items():
             for (k, m), b in other.terms.items():

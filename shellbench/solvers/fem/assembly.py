@@ -59,6 +59,11 @@ class BlockMatrix:
     blocks: Array
     columns: Integers
 
+    @property
+    def largest(self) -> float:
+        """Largest magnitude of an entry; not finite if one is not."""
+        return max(float(self.blocks.max()), -float(self.blocks.min()))
+
     def to_csr(self) -> sp.csr_matrix:
         """Return the matrix (12 nodes, 12 nodes), explicit zeros included."""
         present = self.columns >= 0
@@ -149,11 +154,11 @@ class EdgeRule:
         return cls(cells, sizes, unit, w, points.reshape(-1, 2))
 
 
-def chunks(mesh: TensorMesh) -> Iterator[slice]:
+def chunks(mesh: TensorMesh, size: int = CHUNK) -> Iterator[slice]:
     """Yield the cells of a mesh in portions."""
     count = len(mesh.nodes)
-    for start in range(0, count, CHUNK):
-        yield slice(start, min(start + CHUNK, count))
+    for start in range(0, count, size):
+        yield slice(start, min(start + size, count))
 
 
 def basis_scales(mesh: TensorMesh, cells: slice) -> Array:

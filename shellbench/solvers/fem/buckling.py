@@ -230,7 +230,7 @@ class Buckling:
         ties = self.problem.ties(t)
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         if np.any(moved):
-            moved = self.holding.carried(start, t, ties, moved)
+            moved, _ = self.holding.carried(start, t, ties, moved)
         return self.problem.state_at(t, start.q + moved, start)
 
     def _pushed(self, state: FiniteState) -> FiniteState:

@@ -15,7 +15,7 @@ import numpy as np
 
 from shellbench.solvers.fem.assembly import COMPONENTS
 from shellbench.solvers.fem.cell_matrices import CellMatrices
-from shellbench.solvers.fem.dissection import Array, Dissection, Factor, Front, Integers, Part
+from shellbench.solvers.fem.dissection import Array, Dissection, Factor, Front, Integers, Part, places
 from shellbench.solvers.fem.mesh import TensorMesh
 
 HALVES = 2  # lines of the fine grid a cell
@@ -69,8 +69,8 @@ def factorise_cells(matrix: CellMatrices, dissection: Dissection) -> Factor:
         front = Front(part, 1)
         if number in entering:
             _add_cells(front, matrix, ranks, np.array(entering[number]))
-        for child in part.children:
-            front.add_schur(schur.pop(child), dissection.parts[child].ring)
+        for child, runs in zip(part.children, dissection.runs[number], strict=True):
+            front.add_schur(schur.pop(child), runs)
         pivot, schur[number] = front.eliminate("required")
         pivots.append(pivot)
         coupling.append(front.coupling)
@@ -78,12 +78,12 @@ def factorise_cells(matrix: CellMatrices, dissection: Dissection) -> Factor:
 
 
 def _add_cells(front: Front, matrix: CellMatrices, ranks: Integers, cells: Integers) -> None:
-    places = front.places(ranks[cells])
+    where = places(front.part, ranks[cells])
     n, whole = front.size, front.size + len(front.part.ring)
     dense = np.zeros((whole, whole))
     flat = dense.reshape(-1)
-    for cell, place in zip(cells, places, strict=True):
-        flat[(place[:, None] * whole + place).ravel()] += matrix.blocks[cell].ravel()  # no place occurs twice in a cell
+    for cell, place in zip(cells, where, strict=True):
+        flat[(place[:, None] * whole + place).ravel()] += matrix.of(cell).ravel()  # no place occurs twice in a cell
     front.own += dense[:n, :n]
     front.coupling += dense[:n, n:]
     front.rest += dense[n:, n:]

@@ -370,22 +370,25 @@ class Ties:
     def reduce_cells(self, matrix: CellMatrices) -> CellMatrices:
         """Return what `reduce` does of a sum of cell matrices; a diagonal is the number of cells that have it."""
         # Conditions tie what belongs to one vertex or one side of a cell. A cell has all of that or nothing of it.
-        blocks, dofs = matrix.blocks.copy(), matrix.dofs
+        dofs = matrix.dofs
         carried = self.free.shape[1]
         place = np.full(len(self.free), -1)
         place[self.nodes] = np.arange(len(self.nodes))
         node, dof = np.divmod(dofs, carried)
-        for number in np.flatnonzero(np.any(place[node] >= 0, axis=1)):
+        tied, free = np.any(place[node] >= 0, axis=1), self.free.ravel()[dofs]
+        partly = ~free.all(axis=1)
+        result = matrix.with_own(np.flatnonzero(tied | partly))
+        blocks = result.instead
+        for at_edge, number in ((k, cell) for k, cell in enumerate(result.changed) if tied[cell]):
             at, own = place[node[number]], dof[number]
             known = self.basis[at[:, None], own[:, None], own]
             turn = np.where(at[:, None] >= 0, known, own[:, None] == own) * (node[number][:, None] == node[number])
-            blocks[number] = turn.T @ blocks[number] @ turn
-        free = self.free.ravel()[dofs]
-        partly = np.flatnonzero(~free.all(axis=1))
-        blocks[partly] *= free[partly][:, :, None] & free[partly][:, None]
+            blocks[at_edge] = turn.T @ blocks[at_edge] @ turn
+        free = free[result.changed]
+        blocks *= free[:, :, None] & free[:, None]
         cell, row = np.nonzero(~free)
         blocks[cell, row, row] = 1.0
-        return replace(matrix, blocks=blocks)
+        return result
 
     def reduce(self, matrix: BlockMatrix) -> BlockMatrix:
         """Return B^T K B with the rows and columns of what is not free replaced by those of the identity."""

@@ -125,17 +125,18 @@ class ContactPoints:
         cells = np.flatnonzero(np.any(stiff > 0, axis=(1, 2)))
         if not len(cells):
             return matrix
-        result = replace(matrix, blocks=matrix.blocks.copy())
         directions = normals.reshape(*self.areas.shape, COMPONENTS)[cells]
         values = self.values[cells]
         rows = np.einsum("cmi,cmak->cmiak", directions, values).reshape(*values.shape[:2], -1)
         terms = np.swapaxes(rows * stiff[cells], 1, 2) @ rows
         shape = (COMPONENTS, *values.shape[2:])
         terms = terms.reshape(-1, *shape, *shape)
-        if isinstance(result, CellMatrices):
-            result.add(cells, terms)
-        else:
-            add_cell_matrices(result.blocks, self.mesh.nodes[cells], terms)
+        if isinstance(matrix, CellMatrices):
+            stiffened = matrix.with_own(cells)
+            stiffened.add(cells, terms)
+            return stiffened
+        result = replace(matrix, blocks=matrix.blocks.copy())
+        add_cell_matrices(result.blocks, self.mesh.nodes[cells], terms)
         return result
 
     @cached_property

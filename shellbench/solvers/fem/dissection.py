@@ -15,8 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,14 @@ class Part:
     own: Range
     ring: Integers
     children: tuple[int, ...]
+
+
+class Run(NamedTuple):
+    """Consecutive nodes of a ring, from `start` up to `stop`, and the place of the first one in the front above."""
+
+    start: int
+    stop: int
+    place: int
 
 
 @dataclass(frozen=True)
@@ -98,6 +107,31 @@ class Dissection:
             parts.append(Part((start, stop), ring[ring >= stop], children))
             start = stop
         return cls(order, tuple(parts))
+
+    @cached_property
+    def runs(self) -> tuple[tuple[tuple[Run, ...], ...], ...]:
+        """By part and by child: where the child's ring stands in the part's front, run by run of consecutive places.
+
+        A run ends with the part's own unknowns too.
+        """
+        # Newton's method factorises on one mesh again and again: what the mesh tells is told once.
+        return tuple(
+            tuple(tuple(_runs(part, self.parts[child].ring)) for child in part.children) for part in self.parts
+        )
+
+
+def _runs(part: Part, ring: Integers) -> Iterator[Run]:
+    size, place = part.own[1] - part.own[0], places(part, ring)
+    breaks = np.flatnonzero((np.diff(place) != 1) | (place[1:] == size)) + 1
+    for start, stop in pairwise([0, *breaks.tolist(), len(place)]):
+        if start < stop:
+            yield Run(start, stop, int(place[start]))
+
+
+def places(part: Part, nodes: Integers) -> Integers:
+    """Return where nodes stand in the front of a part: its own first, then its ring."""
+    start, stop = part.own
+    return np.where(nodes < stop, nodes - start, stop - start + np.searchsorted(part.ring, nodes))
 
 
 @dataclass(frozen=True)
@@ -307,8 +341,8 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
         front = Front(part, block)
         nodes = dissection.order[slice(*part.own)]
         front.add_rows(matrix.blocks[nodes], columns[slice(*part.own)])
-        for child in part.children:
-            front.add_schur(schur.pop(child), dissection.parts[child].ring)
+        for child, runs in zip(part.children, dissection.runs[number], strict=True):
+            front.add_schur(schur.pop(child), runs)
         pivot, schur[number] = front.eliminate(definiteness)
         pivots.append(pivot)
         coupling.append(front.coupling)
@@ -324,31 +358,23 @@ class Front:
         n, m = self.size * block, len(part.ring) * block
         self.own, self.coupling, self.rest = np.zeros((n, n)), np.zeros((n, m)), np.zeros((m, m))
 
-    def places(self, nodes: Integers) -> Integers:
-        """Return where nodes stand in the front: its own first, then its ring."""
-        start, stop = self.part.own
-        return np.where(nodes < stop, nodes - start, self.size + np.searchsorted(self.part.ring, nodes))
-
     def add_rows(self, blocks: Array, columns: Integers) -> None:
         """Add the matrix's rows of the part's own nodes, as far as they couple to nodes not yet eliminated."""
         # Nodes eliminated before coupled to these in rows of their own, by symmetry. The children bring that.
         row, slot = np.nonzero(columns >= self.part.own[0])
-        place = self.places(columns[row, slot])
+        place = places(self.part, columns[row, slot])
         inside = place < self.size
         own = self.own.reshape(self.size, self.block, self.size, self.block)
         own[row[inside], :, place[inside], :] = blocks[row[inside], slot[inside]]
         coupling = self.coupling.reshape(self.size, self.block, -1, self.block)
         coupling[row[~inside], :, place[~inside] - self.size, :] = blocks[row[~inside], slot[~inside]]
 
-    def add_schur(self, schur: Array, ring: Integers) -> None:
+    def add_schur(self, schur: Array, ring: tuple[Run, ...]) -> None:
         """Add a child's Schur complement, run by run of consecutive places."""
         # The textbook's extend-add scatters entry by entry through index arrays.
         # A child's ring is a few runs of places that are consecutive in the parent too: whole rectangles are added.
         # Places increase along the ring: the upper triangle of the child falls on the upper one of the parent.
-        place = self.places(ring)
-        breaks = np.flatnonzero((np.diff(place) != 1) | (place[1:] == self.size)) + 1
-        bounds = np.concatenate([[0], breaks, [len(place)]])
-        runs = [(slice(start * self.block, stop * self.block), int(place[start])) for start, stop in pairwise(bounds)]
+        runs = [(slice(run.start * self.block, run.stop * self.block), run.place) for run in ring]
         for i, (rows, top) in enumerate(runs):
             for columns, left in runs[i:]:
                 if left < self.size:
@@ -365,7 +391,7 @@ class Front:
         """Eliminate the part's own unknowns; return their pivot block and the Schur complement on the ring."""
         # Cholesky first, whatever is asked: it is cheaper, and fails only where a front has a negative eigenvalue.
         # A front that fails takes the eigenvectors, from the copy that Cholesky has not overwritten.
-        kept = None if definiteness == "required" else np.triu(self.own)
+        kept = None if definiteness == "required" else self.own.copy()
         # a row-major upper triangle is LAPACK's column-major lower one, so that nothing is copied
         _, info = dpotrf(self.own.T, lower=1, clean=0, overwrite_a=1)
         pivot: Triangle | Spectrum = Triangle(self.own)

@@ -117,7 +117,7 @@ def solve_reduced(
     """
     if not np.all(np.isfinite(right)):
         raise SolveFailure("the loads or prescribed motions are not finite at every point of the mesh")
-    if not np.all(np.isfinite(matrix.blocks)):
+    if not np.isfinite(matrix.largest):
         raise SolveFailure("the stiffness matrix is not finite: the surface or the material is out of range")
     try:
         # 1. Factorise once, then refine by the residual. In the same precision that mends what a factorisation without
@@ -134,8 +134,7 @@ def solve_reduced(
             unknowns = unknowns + change
             correction, noise = _ratio(change, unknowns), _energy(left, change)
         left = right - matrix @ unknowns
-        stiffest = max(float(matrix.blocks.max()), -float(matrix.blocks.min()))
-        magnitude = stiffest * float(np.abs(unknowns).max()) + float(np.abs(right).max())
+        magnitude = matrix.largest * float(np.abs(unknowns).max()) + float(np.abs(right).max())
         backward_error = float(np.abs(left).max()) / magnitude if magnitude else 0.0
         relative = _ratio(left, right)
         stuck = False
@@ -303,7 +302,11 @@ def solve(
     if springs:
         matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
     clamps = list(clamped_edges(case, mesh, states))
-    system = replace(matrix, blocks=matrix.blocks.copy()) if clamps else matrix
+    system = matrix
+    if clamps and isinstance(matrix, CellMatrices):
+        system = matrix.with_own(np.concatenate([clamp.cells for clamp in clamps]))
+    elif clamps:
+        system = replace(matrix, blocks=matrix.blocks.copy())
     forces = loading.nodal
     for clamp in clamps:
         clamp.add_to(system)

@@ -250,6 +250,25 @@ class Deformation:
         operator = np.swapaxes(strain_operator(self.current), -1, -2)
         return operator.reshape(len(operator), 6, GRADIENT)
 
+    def first_variation(self, resultants: Array) -> Array:
+        """Return the sum (n, 15) of resultants (n, 6) times the first variations of the strains.
+
+        That is their product with `operator`, which is not made for it.
+        """
+        membrane, bending = resultants[:, :3, None], resultants[:, 3:]
+        base, normal = self.current.base, self.current.normal
+        form = np.empty((len(normal), len(DERIVATIVES), 3))
+        half = membrane[:, 2] / 2
+        form[:, 0] = membrane[:, 0] * base[:, 0] + half * base[:, 1]
+        form[:, 1] = membrane[:, 1] * base[:, 1] + half * base[:, 0]
+        pulled = (bending[:, None] @ self.current.second)[:, 0]
+        pulled -= np.sum(pulled * normal, axis=-1, keepdims=True) * normal
+        pulled /= self.current.area[:, None]
+        form[:, 0] += cross(pulled, base[:, 1])
+        form[:, 1] += cross(base[:, 0], pulled)
+        np.multiply(-bending[:, :, None], normal[:, None], out=form[:, 2:])
+        return form.reshape(-1, GRADIENT)
+
     @cached_property
     def _spread(self) -> Array:
         """(n, 3, 6) dg as a linear map of du,1 and du,2."""

@@ -111,8 +111,9 @@ def solve(
     # 4. Keep the states at the marks and the critical ones, and what converged if the path ends early.
     began = time.perf_counter()
     problem = FiniteProblem.on_mesh(case, mesh, Quadrature.of_order(mesh, quadrature_order))
-    for t in case.states if case.path.quantity is None else (1.0,):
-        check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), free_motions(case))
+    loose = free_motions(case)
+    for t in () if not loose.size else case.states if case.path.quantity is None else (1.0,):
+        check_balance(Loading.on_mesh(case, mesh, problem.quadrature, (t,)), loose)
     quantities = {q.name: functional(problem, q) for q in case.quantities if isinstance(q, DisplacementQuantity)}
     controlled = quantities.get(case.path.quantity or "")
     states: list[FiniteState] = []
@@ -231,7 +232,7 @@ def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteSta
         if problem.points is not None:
             guess = replace(guess, pressure=carried_pressure(problem.points, trail.touch(t)))
         try:
-            state = problem.equilibrium(guess, t)
+            state = problem.equilibrium(guess, t, frugal=True)
         except NotConvergedError:
             state = guess
         if state is guess or not state.stable:

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,10 +47,20 @@ MOST_IN_CONTACT = 40  # the same where points come into contact and part, and ga
 FEW = 3  # iterations with an obstacle that is soft
 UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the rounding of a shell that is only moved
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
+ONTO = 1e-12  # of a displacement: what rounding misses supports by that stand still
+SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
+STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
 
 
 class NotConvergedError(ArithmeticError):
     """Newton's method did not converge from here: the step was too long, or there is no equilibrium."""
+
+
+class Known(NamedTuple):
+    """A tangent beside a state, and the work of the residual on the step that was made by it, J."""
+
+    factor: TangentFactor
+    work: float
 
 
 @dataclass(frozen=True)
@@ -228,8 +239,12 @@ class FiniteProblem:
         ties = self.ties(state.t)
         return on_free(ties, state.factor, self._force_rate(state.q))
 
-    def equilibrium(self, start: FiniteState, t: float, tolerance: float = CONVERGED) -> FiniteState:
+    def equilibrium(
+        self, start: FiniteState, t: float, tolerance: float = CONVERGED, frugal: bool = False
+    ) -> FiniteState:
         """Return the state at a load factor, from another one.
+
+        Newton's method keeps its tangents as long as they will do if it is to be `frugal`: the state's is one nearby.
 
         Raises
         ------
@@ -239,18 +254,19 @@ class FiniteProblem:
         ties = self.ties(t)
         # The change of q that puts the start onto the supports as they are at t, and touches nothing else.
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
-        if np.any(moved):
-            moved = self.carried(start, t, ties, moved)
+        known: Known | None = None
+        if np.abs(moved).max() > (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
+            moved, known = self.carried(start, t, ties, moved)
         try:
-            return self._newton(start, t, ties, moved, None, tolerance)
+            return self._newton(start, t, ties, moved, None, tolerance, known if frugal else None, frugal)
         except NotConvergedError:
             if start.pressure is None:
                 raise
             # by way of soft obstacles, which know nothing of the points that were in contact
-            return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance)
+            return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance, None, frugal)
 
-    def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> Array:
-        """Return a motion of the supports with what the shell answers to it by its tangent at the start."""
+    def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
+        """Return a motion of the supports with what the shell answers to it by its tangent at the start, and that."""
         # A support that jumps alone would strain only the cells beside it, and these far too much. One linear solve at
         # the start, K dq = r(q, t) - K moved, spreads the motion over the shell.
         matrix = self.tangent(start.q, start.t, start.strained, start.strained.stresses)
@@ -265,7 +281,8 @@ class FiniteProblem:
         except NotPositiveDefiniteError:
             raise NotConvergedError from None
         hold = Hold.from_ties(ties, factor, self.travelling(start.q))
-        return moved + hold.step(on_free(ties, factor, right))
+        step = hold.step(on_free(ties, factor, right))
+        return moved + step, Known(factor, abs(float(np.sum(right * step))))
 
     @cached_property
     def revolution(self) -> Revolution | None:
@@ -284,36 +301,49 @@ class FiniteProblem:
         NotConvergedError
             If Newton's method does not get there.
         """
-        return self._newton(start, start.t + guess[1], self.ties(start.t), guess[0], constraint, CONVERGED)
+        ties = self.ties(start.t)
+        return self._newton(start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, None, frugal=True)
 
     def _newton(
-        self, start: FiniteState, t: float, ties: Ties, step: Array, constraint: Constraint | None, tolerance: float
+        self,
+        start: FiniteState,
+        t: float,
+        ties: Ties,
+        step: Array,
+        constraint: Constraint | None,
+        tolerance: float,
+        known: Known | None,
+        frugal: bool,
     ) -> FiniteState:
         """Iterate from `start` after a first step that satisfies the supports (and is a mere prediction)."""
         # Newton's method with predicted stresses:
         # 1. Residual r = f - W' at q, and its size relative to the largest nodal force.
         # 2. Factorise K: strains from q, but the stresses of its geometric part from the step before (see the top).
         # 3. dq = K^-1 r, without travelling waves where they are held, or bordered by the constraint of a path.
-        # 4. Predict the next stresses, C (eps + eps' dq), before q moves.
+        # 4. Predict the next stresses, C (eps + eps' dq), from where q was, if a new K asks for them.
         # 5. Stop when the work r . dq is at rounding and r was already small before the step. Beside the shell's own
         #    forces and energy counts what rounding makes of a shell that is only moved, which has neither.
         # 6. Obstacles press on all that, and add to K. Those that are touched for the first time are soft for a few
         #    iterations, and ever harder. Where gaps are still open at the end, go on with the pressures as multipliers.
+        # 7. Where it is frugal, try the old tangent first in 2. and 3.: a solve costs a tenth of a tangent. Its step is
+        #    kept if the work falls fast; the work falls by a constant ratio then, and 5. asks for less of it.
         # The textbook takes the stresses of q itself, and damps its steps by a line search. A thin shell's membrane
         # stresses after a bending step are spurious and large, and so would be that K. There is no line search: the
         # residual may grow at first, and the step still be right. A step that does not converge is made shorter by the
         # caller instead.
-        q, strained, stresses = start.q, start.strained, start.strained.stresses
+        q, strained, predicted = start.q, start.strained, partial(tuple, start.strained.stresses)
         factor: TangentFactor | None = None
         pressing = self.pressing(start, t)
         if np.any(step):
-            stresses = self.energy.predicted_stresses(strained, step)
+            predicted = partial(self.energy.predicted_stresses, strained, step)
             q = q + step
             strained = self.energy.at(q)
-        elif start.factor is not None:
+        first, before, residuals, waves = 0.0, np.inf, [], self.travelling(start.q)
+        if known is not None:
+            factor, before = known.factor, known.work
+        elif np.abs(step).max() <= (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
             factor = start.factor  # at the start itself the tangent is known
         pressed = pressing.at(q) if pressing else None
-        first, residuals, waves = 0.0, [], self.travelling(start.q)
         membrane = self.case.material.membrane_stiffness
         for iteration in range(1, (MOST_IN_CONTACT if pressing else MOST_ITERATIONS) + 1):
             forces = self.forces(q, t)
@@ -324,20 +354,22 @@ class FiniteProblem:
             largest = max(np.abs(forces).max(), np.abs(strained.forces).max(), np.abs(start.strained.forces).max())
             unbalanced, moved = _size(ties, right), UNSTRAINED * float(np.abs(q).max())
             residuals.append(unbalanced / max(largest, np.finfo(float).tiny))
-            try:
-                if iteration > 1 or factor is None:
-                    contact = (pressing, pressed) if pressing and pressed else None
-                    factor = self._factorised(q, t, strained, stresses, contact)
-            except NotPositiveDefiniteError:
-                raise NotConvergedError from None
-            hold = Hold.from_ties(ties, factor, waves)
-            if constraint is None:
-                step = hold.step(on_free(ties, factor, right))
-            else:
-                step, change = self._bordered(ties, factor, right, q, t, constraint)
-                t += change
+            aged = frugal and not pressing and factor is not None and before < np.inf
+            if aged and factor is not None:
+                step, change = self._step(ties, factor, right, q, t, constraint, waves)
+                aged = abs(float(np.sum(right * step))) <= SLOW * before
+            if not aged:
+                if iteration > 1 or factor is None or known is not None:
+                    try:
+                        contact = (pressing, pressed) if pressing and pressed else None
+                        factor = self._factorised(q, t, strained, predicted(), contact)
+                    except NotPositiveDefiniteError:
+                        raise NotConvergedError from None
+                assert factor is not None
+                step, change = self._step(ties, factor, right, q, t, constraint, waves)
+            t += change
             decrement = abs(float(np.sum(right * step)))
-            stresses = self.energy.predicted_stresses(strained, step)
+            predicted = partial(self.energy.predicted_stresses, strained, step)
             q = q + step
             strained = self.energy.at(q)
             # So does the start's energy, for the same reason.
@@ -347,8 +379,10 @@ class FiniteProblem:
             if not np.isfinite(scale) or decrement > HOPELESS * first:
                 break
             # r . K^-1 r is small also for a large r along a stiff direction, hence the second condition.
-            idle = decrement <= max(tolerance * scale, membrane * moved**2)
+            least = STRICT * tolerance if aged else tolerance
+            idle = decrement <= max(least * scale, membrane * moved**2)
             settled = idle and unbalanced <= max(BALANCED * largest, membrane * moved)
+            before = decrement
             if pressing:
                 if pressing.softer and (settled or iteration % FEW == 0):
                     pressing, settled, first = replace(pressing, softer=pressing.softer[1:]), False, 0.0
@@ -358,10 +392,26 @@ class FiniteProblem:
                     pressing, settled = pressing.next_round(pressed), False
                     pressed = pressing.at(q)
             if settled:
-                angles, forgiven = self._angles(q, start), int(hold.negative)
+                assert factor is not None
+                angles, forgiven = self._angles(q, start), int(Hold.from_ties(ties, factor, waves).negative)
                 found = FiniteState(t, q, strained, angles, factor, iteration, tuple(residuals), forgiven=forgiven)
                 return replace(found, pressure=pressed.pressure, touch=pressed.forces) if pressed else found
         raise NotConvergedError
+
+    def _step(
+        self,
+        ties: Ties,
+        factor: TangentFactor,
+        right: Array,
+        q: Array,
+        t: float,
+        constraint: Constraint | None,
+        waves: Array | None,
+    ) -> tuple[Array, float]:
+        """Return a step (nodes, 12) by a tangent, and that of the load factor."""
+        if constraint is not None:
+            return self._bordered(ties, factor, right, q, t, constraint)
+        return Hold.from_ties(ties, factor, waves).step(on_free(ties, factor, right)), 0.0
 
     def _bordered(
         self, ties: Ties, factor: TangentFactor, right: Array, q: Array, t: float, constraint: Constraint

@@ -155,8 +155,7 @@ class StrainEnergy:
             strains = deformation.strains
             stress = portion.stresses(strains)
             energies += (strains * stress).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
-            work = (stress[:, None] @ deformation.operator)[:, 0]
-            self._add_forces(forces, portion, work)
+            self._add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
             stresses.append(stress)
         return Strained(float(energies[0]), float(energies[1]), forces, tuple(deformations), tuple(stresses))
@@ -206,7 +205,7 @@ class StrainEnergy:
             np.multiply(by_point[:, :, :, c, :, d], shares, out=ordered[:, :, k].transpose(2, 0, 1, 3))
         half = np.empty((points, derivatives, len(PAIRS), count, FUNCTIONS))
         for q in range(points):
-            half[q] = (ordered[q].reshape(-1, derivatives) @ self._table[q]).reshape(half.shape[1:])
+            np.matmul(ordered[q].reshape(-1, derivatives), self._table[q], out=half[q].reshape(-1, FUNCTIONS))
         full = self._table.reshape(-1, FUNCTIONS).T @ half.reshape(points * derivatives, -1)
         scaled = full.reshape(FUNCTIONS, len(PAIRS), count, FUNCTIONS).transpose(1, 2, 0, 3)
         scales = portion.scales[:, :, None] * portion.scales[:, None]

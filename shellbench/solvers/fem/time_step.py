@@ -37,6 +37,7 @@ from shellbench.solvers.fem.strain_energy import Strained
 Array = NDArray[np.float64]
 
 CONVERGED = 1e-11  # work of the residual on the last correction, relative to the energies: its square is what is left
+STILL = 1e-3  # of that work: a step that does not move the shell by more is not made
 MOST_ITERATIONS = 20  # a step that takes more is cut
 SLOW = 0.04  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.2 of the error
 SUFFICIENT = 1e-4  # share of the linear prediction by which a step along the search direction must lower the potential
@@ -303,6 +304,7 @@ class _Minimum:
         #    least of the model among displacements that enter none: sequential quadratic programming.
         # 2. Backtrack by Armijo's rule, because an old tangent and one made definite may overshoot.
         # 3. Stop when a full step has a decrement at the floor.
+        #    So does a displacement at which the next step has hardly one: strains beside it say nothing new.
         # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
         # The textbook factorises at each iteration. The inertia c M does not change and grows as 1 / h^2. For a short
         # step it dominates, and the tangent of the step before is nearly right.
@@ -312,7 +314,7 @@ class _Minimum:
             kept.factor, kept.length = None, h
         strained = energy.at(x)
         value, size = self._potential(x, strained)
-        residual, before = self._residual(x, strained), np.inf
+        residual, before, share = self._residual(x, strained), np.inf, 0.0
         for iteration in range(1, MOST_ITERATIONS + 1):
             if not np.isfinite(value):
                 break
@@ -324,6 +326,8 @@ class _Minimum:
             if self.contact is not None:
                 touch, step = self._pushed(self.contact, x, step, kept)
             decrement = float(np.sum((residual + touch.nodal) * step))
+            if self.contact is None and iteration > 1 and share == 1.0 and abs(decrement) <= STILL * CONVERGED * size:
+                return x, residual, touch.forces, iteration - 1
             # Near the minimum a difference of potentials is rounding: without the floor the search would fail there.
             # The floor's energies include the kinetic one, since a shell in free fall has hardly another.
             share, floor, merit = 1.0, CONVERGED * size, value + self._entered(x, touch)

@@ -244,3 +244,25 @@ def test_a_prescribed_field_that_a_moment_follows_is_left_to_cubics():
     assert not takes_bubbles(
         Case.model_validate(case.model_dump(mode="json", exclude_unset=True) | {"loads": [moment]})
     )
+
+
+def test_cells_with_matrices_of_their_own_leave_the_others_and_the_first_matrix_alone():
+    _, mesh, matrix = assembled("hypar", 5, (2, 2))
+    before, dense = matrix.blocks.copy(), matrix.to_csr().toarray()
+    own = matrix.with_own(np.array([3, 1])).with_own(np.array([1, 2]))
+    assert own.changed.tolist() == [1, 2, 3]
+    assert np.array_equal(own.to_csr().toarray(), dense)
+    own.instead[0] *= 3.0  # of cell 1
+    other = own.with_own(np.array([0]))
+    other.instead[0] *= 5.0  # of cell 0, which the first copy has not
+    q = np.random.default_rng(0).normal(size=(mesh.node_count, 3 * len(mesh.kinds), 2))
+    for found, factors in ((matrix, (1, 1)), (own, (1, 3)), (other, (5, 3))):
+        expected = dense.copy()
+        for cell, factor in enumerate(factors):
+            expected[np.ix_(matrix.dofs[cell], matrix.dofs[cell])] += (factor - 1) * before[cell]
+        carried = np.isin(np.arange(len(dense)), matrix.dofs)
+        flat = q.reshape(-1, 2) * carried[:, None]
+        product = (found @ flat.reshape(q.shape)).reshape(-1, 2)
+        assert np.allclose(product, expected @ flat, rtol=0, atol=1e-12 * np.abs(expected @ flat).max())
+        assert np.allclose(found.to_csr().toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    assert np.array_equal(matrix.blocks, before)

@@ -304,3 +304,11 @@ def test_the_turning_of_the_normal_by_differences(name):
 def test_the_cross_matrix_is_the_cross_product():
     v, w = np.random.default_rng(0).normal(size=(2, 7, 3))
     assert np.allclose((cross_matrix(v) @ w[..., None])[..., 0], np.cross(v, w), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_the_first_variation_is_that_of_the_operator(name):
+    deformation, *_ = deformed(name)
+    resultants = np.random.default_rng(5).normal(size=(len(deformation.rise), 6))
+    expected = np.einsum("ns,nsg->ng", resultants, deformation.operator)
+    assert np.allclose(deformation.first_variation(resultants), expected, rtol=0, atol=1e-13 * np.abs(expected).max())

@@ -171,3 +171,25 @@ def test_a_step_that_is_far_too_long_is_refused(t):
     problem = problem_of(name, cells)
     with pytest.raises(NotConvergedError):
         problem.equilibrium(problem.rest(), t)
+
+
+@pytest.mark.parametrize(("problem_and_load", "start"), [(PLATE, 0.9), (ROOF, 0.9), (STRIP, 0.95), (RING, 0.99)])
+def test_a_frugal_step_ends_at_the_same_state_by_fewer_tangents(monkeypatch, problem_and_load, start):
+    name, cells, t = problem_and_load
+    problem = problem_of(name, cells)
+    made = []
+    factorised = FiniteProblem._factorised
+    monkeypatch.setattr(FiniteProblem, "_factorised", lambda *given: made.append(1) or factorised(*given))
+    near = problem.equilibrium(problem.rest(), start * t).relieved
+    near = problem.state_at(near.t, near.q, near)
+    counts, states = [], []
+    for how in ({"tolerance": TIGHT}, {}, {"frugal": True}):
+        made.clear()
+        states.append(problem.equilibrium(near, t, **how))
+        counts.append(len(made))
+    exact, plain, frugal = states
+    plainly, frugally = (np.abs(state.q - exact.q).max() for state in (plain, frugal))
+    assert frugally <= max(1e-7 * np.abs(exact.q).max(), 2 * plainly)
+    assert counts[2] < counts[1]
+    assert frugal.stable == plain.stable
+    assert frugal.residuals[-1] < 1e-2  # the last residual that was seen, before the step that ended it

@@ -205,6 +205,27 @@ def test_the_cases_of_the_suites(name, cells, images):
     agree(whole, part)
 
 
+@pytest.mark.parametrize(
+    ("variant", "copies"), [("flipped", 8), ("swapped", 8), ("stretched", 8), ("warped", 4), ("oblique", 2)]
+)
+def test_variants_whose_points_are_written_in_12_digits_are_folded_too(variant, copies):
+    """Loads and mesh lines miss their mirror images by the last of them, and the part answers as the whole."""
+    case = catalog.named_case(f"pinched_cylinder_diaphragm@{variant}")
+    whole, part = both(case, (4, 4))
+    assert part.parameters <= 1.1 * whole.parameters / copies
+    for name, value in whole.history[-1].quantities.items():
+        assert part.history[-1].quantities[name] == pytest.approx(value, rel=1e-8, abs=1e-8 * sum(whole.energies()))
+    points = surface_points(case.surface, 60)
+    gap = np.abs(whole.displacement(points) - part.displacement(points)).max()
+    assert gap <= 1e-8 * np.abs(whole.displacement(points)).max()
+
+
+@pytest.mark.parametrize("digit", [1e-9, 1e-10])
+def test_a_force_that_misses_its_image_by_more_than_the_last_digit_is_no_symmetry(digit):
+    case = shell(points={"a": [1 + digit, 0.5 - digit]}, supports=[PIN], loads=[point("a", 0, 0, 1)])
+    assert both(case, (4, 4))[1].images == (1, 1)
+
+
 BUMP = "1e-9*exp(-50*(xi1 - 0.3)**2)"
 
 
