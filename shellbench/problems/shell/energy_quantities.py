@@ -83,7 +83,7 @@ class PotentialEnergy(ShellQuantity):
     unit: str = "J"
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if loads have no potential or do not lead the way, or the state is not the last of statics."""
+        """Raise ValueError if loads have no potential or do not lead the way, or the state is not the last one."""
         if shell.linear and (shell.obstacles or shell.prescribed or self.at != max(shell.states)):
             raise ValueError(
                 f"quantity '{self.name}' needs, in linear theory, a shell that loads or supports move without"
