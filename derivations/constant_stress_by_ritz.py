@@ -204,6 +204,7 @@ def bent_plate_by_ritz() -> dict[str, Estimate]:
     )
     energies = _energies(found)
     del energies["membrane_energy"]
+    energies["potential_energy"] = _agreed(found.membrane + found.bending - float(load @ found.factors), "J")
     return {name: _agreed(value, "m") for name, value in values.items()} | energies | {
         "mirror_moment": _agreed(-found.forces[: DEGREE + 1].sum(), "N m")
     }  # fmt: skip

@@ -163,8 +163,10 @@ def harmonics(count: int) -> tuple[Harmonic, ...]:
     return tuple(found)
 
 
-def _named(deflection: Callable[[Array, Array], Array], energy: float, hub: tuple[float, float]) -> dict[str, float]:
-    """What is asked, of the deflection at radii and angles, the energy, and force and moment of the hub."""
+def _named(
+    deflection: Callable[[Array, Array], Array], energy: float, work: float, hub: tuple[float, float]
+) -> dict[str, float]:
+    """What is asked, of the deflection at radii and angles, energy, work of the loads, force and moment of the hub."""
     angles, radii = np.radians([p[0] for p in POINTS]), np.array([p[1] for p in POINTS])
     w = deflection(radii, angles)
     arm = -CENTRE[2]
@@ -179,12 +181,13 @@ def _named(deflection: Callable[[Array, Array], Array], energy: float, hub: tupl
         "largest_displacement": float(np.hypot(np.linalg.norm(slide), lowest)),
         "strain_energy": energy,
         "bending_energy": energy,
+        "potential_energy": energy - work,
         "hub_force": hub[0],
         "hub_moment": hub[1],
     }
 
 
-UNITS = {"hub_force": "N", "hub_moment": "N m", "strain_energy": "J", "bending_energy": "J"}
+UNITS = {"hub_force": "N", "hub_moment": "N m", "strain_energy": "J", "bending_energy": "J", "potential_energy": "J"}
 
 
 def _by_joining(count: int) -> dict[str, float]:
@@ -206,7 +209,7 @@ def _by_joining(count: int) -> dict[str, float]:
     def deflection(radii: Array, angles: Array) -> Array:
         return np.asarray(sum(part(radii, 0) * part.around(angles) for part in parts))
 
-    return _named(deflection, (work + TILT * torque) / 2, (force, torque))
+    return _named(deflection, (work + TILT * torque) / 2, work, (force, torque))
 
 
 def guided_ring() -> dict[str, Estimate]:
@@ -258,7 +261,7 @@ def _by_ritz(elements: int, count: int) -> dict[str, float]:
     inside = np.where((r > C) & (r < D), dr * r, 0.0)
     last = 2 * len(rings.ends) - 1
     held, free = [0, 1, last], np.setdiff1d(np.arange(w.shape[1]), [0, 1, last])
-    energy, torque, force, parts = 0.0, 0.0, 0.0, []
+    energy, work, torque, force, parts = 0.0, 0.0, 0.0, 0.0, []
     for n in range(count + 1):
         turn = 2 * np.pi if n == 0 else np.pi
         round_, twist = first / r[:, None] - n**2 * w / r[:, None] ** 2, n * (first - w / r[:, None]) / r[:, None]
@@ -283,13 +286,14 @@ def _by_ritz(elements: int, count: int) -> dict[str, float]:
             torque += float(out[0] * hub[0] + out[1] * hub[1])
             force += float(out[0]) if n == 0 else 0.0
             energy += float(q @ matrix @ q) / 2
+            work += float(q @ right)
             parts.append((n, sine, q))
 
     def deflection(radii: Array, angles: Array) -> Array:
         at = rings.table(radii, 0)
         return np.asarray(sum(at @ q * (np.sin(n * angles) if sine else np.cos(n * angles)) for n, sine, q in parts))
 
-    return _named(deflection, energy, (force, torque))
+    return _named(deflection, energy, work, (force, torque))
 
 
 def guided_ring_by_ritz() -> dict[str, Estimate]:

@@ -112,11 +112,17 @@ def raft() -> dict[str, Estimate]:
     """Known values of cases/raft.toml."""
     deflection, work, bed = series()
     squeezed = POISSON * STRETCHING * float(slide(np.array([0.0]))[0] - slide(np.array([LENGTH]))[0])
-    return _values(deflection, slide, work / 2 - bed, squeezed, CLOSED)
+    pushed = WIDTH * PUSH * float(slide(np.array([0.0]))[0])
+    return _values(deflection, slide, work / 2 - bed, -(work + pushed) / 2, squeezed, CLOSED)
 
 
 def _values(
-    deflection: Field, along: Callable[[Array], Array], bending: float, squeezed: float, error: float
+    deflection: Field,
+    along: Callable[[Array], Array],
+    bending: float,
+    potential: float,
+    squeezed: float,
+    error: float,
 ) -> dict[str, Estimate]:
     def moved(x: Array, y: Array) -> Array:
         return np.stack([along(x), np.zeros_like(x), -deflection(x, y)], axis=-1)
@@ -132,6 +138,7 @@ def _values(
     return (
         {name: Estimate(float(v), error * whole, "m") for name, v in values.items()}
         | {"bending_energy": Estimate(bending, 1e2 * error * bending, "J")}
+        | {"potential_energy": Estimate(potential, 1e2 * error * abs(potential), "J")}
         | {"bank_force": Estimate(squeezed, 1e2 * error * squeezed, "N")}
     )
 
@@ -173,7 +180,7 @@ def _by_ritz(harmonics: int, degree: int) -> dict[str, Estimate]:
     pressed = np.array(
         [(stop - start) / 2 * peak * weights * np.sin(np.pi / 2 * (x + 1)) for start, stop, peak in LOADED]
     )
-    found, bending = [], 0.0
+    found, bending, potential = [], 0.0, 0.0
     for n in range(harmonics):
         p, share = n * np.pi / WIDTH, WIDTH * (1.0 if n == 0 else 0.5)
         # (w_xx + w_yy)^2 - 2 (1 - nu) (w_xx w_yy - w_xy^2), over y
@@ -181,8 +188,13 @@ def _by_ritz(harmonics: int, degree: int) -> dict[str, Estimate]:
         right = float(np.sum(pressed * np.cos(p * y))) * end
         found.append(np.linalg.solve(share * (BENDING * plate + BED * mass), right))
         bending += share * BENDING / 2 * float(found[-1] @ plate @ found[-1])
+        potential += share / 2 * float(found[-1] @ (BENDING * plate + BED * mass) @ found[-1]) - float(
+            right @ found[-1]
+        )
     stretch = WIDTH * (STRETCHING * slopes + DRAG * mass)
-    bar = np.linalg.solve(stretch, WIDTH * PUSH * table(np.zeros(1), 0)[:, 0])
+    push = WIDTH * PUSH * table(np.zeros(1), 0)[:, 0]
+    bar = np.linalg.solve(stretch, push)
+    potential += float(bar @ stretch @ bar) / 2 - float(push @ bar)
     coefficients, waves = np.array(found), np.pi * np.arange(harmonics) / WIDTH
 
     def deflection(one: Array, two: Array) -> Array:
@@ -191,4 +203,5 @@ def _by_ritz(harmonics: int, degree: int) -> dict[str, Estimate]:
 
     strained = float(dx @ (s.T @ bar))
     rounding = 1e-8  # the condition of the bar on its soft bed
-    return _values(deflection, lambda at: table(at, 0).T @ bar, bending, -POISSON * STRETCHING * strained, rounding)
+    squeezed = -POISSON * STRETCHING * strained
+    return _values(deflection, lambda at: table(at, 0).T @ bar, bending, potential, squeezed, rounding)

@@ -27,6 +27,7 @@ from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
+from .pressed_oval import pressed_oval, pressed_oval_by_harmonics
 from .pulled_motion import pulled_motion, pulled_motion_of_a_chain
 from .pushed_plate import pushed_plate, pushed_plate_by_newton
 from .raft import raft, raft_by_ritz
@@ -75,6 +76,7 @@ JUDGES: dict[str, Values] = {
     "raft": raft,
     "rippled_plate": rippled_plate,
     "blown_tube": blown_tube,
+    "pressed_oval": pressed_oval,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
     "bent_in_plane": bent_in_plane,
@@ -113,6 +115,7 @@ SECOND_FORMS: dict[str, Values] = {
     "raft": raft_by_ritz,
     "rippled_plate": rippled_plate_by_ritz,
     "blown_tube": blown_tube_by_samples,
+    "pressed_oval": pressed_oval_by_harmonics,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
     "bent_in_plane": bent_in_plane_by_ritz,

@@ -70,10 +70,11 @@ class MotionEnergy(ShellQuantity):
 
 
 class PotentialEnergy(ShellQuantity):
-    """The potential energy of a state of a path, J: strain energy less the work of its loads, as the history states it.
+    """The potential energy of a state of a path, or of a linear shell, J, as the solver's own history states it.
 
-    Dead loads work on the displacement, a moment on the angle by which the normal has turned about its axis; each with
-    its value at that state. Supports that are moved are no loads.
+    It is the energy of strains and springs less the work of the loads. Dead loads work on the displacement, a moment on
+    the angle by which the normal has turned about its axis; each with its value at that state. Supports that are moved
+    are no loads. Of a linear shell the last step of the history counts: the state that is asked for last.
     """
 
     series: ClassVar[Literal["motion", "path", ""]] = ""
@@ -82,11 +83,15 @@ class PotentialEnergy(ShellQuantity):
     unit: str = "J"
 
     def check_path(self, shell: Any) -> None:
-        """Raise ValueError if the path is not controlled by loads that have a potential."""
-        if shell.linear or shell.path.control != "load" or shell.following:
+        """Raise ValueError if loads have no potential or do not lead the way, or the state is not the last one."""
+        if shell.linear and (shell.obstacles or shell.prescribed or self.at != max(shell.states)):
             raise ValueError(
-                f"quantity '{self.name}' needs the non-linear theory, a path with control = 'load', and loads that do"
-                " not follow the shell"
+                f"quantity '{self.name}' needs, in linear theory, a shell that loads or supports move without"
+                " obstacles, at the last state that is asked for"
+            )
+        if shell.path.control != "load" or shell.following:
+            raise ValueError(
+                f"quantity '{self.name}' needs a path with control = 'load', and loads that do not follow the shell"
             )
 
     def check_motion(self, shell: Any, constant: bool) -> None:
@@ -95,7 +100,8 @@ class PotentialEnergy(ShellQuantity):
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the energy, J."""
-        there = [step.energy for step in solution.history if step.phase == "path" and math.isclose(step.at, self.at)]
+        phases = ("path", "solve") if solution.case.linear else ("path",)
+        there = [step.energy for step in solution.history if step.phase in phases and math.isclose(step.at, self.at)]
         if not there:
-            raise ValueError(f"the history has no state of the path at {self.at:g}")
+            raise ValueError(f"the history has no state at {self.at:g}")
         return float(there[-1])

@@ -119,8 +119,8 @@ def settled(levels: Iterable[tuple[S, float]], count: int, progress: ProgressCal
     for solution, energy in levels:
         if not math.isfinite(energy):
             raise SolveFailure(f"the answer with {solution.parameters} unknowns is not finite")
-        seconds, quantities = time.perf_counter() - began, measure_all(solution)
-        steps.append(Step(len(steps), seconds, energy, solution.parameters, quantities=quantities))
+        step = Step(len(steps), time.perf_counter() - began, energy, solution.parameters)
+        steps.append(replace(step, quantities=measure_all(replace(solution, history=(step,)))))
         progress(Progress(len(steps), count, f"{solution.parameters} unknowns"))
     last = steps[-1].quantities
     changes = {name: abs(last[name] - steps[-2].quantities[name]) for name in last} if len(steps) > 1 else {}

@@ -379,6 +379,8 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * max(change, EPSILON)
         case LargestDisplacement() | DisplacementQuantity() | LargestPenetration():
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
+        case PotentialEnergy() if solution.case.linear:
+            return ROUNDING * noise + EPSILON * value
         case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
             return EPSILON * value
         case ModeQuantity():

@@ -214,10 +214,13 @@ def _solves(
                 nonlocal touched
                 found = equilibrium.solve(of, mesh, *how, touched)
                 touched = found.solution
-                return found
-            if folded is None:
-                return equilibrium.solve(of, mesh, *how)
-            return folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
+            elif folded is None:
+                found = equilibrium.solve(of, mesh, *how)
+            else:
+                found = folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
+            # one step, for the quantity that is an energy of the history
+            alone = Step(0, 0.0, found.potential_energy, found.solution.parameters, of.states[-1])
+            return replace(found, solution=replace(found.solution, history=(alone,)))
 
         return solve
 
@@ -360,7 +363,7 @@ def _finished(
 ) -> FemSolution:
     found = level.equilibrium
     known = {name: e for name, e in level.estimates.items() if len(steps) > 1}
-    path = found.solution.history
+    path = () if found.solution.case.linear else found.solution.history
     began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was taken up
     states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
     return replace(

@@ -292,7 +292,8 @@ def solve_level(case: Case, settings: SplineSettings, cells: int) -> Answer:
         diagnostics={"energy_gap": gap, "cells": cells, "quadrature_points": len(rule.points)},
     )
     potential, whole = part.copies * equations.potential(weights), part.copies * (stored + rounding)
-    return Answer(solution, potential, whole, gap, dict(measure_all(solution)))
+    alone = Step(0, 0.0, potential, solution.parameters, SPEC.t)  # for the quantity that is an energy of the history
+    return Answer(solution, potential, whole, gap, dict(measure_all(replace(solution, history=(alone,)))))
 
 
 def _step(answer: Answer, number: int, seconds: float) -> Step:

@@ -141,6 +141,7 @@ def challenge(solution: NdfSolution, values: dict[str, float], seed: int) -> Cha
         membrane=membrane,
         bending=bending,
         point_forces=tuple((shares[1] * layer.reactions).tolist()),
+        history=tuple(replace(step, energy=joined.potential(shares[1])) for step in solution.history[-1:]),
     )
     changed = changes(case, values, measure_all(other), (probed(solution), probed(other)))
     gained = abs(first.potential(shares[0]) - joined.potential(shares[1]))

@@ -22,6 +22,7 @@ from shellbench.problems.shell.quantities import (
     EnergyQuantity,
     FieldError,
     LargestDisplacement,
+    PotentialEnergy,
 )
 from shellbench.problems.shell.solution import ShellSolution
 from shellbench.solvers.ndf.build import Resolution, is_flat, side_lengths
@@ -312,6 +313,8 @@ def scale(
     match quantity:
         case EnergyQuantity():
             return max(sum(solution.energies()), rounding)
+        case PotentialEnergy():  # of loads and moved supports together it may be any part of what is stored
+            return max(abs(value), sum(solution.energies()), rounding)
         case FieldError():
             return 1.0  # it is relative already, and goes to zero
         case LargestDisplacement() | DisplacementQuantity():

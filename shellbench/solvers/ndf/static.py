@@ -323,7 +323,7 @@ def _solve_level(
         step = Step(
             iteration=0,
             seconds=time.perf_counter() - begin,
-            energy=potential,
+            energy=energies.potential(share),
             unknowns=solution.parameters,
             at=spec.t,
             gap=gap,
@@ -350,7 +350,7 @@ def _solve_level(
                 potential=energies.potential(share),
                 stored=membrane + bending + energies.spring_energy(share) + rounding,
                 signs=signs,
-                values=dict(measure_all(solution)) if judged else {},
+                values=dict(measure_all(replace(solution, history=(step,)))) if judged else {},
                 probed=probed(solution) if judged else np.zeros((0, 3)),
                 step=step,
             )

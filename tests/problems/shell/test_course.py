@@ -1,6 +1,7 @@
 """Motions and paths through buckling as data: what a case may say of them, and what is refused in one sentence."""
 
 import copy
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 from shellbench.bench import catalog
 from shellbench.errors import InputError
 from shellbench.model import read_toml
+from shellbench.problem import Step
 from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.measure import measure
 from tests.problems.shell.test_case import VALUES, paths
 
 CASES = catalog.data_folder("cases")
@@ -253,6 +256,35 @@ def test_a_critical_point_needs_a_path_by_load():
     roof = read_toml(CASES / "hinged_roof_thick.toml")
     message = refusal(roof, ask(kind="critical_point"))
     assert "'more' needs the non-linear theory and a path with control = 'load'" in message
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("bent_plate", lambda d: d["quantities"][-2].update(at=0.5), "the last state"),
+        ("contact_plate", ask(kind="potential_energy"), "without obstacles"),
+        ("cantilever_pressure", ask(kind="potential_energy"), "do not follow the shell"),
+        ("hinged_roof_thick", ask(kind="potential_energy", at=30), "control = 'load'"),
+    ],
+)
+def test_a_potential_energy_needs_a_state_that_a_history_ends_in(name, change, words):
+    assert words in refusal(read_toml(CASES / f"{name}.toml"), change)
+
+
+@dataclass(frozen=True)
+class Told:
+    """A solution that tells its history alone."""
+
+    case: object
+    history: tuple
+
+
+def test_the_potential_energy_of_a_linear_shell_is_that_of_the_last_step():
+    case = build(read_toml(CASES / "bent_plate.toml"))
+    steps = [Step(k, 0.0, energy, 1, at) for k, (energy, at) in enumerate([(-3.0, 1.0), (-2.0, 1.0), (-9.0, 0.5)])]
+    assert measure(Told(case, tuple(steps)), case.quantity("potential_energy")) == -2.0
+    with pytest.raises(ValueError, match="no state at 1"):
+        measure(Told(case, tuple(steps[2:])), case.quantity("potential_energy"))
 
 
 def test_a_critical_point_marks_no_state():
