@@ -202,14 +202,19 @@ def planted(module: str, statement: str, becomes: str) -> Mutant:
 PLATE = Question("fem", "square_plate")
 NONE_OF_A_PLATE = (  # the coordinate lines of a plate are straight: what is dropped is zero, and the other terms stay
     "shellbench.solvers.fem.kinematics",
-    "tangential = (surface.second[:, row] - curvature * surface.normal) / surface.area[:, None]",
-    "tangential = surface.second[:, row] / surface.area[:, None]",
+    "tangential = (surface.second - curvature * surface.normal[:, None]) / surface.area[:, None, None]",
+    "tangential = surface.second / surface.area[:, None, None]",
 )
 HALF_THE_BENDING = (
     "shellbench.problems.shell.conditions",
     "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 12",
     "return self.bending_factor * self.membrane_stiffness * self.thickness ** 2 / 24",
 )
+
+
+@pytest.mark.parametrize("change", [HALF_THE_BENDING, NONE_OF_A_PLATE])
+def test_what_the_next_test_plants_is_still_made(change: tuple[str, str, str]) -> None:
+    assert planted(*change).becomes == change[2]
 
 
 @pytest.mark.long
