@@ -22,7 +22,8 @@ from tests.test_faults import Fault, findings, must_be_red, wrapped
 
 ROOF, OBLIQUE, SWAPPED = "scordelis_lo", "scordelis_lo@oblique", "scordelis_lo@swapped"
 CROSSED, TWISTED, DOMED = "manufactured_oblique_cylinder", "manufactured_hypar", "manufactured_paraboloid"
-CLAMPED, PRESSED = "hyperboloid_clamped_1e_2", "hyperboloid_clamped_1e_2"
+# A clamp without the turning normal converges all the same, more slowly: energies of the thinner one are not sure enough.
+CLAMPED, PRESSED = "hyperboloid_clamped_1e_3", "hyperboloid_clamped_1e_2"
 
 
 def diagonal(matrix):
