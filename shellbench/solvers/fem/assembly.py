@@ -62,7 +62,7 @@ class BlockMatrix:
     @property
     def largest(self) -> float:
         """Largest magnitude of an entry; not finite if one is not."""
-        return max(float(self.blocks.max()), -float(self.blocks.min()))
+        return float(np.max([self.blocks.max(), -self.blocks.min()]))
 
     def to_csr(self) -> sp.csr_matrix:
         """Return the matrix (12 nodes, 12 nodes), explicit zeros included."""

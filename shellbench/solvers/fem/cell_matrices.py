@@ -59,8 +59,8 @@ class CellMatrices:
     @property
     def largest(self) -> float:
         """Largest magnitude of an entry; not finite if one is not."""
-        extremes = [part for part in (self.blocks, self.instead) if part.size]
-        return max(max(float(part.max()), -float(part.min())) for part in extremes)
+        parts = [part for part in (self.blocks, self.instead) if part.size]
+        return float(np.max([(part.max(), -part.min()) for part in parts]))  # Python's own can lose a NaN
 
     def __matmul__(self, vector: Array) -> Array:
         """Multiply vectors (nodes, 3 (p - 1)^2, n)."""

@@ -255,7 +255,7 @@ class FiniteProblem:
         # The change of q that puts the start onto the supports as they are at t, and touches nothing else.
         moved = ties.particular[..., 0] + ties.to_nodal(ties.to_free(start.q[..., None]))[..., 0] - start.q
         known: Known | None = None
-        if np.abs(moved).max() > (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
+        if not self._stays(start, moved):
             moved, known = self.carried(start, t, ties, moved)
         try:
             return self._newton(start, t, ties, moved, None, tolerance, known if frugal else None, frugal)
@@ -264,6 +264,10 @@ class FiniteProblem:
                 raise
             # by way of soft obstacles, which know nothing of the points that were in contact
             return self._newton(replace(start, pressure=None), t, ties, moved, None, tolerance, None, frugal)
+
+    def _stays(self, start: FiniteState, step: Array) -> bool:
+        """Whether a step (nodes, 12) is no more than rounding; where points may touch, any is more."""
+        return bool(np.abs(step).max() <= (ONTO * np.abs(start.q).max() if self.points is None else 0.0))
 
     def carried(self, start: FiniteState, t: float, ties: Ties, moved: Array) -> tuple[Array, Known]:
         """Return a motion of the supports with what the shell answers to it by its tangent at the start, and that."""
@@ -341,7 +345,7 @@ class FiniteProblem:
         first, before, residuals, waves = 0.0, np.inf, [], self.travelling(start.q)
         if known is not None:
             factor, before = known.factor, known.work
-        elif np.abs(step).max() <= (ONTO * np.abs(start.q).max() if self.points is None else 0.0):
+        elif self._stays(start, step):
             factor = start.factor  # at the start itself the tangent is known
         pressed = pressing.at(q) if pressing else None
         membrane = self.case.material.membrane_stiffness

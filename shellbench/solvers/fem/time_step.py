@@ -303,8 +303,8 @@ class _Minimum:
         # 1. step = K^-1 r; the decrement r . step is twice what the quadratic model gains. With obstacles it is the
         #    least of the model among displacements that enter none: sequential quadratic programming.
         # 2. Backtrack by Armijo's rule, because an old tangent and one made definite may overshoot.
-        # 3. Stop when a full step has a decrement at the floor.
-        #    So does a displacement at which the next step has hardly one: strains beside it say nothing new.
+        # 3. Stop when a full step has a decrement at the floor, or when the next one would have a thousandth of that:
+        #    then it is not made, as strains are dear.
         # 4. Drop the tangent when decrements fall too slowly, or the step was cut.
         # The textbook factorises at each iteration. The inertia c M does not change and grows as 1 / h^2. For a short
         # step it dominates, and the tangent of the step before is nearly right.

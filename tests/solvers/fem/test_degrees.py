@@ -251,7 +251,7 @@ def test_cells_with_matrices_of_their_own_leave_the_others_and_the_first_matrix_
     before, dense = matrix.blocks.copy(), matrix.to_csr().toarray()
     own = matrix.with_own(np.array([3, 1])).with_own(np.array([1, 2]))
     assert own.changed.tolist() == [1, 2, 3]
-    assert np.array_equal(own.to_csr().toarray(), dense)
+    assert np.allclose(own.to_csr().toarray(), dense, rtol=0, atol=1e-14 * np.abs(dense).max())
     own.instead[0] *= 3.0  # of cell 1
     other = own.with_own(np.array([0]))
     other.instead[0] *= 5.0  # of cell 0, which the first copy has not
@@ -265,4 +265,14 @@ def test_cells_with_matrices_of_their_own_leave_the_others_and_the_first_matrix_
         product = (found @ flat.reshape(q.shape)).reshape(-1, 2)
         assert np.allclose(product, expected @ flat, rtol=0, atol=1e-12 * np.abs(expected @ flat).max())
         assert np.allclose(found.to_csr().toarray(), expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    assert np.array_equal(matrix.blocks, before)
+    assert matrix.blocks.tobytes() == before.tobytes()  # nothing has written to them
+
+
+@pytest.mark.parametrize("place", ["blocks", "instead"])
+def test_a_matrix_that_is_not_finite_anywhere_has_no_largest_entry(place):
+    own = assembled("hypar", 5, (2, 2))[2].with_own(np.array([1, 3]))
+    assert own.largest == pytest.approx(np.abs(own.blocks).max())
+    own.instead[1] *= 1e3
+    assert own.largest == pytest.approx(np.abs(own.instead).max())
+    getattr(own, place)[1, 2, 3] = np.nan
+    assert not np.isfinite(own.largest)
