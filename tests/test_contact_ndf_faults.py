@@ -33,7 +33,7 @@ def one_answer(case):
     level = first_level(case, resolution(case)).resolution
     spec = field_spec(case, settings).model_copy(update={"detail": 1})
     with torch.no_grad():
-        found, _ = contact._located(case, spec, settings, level, (), 0, 1.0)
+        found, _ = contact._located(case, spec, settings, level, (), 0, 1.0, contact._answer)
     return found.solution
 
 
