@@ -18,7 +18,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from .elastica import FORCES, SOFT, SWUNG, Cantilever
 from .estimate import Estimate
-from .roll_up import MARKS, Strip
+from .roll_up import MARKS, PAST_HALF, Strip
 from .spiral import PRESSURES, named
 
 Array = np.ndarray
@@ -205,12 +205,13 @@ def cantilever_moment() -> dict[str, Estimate]:
         values[f"shortening_{name}"] = found[factor].shortening
         if factor < 1.0:
             values[f"deflection_{name}"] = found[factor].deflection
-    bent = found[1.0]
-    stored = case.width * (bent.membrane + bent.bending)
-    potential = stored - case.width * case.moment * bent.angle
-    return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()} | {
-        "potential_energy": Estimate(potential, 1e3 * SPREAD * stored, "J")
-    }
+    energies = {}
+    for factor, name in ((PAST_HALF, "potential_energy_63"), (1.0, "potential_energy")):
+        bent = found[factor]
+        stored = case.width * (bent.membrane + bent.bending)
+        potential = stored - case.width * factor * case.moment * bent.angle
+        energies[name] = Estimate(potential, 1e3 * SPREAD * stored, "J")
+    return {name: Estimate(value, SPREAD * case.length, "m") for name, value in values.items()} | energies
 
 
 def cantilever_pressure() -> dict[str, Estimate]:

@@ -23,6 +23,7 @@ import numpy as np
 from .estimate import Estimate
 
 MARKS = {0.25: "25", 0.5: "50", 0.75: "75", 1.0: "100"}
+PAST_HALF = 0.625  # of the moment: the tip has turned by more than half a turn
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,9 @@ def energies(strip: Strip, arc: Arc) -> tuple[float, float]:
     return membrane, 0.5 * strip.bending_stiffness * (arc.stretch * arc.turning) ** 2 * area
 
 
-def potential(strip: Strip, arc: Arc, turned: float = 0.0) -> float:
-    """Potential energy under the whole moment, J, which works on the angle of the tip; `turned`, rad: its wall's part."""
-    work = strip.moment * strip.width * (arc.turning * arc.length + turned)
+def potential(strip: Strip, arc: Arc, turned: float = 0.0, factor: float = 1.0) -> float:
+    """Potential energy under a fraction of the moment, J: it works on the angle of the tip; `turned`, rad: its wall's part."""
+    work = factor * strip.moment * strip.width * (arc.turning * arc.length + turned)
     return sum(energies(strip, arc)) - work
 
 
@@ -119,9 +120,11 @@ def cantilever_moment() -> dict[str, Estimate]:
             values[f"deflection_{name}"] = Estimate.exact(arc.deflection, "m")
     arc = rolled_strip(strip, 1.0)
     membrane, bending = energies(strip, arc)
+    past_half = rolled_strip(strip, PAST_HALF)
     return values | {
         "strain_energy": Estimate.exact(membrane + bending, "J"),
         "membrane_energy": Estimate.exact(membrane, "J"),
         "bending_energy": Estimate.exact(bending, "J"),
+        "potential_energy_63": Estimate.exact(potential(strip, past_half, factor=PAST_HALF), "J"),
         "potential_energy": Estimate.exact(potential(strip, arc), "J"),
     }

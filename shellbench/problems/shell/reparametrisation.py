@@ -259,11 +259,25 @@ class _Reparametrisation:
         for quantity in data["quantities"]:
             if "points" in quantity:
                 quantity["points"] = [self.place(name) for name in quantity["points"]]
+            if "along" in quantity:
+                quantity |= self._line(quantity)
             if "on" in quantity:
                 quantity |= self._resultant(quantity) | {"on": [self.place(name) for name in quantity["on"]]}
             if "exact" in quantity:
                 quantity["exact"] = self.vector(quantity["exact"])
         return data
+
+    def _line(self, quantity: dict[str, Any]) -> dict[str, Any]:
+        """Return the start, the coordinate and the end of a line of contact in the chart."""
+        chart, axis = self.chart, COORDINATES.index(quantity["along"])
+        exchanged = chart.formulas == COORDINATES[::-1]
+        new = 1 - axis if exchanged else axis
+        if re.search(rf"\b{COORDINATES[new]}\b", chart.formulas[1 - axis]):
+            raise InputError("where contact begins is asked along a line that is none of these coordinates")
+        toward = quantity.get("toward", "max")
+        if chart.formulas[axis].startswith("-"):
+            toward = {"min": "max", "max": "min"}[toward]
+        return {"point": self.place(quantity["point"]), "along": COORDINATES[new], "toward": toward}
 
     def _resultant(self, quantity: dict[str, Any]) -> dict[str, Any]:
         """Return the component of a resultant in the frame that belongs to the chart."""

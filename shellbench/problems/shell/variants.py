@@ -28,12 +28,6 @@ def size(case: Shell) -> float:
     return float(np.linalg.norm(x.max(axis=0) - x.min(axis=0)))
 
 
-def _without_obstacles(case: Shell) -> None:
-    """Raise InputError where there are obstacles: where contact begins is asked along coordinates."""
-    if case.obstacles:
-        raise InputError("where it touches obstacles is asked along its coordinates")
-
-
 def _permuted(case: Shell) -> dict[str, Any]:
     return placed_data(case, CYCLE)
 
@@ -52,11 +46,7 @@ def _in_units(case: Shell, units: Units) -> dict[str, Any]:
 
 
 def _in_chart(make: reparametrisation.MakeChart) -> Callable[[Shell], dict[str, Any]]:
-    def in_chart(case: Shell) -> dict[str, Any]:
-        _without_obstacles(case)
-        return reparametrisation.in_chart(case, make=make)
-
-    return in_chart
+    return partial(reparametrisation.in_chart, make=make)
 
 
 VARIANTS: Mapping[str, Variant] = {

@@ -84,14 +84,12 @@ def test_every_shell_can_be_asked_otherwise(name):
         assert all("mesh" in found or name == "helical" for name, found in variants_of(case).items())
         return
     refused = {name for name, found in variants_of(case).items() if isinstance(found, str)}
-    if case.obstacles:  # where contact begins is asked along coordinates
-        assert not refused & {"axes", "turned", "units", "kilometres"}
-        return
+    lines = any(quantity.kind == "contact_point" for quantity in case.quantities)  # along coordinates
     local = any(getattr(load, "frame", "global") == "local" for load in case.loads)
     kinked = any(case.kinks)
     signed = any(quantity.kind in RESULTANTS for quantity in case.quantities)
     assert refused <= {"helical", "units", "kilometres"} | ({"swapped"} if local else set()) | (
-        {"oblique"} if kinked else set()
+        {"oblique"} if kinked or lines else set()
     ) | ({"flipped", "swapped"} if signed else set())
 
 
