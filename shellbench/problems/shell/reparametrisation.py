@@ -27,7 +27,7 @@ GRADED = 0.4  # how much a graded coordinate departs from an even one; below 1, 
 OBLIQUE = 0.3  # the same of oblique ones; below 1/2
 ANGLES, RIGHT = 9, 1e-9  # points a side at which coordinate lines are compared, and the cosine of a right angle
 PITCH = 0.8  # radians that a helix turns by along the shell
-STRETCH: tuple[Pair, Pair] = ((0.4, -1.3), (2.5, 0.7))  # factor and offset of each coordinate
+STRETCH: tuple[Pair, Pair] = ((4e-4, -1.3), (2500.0, 0.7))  # factor and offset of each coordinate: none is near 1
 
 
 @dataclass(frozen=True)
