@@ -3,11 +3,11 @@
     python -m shellbench.bench.tighten SOLVER STORE            what the rule says
     python -m shellbench.bench.tighten SOLVER STORE --write    make that the solver's tolerances
 
-What a figure is allowed becomes `MARGIN` times the largest error of it in the store, or `SURE` times the largest stated
-uncertainty, if that is more, rounded up to 1, 2 or 5 times a power of ten: over the case, all variants that suites ask of
-the solver, and all seeds. It is never less than `BLUNT` times the known value's own uncertainty, nor than `LEAST`, and
-never more than it was. A figure stays as it is if a variant has no record that counts, or has failed. Open findings
-stay, and count for nothing.
+What a figure is allowed becomes `MARGIN` times the largest error of it in the store, or `SURE` times the largest
+uncertainty that is stated of it, if that is more, rounded up to 1, 2 or 5 times a power of ten: over the case, all
+variants that suites ask of the solver, and all seeds. It is never less than `BLUNT` times the known value's own
+uncertainty, nor than `LEAST`, and never more than it was. A figure stays as it is if a variant has no record that
+counts, or has failed, and if it was asked once alone. Open findings stay, and count for nothing.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def tightened(found: Iterable[Row], asked: Mapping[str, set[str]]) -> dict[Figur
     result = {}
     for (case, quantity), of_figure in by_figure.items():
         judging = [row for row in of_figure if row.open_finding is None]
-        if not judging or not asked.get(case, set()) <= {row.case for row in of_figure}:
+        if len(judging) < 2 or not asked.get(case, set()) <= {row.case for row in of_figure}:
             continue
         frozen = judging[0].tolerance
         assert frozen is not None
