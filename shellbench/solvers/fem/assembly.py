@@ -202,7 +202,7 @@ def stiffness(
         size = COMPONENTS * len(present)
         by_cell = np.empty((len(mesh.nodes), size, size))
         for cells in chunks(mesh):
-            by_cell[cells] = _cell_matrices(mesh, cells, surface, material, quadrature, table)
+            _cell_matrices(mesh, cells, surface, material, quadrature, table, by_cell[cells])
         return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
@@ -271,7 +271,13 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
 
 
 def _cell_matrices(
-    mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature, table: Array
+    mesh: TensorMesh,
+    cells: slice,
+    surface: Surface,
+    material: Material,
+    quadrature: Quadrature,
+    table: Array,
+    out: Array | None = None,
 ) -> Array:
     """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
     # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
@@ -282,14 +288,14 @@ def _cell_matrices(
     # semidefinite by construction.
     operator = _root_operator(mesh, cells, surface, material, quadrature)
     count, per_cell = operator.shape[:2]
-    roots = np.empty((count, per_cell, 6, COMPONENTS, table.shape[-1]))
+    roots = np.empty((count, per_cell, 6 * COMPONENTS, table.shape[-1]))
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
-        roots[:, q] = (operator[:, q] @ table[q]).reshape(count, 6, COMPONENTS, -1)
+        np.matmul(operator[:, q], table[q], out=roots[:, q])
     scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.degree)]
-    roots *= scales[:, None, None, None]
+    roots *= scales[:, None, None]
     flat = roots.reshape(count, per_cell * 6, -1)
-    return np.asarray(np.swapaxes(flat, -1, -2) @ flat)
+    return np.matmul(np.swapaxes(flat, -1, -2), flat, out=out)
 
 
 def _root_operator(
@@ -301,9 +307,10 @@ def _root_operator(
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
     moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
     operator = stress_root_operator(geometry, material, moduli)
-    operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
-    operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]
+    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
+    factors = np.sqrt(weights.ravel() * geometry.area)[:, None] / steps
+    operator = np.multiply(operator, factors[:, None, None], order="C")
     return np.asarray(operator.reshape(count, per_cell, 6 * COMPONENTS, len(DERIVATIVES)))
 
 

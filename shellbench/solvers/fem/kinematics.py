@@ -89,8 +89,20 @@ class Midsurface:
 
     @property
     def contravariant_metric(self) -> Array:
-        """a^ab (n, 2, 2)."""
-        return np.asarray(np.linalg.inv(self.base @ np.swapaxes(self.base, -1, -2)), dtype=float)
+        """a^ab (n, 2, 2); LinAlgError where the base vectors are parallel, or one is zero."""
+        if not np.all(self.area):
+            raise np.linalg.LinAlgError("singular metric")
+        # The determinant of the metric is the area squared, which no difference of products cancels in.
+        a1, a2 = self.base[:, 0], self.base[:, 1]
+        inverse = np.empty((len(self.area), 2, 2))
+        inverse[:, 0, 0], inverse[:, 1, 1] = _dots(a2, a2), _dots(a1, a1)
+        inverse[:, 0, 1] = inverse[:, 1, 0] = -_dots(a1, a2)
+        inverse /= (self.area**2)[:, None, None]
+        return inverse
+
+
+def _dots(first: Array, second: Array) -> Array:
+    return np.asarray(np.einsum("nc,nc->n", first, second))
 
 
 def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
@@ -153,10 +165,11 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     nu = poissons_ratio
     h = np.empty((len(surface.area), 3, 3))
     for row, (a, b) in enumerate(STRAINS):
-        for column, (c, d) in enumerate(STRAINS):
+        for column, (c, d) in enumerate(STRAINS[: row + 1]):
             times = (1 if a == b else 2) * (1 if c == d else 2)
             exchanged = metric[:, a, c] * metric[:, b, d] + metric[:, a, d] * metric[:, b, c]
             h[:, row, column] = times * (nu * metric[:, a, b] * metric[:, c, d] + (1 - nu) / 2 * exchanged)
+            h[:, column, row] = h[:, row, column]
     return h
 
 
@@ -169,7 +182,9 @@ def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Arr
 
 def elasticities(surface: Midsurface, material: Material) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
-    return np.stack([elasticity(surface, nu) for nu in material.poissons_ratios], axis=1)
+    stretching, bending = material.poissons_ratios
+    first = elasticity(surface, stretching)
+    return np.stack([first, first if bending == stretching else elasticity(surface, bending)], axis=1)
 
 
 def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
@@ -178,11 +193,10 @@ def stress_root_operator(surface: Midsurface, material: Material, moduli: Array)
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix
     is a product of a matrix with its own transpose, symmetric and positive semidefinite by construction.
     """
-    operator = strain_operator(surface)
+    operator = np.swapaxes(strain_operator(surface), -1, -2)  # as it lies in memory, uncopied
     root = np.swapaxes(np.linalg.cholesky(elasticities(surface, material)), -1, -2)
-    flat = operator.reshape(len(operator), 2, 3, -1)
-    rooted = (root @ flat) * np.sqrt(moduli)[:, :, None, None]
-    return rooted.reshape(operator.shape)
+    rooted = (root * np.sqrt(moduli)[:, :, None, None]) @ operator.reshape(len(operator), 2, 3, -1)
+    return np.swapaxes(rooted.reshape(operator.shape), -1, -2)
 
 
 GRADIENT = 3 * len(DERIVATIVES)  # derivatives of u at a point, by derivative (slow) and component
