@@ -9,7 +9,7 @@ Mass and springs: matrices of products of the basis, weighted over the area.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,16 +166,23 @@ def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
     return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
 
 
-def derivative_on_cells(
-    mesh: TensorMesh, cells: slice | Integers, quadrature: Quadrature, coefficients: Array, order: Derivative
+def derivatives_on_cells(
+    mesh: TensorMesh,
+    cells: slice | Integers,
+    quadrature: Quadrature,
+    coefficients: Array,
+    orders: Sequence[Derivative] = DERIVATIVES,
 ) -> Array:
-    """Return a derivative (points, 3, n) at the Gauss points of cells of fields with coefficients (nodes, 3, 4, n)."""
-    sizes = mesh.sizes[cells]
-    factors = kind_scales(sizes, mesh.degree) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
-    table = tabulate(quadrature.points, order, mesh.degree).reshape(len(quadrature.points), -1)
-    local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * factors[:, None, :, None, None]
+    """Return derivatives (points, orders, 3, n) at cells' Gauss points of fields with coefficients (nodes, 3, 4, n)."""
+    sizes, count = mesh.sizes[cells], coefficients.shape[-1]
+    tables = [tabulate(quadrature.points, d, mesh.degree).reshape(len(quadrature.points), -1) for d in orders]
+    table = np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
+    scales = kind_scales(sizes, mesh.degree)[:, None, :, None, None]
+    local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * scales
     values = table @ local.reshape(len(local), table.shape[-1], -1)
-    return np.asarray(values.reshape(-1, COMPONENTS, coefficients.shape[-1]))
+    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in orders], axis=-1)
+    values = values.reshape(len(local), -1, len(orders), COMPONENTS * count) / steps[:, None, :, None]
+    return np.asarray(values.reshape(-1, len(orders), COMPONENTS, count))
 
 
 def stiffness(

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry import axis_of_revolution
-from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivative_on_cells
+from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.constraints import Ties
 from shellbench.solvers.fem.kinematics import cross
@@ -76,7 +76,7 @@ def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coef
         x = case.surface.derivatives(points.reshape(-1, 2), order=1)
         area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
         exact = motions_of(x[0, 0] - centre, size, True) @ loose
-        values = derivative_on_cells(mesh, cells, quadrature, fields, (0, 0))
+        values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
         weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
         products += weighted.T @ values.reshape(-1, fields.shape[-1])
     overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)

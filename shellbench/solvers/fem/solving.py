@@ -132,7 +132,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
             solution = _finished(level, tuple(steps), differences, tolerance, converged, chosen)
-            solution = replace(solution, diagnostics={**solution.diagnostics, **meshes.told})
+            solution = solution.told(diagnostics={**solution.diagnostics, **meshes.told})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             size = found.solution.mesh.dof_count if case.prescribed else unknowns  # nothing is solved for, or some
             if converged or 2 * size > largest:
@@ -366,8 +366,7 @@ def _finished(
     path = () if found.solution.case.linear else found.solution.history
     began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was taken up
     states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
-    return replace(
-        found.solution,
+    return found.solution.told(
         history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
