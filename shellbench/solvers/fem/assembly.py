@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +29,7 @@ from shellbench.solvers.fem.mesh import (
     CORNERS,
     CUBIC,
     KINDS,
+    Degree,
     Derivative,
     TensorMesh,
     gauss_rule,
@@ -114,6 +116,16 @@ class Quadrature:
         points, weights = get_quadrature(mesh.grid.refdom, order)
         return cls(np.ascontiguousarray(points.T), weights)
 
+    @cached_property
+    def table(self) -> Callable[[tuple[Derivative, ...], Degree], Array]:
+        """(n orders, functions) derivatives of the unit cell's basis, by order (fast) and by degree: made once."""
+
+        def tabulated(orders: tuple[Derivative, ...], degree: Degree) -> Array:
+            tables = [tabulate(self.points, d, degree).reshape(len(self.points), -1) for d in orders]
+            return np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
+
+        return cache(tabulated)
+
     def on_cells(self, mesh: TensorMesh, cells: slice | Integers) -> tuple[Array, Array]:
         """Return points (cells, n, 2) in the domain and weights (cells, n) with the cells' parametric area."""
         sizes = mesh.sizes[cells]
@@ -175,8 +187,7 @@ def derivatives_on_cells(
 ) -> Array:
     """Return derivatives (points, orders, 3, n) at cells' Gauss points of fields with coefficients (nodes, 3, 4, n)."""
     sizes, count = mesh.sizes[cells], coefficients.shape[-1]
-    tables = [tabulate(quadrature.points, d, mesh.degree).reshape(len(quadrature.points), -1) for d in orders]
-    table = np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
+    table = quadrature.table(tuple(orders), mesh.degree)
     scales = kind_scales(sizes, mesh.degree)[:, None, :, None, None]
     local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * scales
     values = table @ local.reshape(len(local), table.shape[-1], -1)
@@ -234,8 +245,7 @@ class InternalForces:
     def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
         self.mesh = mesh
         self._functions = len(CORNERS) * len(mesh.kinds)
-        tables = [tabulate(quadrature.points, d, mesh.degree).reshape(-1, self._functions) for d in DERIVATIVES]
-        self._table = np.stack(tables, axis=1).reshape(-1, self._functions)
+        self._table = quadrature.table(DERIVATIVES, mesh.degree)
         self._portions = [
             (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
             for cells in chunks(mesh)

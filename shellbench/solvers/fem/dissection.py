@@ -350,13 +350,18 @@ def factorise(matrix: BlockMatrix, dissection: Dissection, definiteness: Definit
 
 
 class Front:
-    """The dense matrix of a part: only its upper triangle means anything."""
+    """The dense matrix of a part, at first `whole` or zero: only its upper triangle means anything."""
 
-    def __init__(self, part: Part, block: int) -> None:
+    def __init__(self, part: Part, block: int, whole: Array | None = None) -> None:
         self.part, self.block = part, block
         self.size = part.own[1] - part.own[0]
         n, m = self.size * block, len(part.ring) * block
-        self.own, self.coupling, self.rest = np.zeros((n, n)), np.zeros((n, m)), np.zeros((m, m))
+        if whole is None:
+            self.own, self.coupling, self.rest = np.zeros((n, n)), np.zeros((n, m)), np.zeros((m, m))
+        else:
+            self.own, self.coupling, self.rest = map(
+                np.ascontiguousarray, (whole[:n, :n], whole[:n, n:], whole[n:, n:])
+            )
 
     def add_rows(self, blocks: Array, columns: Integers) -> None:
         """Add the matrix's rows of the part's own nodes, as far as they couple to nodes not yet eliminated."""
