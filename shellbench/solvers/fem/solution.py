@@ -28,7 +28,7 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, basis_along, kind_scales, tabulate
 from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]
@@ -37,6 +37,7 @@ Integers = NDArray[np.int64]
 FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
 INTEGRATED = ("_energies", "area")  # what belongs to the field, and to nothing that is said about it
 POINTS = 2048  # at which a field is evaluated at once
+MANY, SPARSEST = 1000, 2.0  # points that may be most of a grid; points of a grid for one that is asked for
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,10 @@ class FemSolution(ShellSolution):
         xi = np.asarray(points, dtype=float)
         flat, degree = xi.reshape(-1, 2), self.mesh.degree
         nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
+        lines = [np.unique(values, return_inverse=True) for values in flat.T] if len(flat) >= MANY else []
+        if lines and len(lines[0][0]) * len(lines[1][0]) <= SPARSEST * len(flat):
+            (first, row), (second, column) = lines
+            return self._on_grid(first, second, order, nodal)[row, column].reshape(*xi.shape[:-1], COMPONENTS)
         found = np.empty((len(flat), COMPONENTS))
         for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
             portion = slice(start, start + POINTS)
@@ -109,6 +114,18 @@ class FemSolution(ShellSolution):
             local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
             found[portion] = (basis.reshape(len(nodes), 1, -1) @ local)[:, 0]
         return found.reshape(*xi.shape[:-1], COMPONENTS)
+
+    def _on_grid(self, first: Array, second: Array, order: Derivative, nodal: Array) -> Array:
+        """Return a derivative (n1, n2, 3) on a grid of a field with coefficients (nodes, kinds, 3): axis by axis."""
+        mesh = self.mesh
+        (n1, n2), carried = mesh.shape, mesh.degree - 1
+        fields = np.empty((n1, carried, n2, carried, COMPONENTS))
+        for number, (k, m) in enumerate(mesh.kinds):
+            fields[:, k, :, m] = nodal[:, number].reshape(n1, n2, COMPONENTS)
+        along = basis_along(mesh, 0, first, order[0]).reshape(len(first), -1) @ fields.reshape(n1 * carried, -1)
+        along = np.swapaxes(along.reshape(len(first), n2 * carried, COMPONENTS), 0, 1).reshape(n2 * carried, -1)
+        across = basis_along(mesh, 1, second, order[1]).reshape(len(second), -1) @ along
+        return np.swapaxes(across.reshape(len(second), len(first), COMPONENTS), 0, 1)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
