@@ -34,8 +34,7 @@ def current_source(entry: SolverEntry, kind: str = DEFAULT) -> str:
 
     Of a plug-in the version counts too.
     """
-    own = entry.module.partition(".")[0] == "shellbench"
-    version = () if own else (f"{entry.distribution} {entry.version}",)
+    version = () if entry.own else (f"{entry.distribution} {entry.version}",)
     return source_digest([entry.module, module_of(kind), MEASURING], *version)
 
 

@@ -25,6 +25,7 @@ GROUP = "shellbench.problems"
 DEFAULT = "shell"
 
 
+@cache  # as `find_kind`: what is installed is looked for once
 def kind_targets() -> dict[str, str]:
     """Return where the kinds are, ``module:attribute``, by name."""
     return {point.name: point.value for point in sorted(entry_points(group=GROUP))}

@@ -190,7 +190,7 @@ def make_plan(
     _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
-    place = cache(environment)  # looked at once a plan: git is asked each time
+    place, exam = cache(environment), catalog.exam_version()  # looked at once a plan: git is asked each time
     tasks: dict[str, Task] = {}
     kept: dict[str, Record] = {}
     declined: dict[tuple[str, str], Declined] = {}
@@ -198,7 +198,7 @@ def make_plan(
         solver = solvers[run.solver]
         made = {}
         for seed in request.seeds or run.seeds:
-            task = _task(case, entries[run.solver], solver, run, request, seed, place)
+            task = _task(case, entries[run.solver], solver, run, request, seed, place, exam)
             made[run_key(task)] = task
         kept |= {key: answered[key] for key in made if key in answered}
         waiting = {key: task for key, task in made.items() if key not in answered}
@@ -251,6 +251,7 @@ def _task(
     request: Request,
     seed: int,
     place: Callable[..., Environment],
+    exam: int | None,
 ) -> Task:
     device = request.device if request.device in solver.capabilities.devices else "cpu"
     overrides = {**run.settings, **request.settings.get(run.solver, {})}
@@ -274,7 +275,7 @@ def _task(
         settings={**overrides, **apart},
         defaults=defaults,
         solver_label=solver.capabilities.label,
-        exam=catalog.exam_version(),
+        exam=exam,
         start=None if request.start is None else str(request.start.file),
         environment=place(
             device,

@@ -45,6 +45,11 @@ class SolverEntry:
         """Dotted name of the solver's module."""
         return self.target.partition(":")[0].strip()
 
+    @property
+    def own(self) -> bool:
+        """Whether it is one of ours, and no plug-in."""
+        return self.module.partition(".")[0] == "shellbench"
+
 
 def solver_entries() -> dict[str, SolverEntry]:
     """Return all registered solvers by name.

@@ -41,10 +41,45 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     InputError
         If the source of one of `modules` can't be found.
     """
+    modules = tuple(modules)
+    what = (*((name, locate(name)) for name in modules), *more)
+    if what in _DIGESTS and _DIGESTS[what].holds:
+        return _DIGESTS[what].digest
     closure = import_closure(*modules)
+    places = {place: _look_up(place) for path in closure.values() for place in (path, path.parent)}
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
-    return hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
+    digest = hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
+    _DIGESTS[what] = _Digest(digest, places)
+    return digest
+
+
+Look = tuple[int, int, int, int]  # number of a file or folder, changes in ns, and bytes
+
+
+def _look_up(path: Path) -> Look | None:
+    """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_ctime_ns, status.st_mtime_ns, status.st_size
+
+
+@dataclass(frozen=True)
+class _Digest:
+    """A digest, and what its files and their folders looked like before they were read."""
+
+    digest: str
+    places: dict[Path, Look | None]
+
+    @property
+    def holds(self) -> bool:
+        """Whether no file has changed, come or gone since."""
+        return all(_look_up(path) == seen for path, seen in self.places.items())
+
+
+_DIGESTS: dict[tuple[object, ...], _Digest] = {}  # by modules, where they are, and any more text
 
 
 def import_closure(*modules: str) -> dict[str, Path]:

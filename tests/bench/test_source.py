@@ -79,6 +79,18 @@ def test_another_process_reads_only_what_has_changed(package: Path, monkeypatch:
     assert read
 
 
+def test_what_looks_the_same_is_not_read_again(package: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = source_digest(["pack.solver"])
+    read = []
+    closure = source.import_closure
+    monkeypatch.setattr(source, "import_closure", lambda *names: read.append(names) or closure(*names))
+    assert source_digest(["pack.solver"]) == before
+    assert not read
+    (package / "more.py").write_text("", encoding="utf-8")  # a module that came may be what another one imports
+    assert source_digest(["pack.solver"]) == before
+    assert read == [("pack.solver",)]
+
+
 @pytest.mark.parametrize("name", ["stranger", "types_only"])
 def test_a_change_outside_of_the_closure_does_not(package: Path, name: str) -> None:
     before = source_digest(["pack.solver"])

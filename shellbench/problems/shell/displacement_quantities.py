@@ -12,7 +12,7 @@ from shellbench.errors import InputError
 from shellbench.model import Vector
 from shellbench.problems.shell.conditions import Places, VectorFormula
 from shellbench.problems.shell.field import DisplacementField
-from shellbench.problems.shell.measure import area_rule, unit
+from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantity import ShellQuantity
 
@@ -131,7 +131,7 @@ class CentreOfMass(ShellQuantity):
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the position along the direction, metres."""
-        points, weights = area_rule(solution.case)
+        points, weights = solution.case.area_rule
         position = solution.case.surface.position(points) + solution.displacement(points, at=self.at)
         return float(weights @ position @ unit(self.direction) / weights.sum())
 
@@ -169,7 +169,7 @@ class FieldError(ShellQuantity):
 
     def check(self, shell: Any) -> None:
         """Raise ValueError if the prescribed displacement is no formula, not finite, or zero everywhere."""
-        points, _ = area_rule(shell)
+        points, _ = shell.area_rule
         try:
             exact = shell.evaluate(self.exact, points, self.at)[0, 0]
         except InputError as error:
@@ -179,7 +179,7 @@ class FieldError(ShellQuantity):
 
     def measure(self, solution: DisplacementField) -> float:
         """Return the relative error in the mean square."""
-        points, weights = area_rule(solution.case)
+        points, weights = solution.case.area_rule
         exact = solution.case.evaluate(self.exact, points, self.at)[0, 0]
         error = solution.displacement(points, at=self.at) - exact
         return float(np.sqrt(weights @ np.sum(error**2, axis=-1) / (weights @ np.sum(exact**2, axis=-1))))

@@ -31,7 +31,7 @@ def measure_all(solution: DisplacementField, case: Any = None) -> Mapping[str, f
 def area_rule(case: Any) -> tuple[Array, Array]:
     """Return points (n, 2) and weights (n,), m^2, that integrate over the midsurface: Gauss's rule on panels.
 
-    They are equal, and cut where loads or stiffnesses have kinks.
+    They are equal, and cut where loads or stiffnesses have kinks. A case has its own at hand, `Shell.area_rule`.
     """
     domain = case.surface.domain
     (first, along), (second, across) = map(_panels, domain.lower, domain.upper, case.kinks)
@@ -51,7 +51,7 @@ def _panels(low: float, high: float, cuts: Iterable[float]) -> tuple[Array, Arra
 
 def kinetic_energy(solution: DisplacementField, at: float) -> float:
     """Return half the areal density times the velocity squared, over the whole shell, J."""
-    points, weights = area_rule(solution.case)
+    points, weights = solution.case.area_rule
     velocity = solution.velocity(points, at)
     return float(solution.case.material.areal_density / 2 * (weights @ np.sum(velocity**2, axis=-1)))
 
@@ -59,7 +59,7 @@ def kinetic_energy(solution: DisplacementField, at: float) -> float:
 def total_energy(solution: DisplacementField, at: float) -> float:
     """Return kinetic energy, strain energy and that of springs, less the work of constant loads, J."""
     case = solution.case
-    points, weights = area_rule(case)
+    points, weights = case.area_rule
     u = solution.displacement(points, at=at)
     springs = float(weights @ np.sum(case.spring_stiffness(points) * u**2, axis=-1)) / 2
     work = float(weights @ np.sum(load_density(case, points, at) * u, axis=-1))

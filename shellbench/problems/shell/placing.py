@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shellbench.errors import InputError
 from shellbench.problems.formula_text import combined, substituted
@@ -31,6 +32,7 @@ ABOUT: tuple[Rotation, Rotation, Rotation] = (
     ((COSINE, -SINE, 0.0), (SINE, COSINE, 0.0), (0.0, 0.0, 1.0)),
 )
 """Rotations about the coordinate axes."""
+SAME_AXIS = 1e-13  # cosine of an angle, short of 1, that is rounding
 
 
 def turning(case: Shell) -> Rotation:
@@ -56,6 +58,11 @@ def _axes(case: Shell) -> Iterator[int]:
         places = {COMPONENTS.index(name) for name in held}
         if len(places) in (1, 2):
             yield (places if len(places) == 1 else {0, 1, 2} - places).pop()
+
+
+def follows(case: Shell, rotation: NDArray[np.float64]) -> bool:
+    """Whether what holds a shell by some Cartesian components does so after a rotation (3, 3) too, by the same ones."""
+    return all(rotation[axis, axis] >= 1 - SAME_AXIS for axis in _axes(case))
 
 
 def placed_data(case: Shell, rotation: Rotation, shift: Sequence[float] = (0.0, 0.0, 0.0)) -> dict[str, Any]:

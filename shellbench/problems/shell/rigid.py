@@ -37,17 +37,31 @@ def rigid_modes(surface: Surface, points: ArrayLike, order: int = 0) -> dict[tup
     dict
         (i, j) -> (..., 3, 6), in the order of `RIGID_MOTIONS`.
     """
+    centre, size = middle_and_size(surface)
+    found = surface.derivatives(points, order)
+    return {key: motions_of(x - centre if key == (0, 0) else x, size, key == (0, 0)) for key, x in found.items()}
+
+
+def middle_and_size(surface: Surface) -> tuple[Array, float]:
+    """Return the middle (3,) of a surface, and the largest distance from it, m."""
     sample = surface.position(surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE)).reshape(-1, 3)
     centre = (sample.max(axis=0) + sample.min(axis=0)) / 2
-    size = np.linalg.norm(sample - centre, axis=1).max()
-    modes = {}
-    for key, x in surface.derivatives(points, order).items():
-        arm = (x - centre if key == (0, 0) else x) / size
-        translations = np.zeros((*x.shape, 3))
-        if key == (0, 0):
-            translations[...] = np.eye(3)
-        rotations = np.stack([np.cross(axis, arm) for axis in np.eye(3)], axis=-1)
-        modes[key] = np.concatenate([translations, rotations], axis=-1)
+    return centre, float(np.linalg.norm(sample - centre, axis=1).max())
+
+
+def motions_of(arms: Array, size: float, translated: bool) -> Array:
+    """Return the rigid motions (..., 3, 6) where arms (..., 3) lead from the middle, or of a derivative of the arms.
+
+    Motions are linear in the position: whatever is linear, such as a derivative, has no part of translations unless
+    they are `translated`.
+    """
+    modes = np.zeros((*arms.shape, len(RIGID_MOTIONS)))
+    if translated:
+        modes[..., :3] = np.eye(3)
+    for k in range(3):  # the rotation about e_k moves by e_k x arm
+        i, j = (k + 1) % 3, (k + 2) % 3
+        modes[..., j, 3 + k] = arms[..., i] / size
+        modes[..., i, 3 + k] = -arms[..., j] / size
     return modes
 
 

@@ -158,7 +158,7 @@ def resolution_study(solution: DisplacementField, case: Shell) -> tuple[Resoluti
     finest = max(RESOLUTIONS)
     steps: list[ResolutionStep] = []
     for n in RESOLUTIONS:
-        gaps = bilinear(samples[n], domain, domain.grid(finest, finest)) - samples[finest]
+        gaps = bilinear(samples[n], finest) - samples[finest]
         steps.append(
             ResolutionStep(
                 points=n,
@@ -177,16 +177,11 @@ def _first_lost(points: Array, displacement: Array) -> str:
     return f"({lost[0]:g}, {lost[1]:g})"
 
 
-def bilinear(samples: Array, domain: Domain, points: Array) -> Array:
-    """Interpolate samples (n, n, 3) on the regular grid of a domain at points (..., 2)."""
-    n = samples.shape[0]
-    scaled = (points - np.asarray(domain.lower)) / np.asarray(domain.size) * (n - 1)
-    cell = np.clip(np.floor(scaled).astype(int), 0, n - 2)
-    s, t = np.moveaxis(scaled - cell, -1, 0)[..., None]
-    i, j = np.moveaxis(cell, -1, 0)
-    below = (1 - s) * samples[i, j] + s * samples[i + 1, j]
-    above = (1 - s) * samples[i, j + 1] + s * samples[i + 1, j + 1]
-    return np.asarray((1 - t) * below + t * above)
+def bilinear(samples: Array, count: int) -> Array:
+    """Interpolate samples (n, n, 3) on a regular grid at the points (count, count, 3) of another one."""
+    places = np.linspace(0.0, len(samples) - 1.0, count)
+    along = np.swapaxes(joined(samples, places), 0, 1)  # one coordinate after the other
+    return np.swapaxes(joined(along, places), 0, 1)
 
 
 def _largest(vectors: Array) -> float:

@@ -31,6 +31,7 @@ from shellbench.problems.shell.conditions import (
     VectorFormula,
 )
 from shellbench.problems.shell.contact import Contact
+from shellbench.problems.shell.measure import area_rule
 from shellbench.problems.shell.mesh.surface import MeshSurface
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
@@ -191,6 +192,11 @@ class Shell(Problem):
     def places(self) -> dict[str, Place]:
         """Edges, their parts, corners and points by name."""
         return places_of(self.surface.domain, self.points, self.edge_parts)
+
+    @cached_property
+    def area_rule(self) -> tuple[Array, Array]:
+        """Points (n, 2) and weights (n,), m^2, that integrate over the midsurface."""
+        return area_rule(self)
 
     @property
     def prescribed(self) -> bool:

@@ -9,8 +9,9 @@ Mass and springs: matrices of products of the basis, weighted over the area.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -28,6 +29,7 @@ from shellbench.solvers.fem.mesh import (
     CORNERS,
     CUBIC,
     KINDS,
+    Degree,
     Derivative,
     TensorMesh,
     gauss_rule,
@@ -114,6 +116,16 @@ class Quadrature:
         points, weights = get_quadrature(mesh.grid.refdom, order)
         return cls(np.ascontiguousarray(points.T), weights)
 
+    @cached_property
+    def table(self) -> Callable[[tuple[Derivative, ...], Degree], Array]:
+        """(n orders, functions) derivatives of the unit cell's basis, by order (fast) and by degree: made once."""
+
+        def tabulated(orders: tuple[Derivative, ...], degree: Degree) -> Array:
+            tables = [tabulate(self.points, d, degree).reshape(len(self.points), -1) for d in orders]
+            return np.stack(tables, axis=1).reshape(-1, tables[0].shape[-1])
+
+        return cache(tabulated)
+
     def on_cells(self, mesh: TensorMesh, cells: slice | Integers) -> tuple[Array, Array]:
         """Return points (cells, n, 2) in the domain and weights (cells, n) with the cells' parametric area."""
         sizes = mesh.sizes[cells]
@@ -166,16 +178,22 @@ def basis_scales(mesh: TensorMesh, cells: slice) -> Array:
     return kind_scales(mesh.sizes[cells], mesh.degree)[:, None] / mesh.node_scales[mesh.nodes[cells]]
 
 
-def derivative_on_cells(
-    mesh: TensorMesh, cells: slice | Integers, quadrature: Quadrature, coefficients: Array, order: Derivative
+def derivatives_on_cells(
+    mesh: TensorMesh,
+    cells: slice | Integers,
+    quadrature: Quadrature,
+    coefficients: Array,
+    orders: Sequence[Derivative] = DERIVATIVES,
 ) -> Array:
-    """Return a derivative (points, 3, n) at the Gauss points of cells of fields with coefficients (nodes, 3, 4, n)."""
-    sizes = mesh.sizes[cells]
-    factors = kind_scales(sizes, mesh.degree) / (sizes[:, 0] ** order[0] * sizes[:, 1] ** order[1])[:, None]
-    table = tabulate(quadrature.points, order, mesh.degree).reshape(len(quadrature.points), -1)
-    local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * factors[:, None, :, None, None]
+    """Return derivatives (points, orders, 3, n) at cells' Gauss points of fields with coefficients (nodes, 3, 4, n)."""
+    sizes, count = mesh.sizes[cells], coefficients.shape[-1]
+    table = quadrature.table(tuple(orders), mesh.degree)
+    scales = kind_scales(sizes, mesh.degree)[:, None, :, None, None]
+    local = np.swapaxes(coefficients[mesh.nodes[cells]], 2, 3) * scales
     values = table @ local.reshape(len(local), table.shape[-1], -1)
-    return np.asarray(values.reshape(-1, COMPONENTS, coefficients.shape[-1]))
+    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in orders], axis=-1)
+    values = values.reshape(len(local), -1, len(orders), COMPONENTS * count) / steps[:, None, :, None]
+    return np.asarray(values.reshape(-1, len(orders), COMPONENTS, count))
 
 
 def stiffness(
@@ -202,7 +220,7 @@ def stiffness(
         size = COMPONENTS * len(present)
         by_cell = np.empty((len(mesh.nodes), size, size))
         for cells in chunks(mesh):
-            by_cell[cells] = _cell_matrices(mesh, cells, surface, material, quadrature, table)
+            _cell_matrices(mesh, cells, surface, material, quadrature, table, by_cell[cells])
         return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
@@ -227,8 +245,7 @@ class InternalForces:
     def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
         self.mesh = mesh
         self._functions = len(CORNERS) * len(mesh.kinds)
-        tables = [tabulate(quadrature.points, d, mesh.degree).reshape(-1, self._functions) for d in DERIVATIVES]
-        self._table = np.stack(tables, axis=1).reshape(-1, self._functions)
+        self._table = quadrature.table(DERIVATIVES, mesh.degree)
         self._portions = [
             (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
             for cells in chunks(mesh)
@@ -271,7 +288,13 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
 
 
 def _cell_matrices(
-    mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature, table: Array
+    mesh: TensorMesh,
+    cells: slice,
+    surface: Surface,
+    material: Material,
+    quadrature: Quadrature,
+    table: Array,
+    out: Array | None = None,
 ) -> Array:
     """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
     # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
@@ -282,14 +305,14 @@ def _cell_matrices(
     # semidefinite by construction.
     operator = _root_operator(mesh, cells, surface, material, quadrature)
     count, per_cell = operator.shape[:2]
-    roots = np.empty((count, per_cell, 6, COMPONENTS, table.shape[-1]))
+    roots = np.empty((count, per_cell, 6 * COMPONENTS, table.shape[-1]))
     # Point by point, each for all cells of the portion: they share the point's table.
     for q in range(per_cell):
-        roots[:, q] = (operator[:, q] @ table[q]).reshape(count, 6, COMPONENTS, -1)
+        np.matmul(operator[:, q], table[q], out=roots[:, q])
     scales = basis_scales(mesh, cells).reshape(count, -1)[:, present_functions(mesh.degree)]
-    roots *= scales[:, None, None, None]
+    roots *= scales[:, None, None]
     flat = roots.reshape(count, per_cell * 6, -1)
-    return np.asarray(np.swapaxes(flat, -1, -2) @ flat)
+    return np.matmul(np.swapaxes(flat, -1, -2), flat, out=out)
 
 
 def _root_operator(
@@ -301,9 +324,10 @@ def _root_operator(
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))
     moduli = stiffness_moduli(surface, material, points.reshape(-1, 2))
     operator = stress_root_operator(geometry, material, moduli)
-    operator *= np.sqrt(weights.ravel() * geometry.area)[:, None, None, None]
     sizes = np.repeat(mesh.sizes[cells], per_cell, axis=0)
-    operator /= np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)[:, None, None]
+    steps = np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1)
+    factors = np.sqrt(weights.ravel() * geometry.area)[:, None] / steps
+    operator = np.multiply(operator, factors[:, None, None], order="C")
     return np.asarray(operator.reshape(count, per_cell, 6 * COMPONENTS, len(DERIVATIVES)))
 
 

@@ -9,6 +9,7 @@ eliminates its inside, as in the textbook (Duff & Reid 1983); no global matrix i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
@@ -37,12 +38,14 @@ def dissect_cells(mesh: TensorMesh) -> Dissection:
         local[halves] = (np.arange(COMPONENTS)[:, None] * len(kinds) + numbers).ravel()
     between = zip(i % HALVES > 0, j % HALVES > 0, strict=True)
     dofs = [base + local[bool(k), bool(m)] for base, (k, m) in zip(bases, between, strict=True)]
-    starts = np.concatenate([[0], np.cumsum([len(d) for d in dofs])])
+    lengths = np.array([len(d) for d in dofs])
+    starts = np.concatenate([[0], np.cumsum(lengths)])
     parts = []
     for part in grid.parts:
-        ring = [np.arange(starts[place], starts[place + 1]) for place in part.ring]
-        ring_dofs = np.concatenate([np.zeros(0, dtype=np.int64), *ring])
-        parts.append(Part((int(starts[part.own[0]]), int(starts[part.own[1]])), ring_dofs, part.children))
+        counts = lengths[part.ring]  # of consecutive degrees of freedom, each run from the start of its point
+        shifts = starts[part.ring] - (np.cumsum(counts) - counts)
+        ring = np.arange(counts.sum()) + np.repeat(shifts, counts)
+        parts.append(Part((int(starts[part.own[0]]), int(starts[part.own[1]])), ring, part.children))
     return Dissection(np.concatenate(dofs), tuple(parts))
 
 
@@ -66,9 +69,7 @@ def factorise_cells(matrix: CellMatrices, dissection: Dissection) -> Factor:
     schur: dict[int, Array] = {}
     pivots, coupling = [], []
     for number, part in enumerate(dissection.parts):
-        front = Front(part, 1)
-        if number in entering:
-            _add_cells(front, matrix, ranks, np.array(entering[number]))
+        front = Front(part, 1, _sum(part, matrix, ranks, entering[number]) if number in entering else None)
         for child, runs in zip(part.children, dissection.runs[number], strict=True):
             front.add_schur(schur.pop(child), runs)
         pivot, schur[number] = front.eliminate("required")
@@ -77,13 +78,11 @@ def factorise_cells(matrix: CellMatrices, dissection: Dissection) -> Factor:
     return Factor(dissection, tuple(pivots), tuple(coupling), 1)
 
 
-def _add_cells(front: Front, matrix: CellMatrices, ranks: Integers, cells: Integers) -> None:
-    where = places(front.part, ranks[cells])
-    n, whole = front.size, front.size + len(front.part.ring)
-    dense = np.zeros((whole, whole))
+def _sum(part: Part, matrix: CellMatrices, ranks: Integers, cells: Sequence[int]) -> Array:
+    """Return the sum of the matrices of cells as the dense matrix of a part, its own unknowns first."""
+    size = part.own[1] - part.own[0] + len(part.ring)
+    dense = np.zeros((size, size))
     flat = dense.reshape(-1)
-    for cell, place in zip(cells, where, strict=True):
-        flat[(place[:, None] * whole + place).ravel()] += matrix.of(cell).ravel()  # no place occurs twice in a cell
-    front.own += dense[:n, :n]
-    front.coupling += dense[:n, n:]
-    front.rest += dense[n:, n:]
+    for cell, place in zip(cells, places(part, ranks[cells]), strict=True):
+        flat[(place[:, None] * size + place).ravel()] += matrix.of(cell).ravel()  # no place occurs twice in a cell
+    return dense

@@ -58,6 +58,11 @@ def cross(first: Array, second: Array) -> Array:
     return product
 
 
+def _dots(first: Array, second: Array) -> Array:
+    """Return the scalar products (n,); a sum over the last axis takes four times as long."""
+    return np.asarray(np.einsum("nc,nc->n", first, second))
+
+
 @dataclass(frozen=True)
 class Midsurface:
     """Geometry of the reference midsurface at n points.
@@ -84,13 +89,21 @@ class Midsurface:
         """Make it of the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
         product = cross(x[1, 0], x[0, 1])
-        area = np.linalg.norm(product, axis=-1)
+        area = np.sqrt(_dots(product, product))
         return cls(base, product / area[..., None], np.stack([x[key] for key in SECOND], axis=-2), area)
 
     @property
     def contravariant_metric(self) -> Array:
-        """a^ab (n, 2, 2)."""
-        return np.asarray(np.linalg.inv(self.base @ np.swapaxes(self.base, -1, -2)), dtype=float)
+        """a^ab (n, 2, 2); LinAlgError where the base vectors are parallel, or one is zero."""
+        if not np.all(self.area):
+            raise np.linalg.LinAlgError("singular metric")
+        # The determinant of the metric is the area squared, which no difference of products cancels in.
+        a1, a2 = self.base[:, 0], self.base[:, 1]
+        inverse = np.empty((len(self.area), 2, 2))
+        inverse[:, 0, 0], inverse[:, 1, 1] = _dots(a2, a2), _dots(a1, a1)
+        inverse[:, 0, 1] = inverse[:, 1, 0] = -_dots(a1, a2)
+        inverse /= (self.area**2)[:, None, None]
+        return inverse
 
 
 def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
@@ -153,10 +166,11 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     nu = poissons_ratio
     h = np.empty((len(surface.area), 3, 3))
     for row, (a, b) in enumerate(STRAINS):
-        for column, (c, d) in enumerate(STRAINS):
+        for column, (c, d) in enumerate(STRAINS[: row + 1]):
             times = (1 if a == b else 2) * (1 if c == d else 2)
             exchanged = metric[:, a, c] * metric[:, b, d] + metric[:, a, d] * metric[:, b, c]
             h[:, row, column] = times * (nu * metric[:, a, b] * metric[:, c, d] + (1 - nu) / 2 * exchanged)
+            h[:, column, row] = h[:, row, column]
     return h
 
 
@@ -169,7 +183,9 @@ def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Arr
 
 def elasticities(surface: Midsurface, material: Material) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
-    return np.stack([elasticity(surface, nu) for nu in material.poissons_ratios], axis=1)
+    stretching, bending = material.poissons_ratios
+    first = elasticity(surface, stretching)
+    return np.stack([first, first if bending == stretching else elasticity(surface, bending)], axis=1)
 
 
 def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
@@ -178,11 +194,10 @@ def stress_root_operator(surface: Midsurface, material: Material, moduli: Array)
     It is `strain_operator` times the square roots of the membrane and bending stiffness: with it a stiffness matrix
     is a product of a matrix with its own transpose, symmetric and positive semidefinite by construction.
     """
-    operator = strain_operator(surface)
+    operator = np.swapaxes(strain_operator(surface), -1, -2)  # as it lies in memory, uncopied
     root = np.swapaxes(np.linalg.cholesky(elasticities(surface, material)), -1, -2)
-    flat = operator.reshape(len(operator), 2, 3, -1)
-    rooted = (root @ flat) * np.sqrt(moduli)[:, :, None, None]
-    return rooted.reshape(operator.shape)
+    rooted = (root * np.sqrt(moduli)[:, :, None, None]) @ operator.reshape(len(operator), 2, 3, -1)
+    return np.swapaxes(rooted.reshape(operator.shape), -1, -2)
 
 
 GRADIENT = 3 * len(DERIVATIVES)  # derivatives of u at a point, by derivative (slow) and component
@@ -222,11 +237,13 @@ class Deformation:
         x1, x2 = reference.base[:, 0], reference.base[:, 1]
         before, normal = reference.area[:, None], reference.normal
         m = cross(u1, x2 + u2) + cross(x1, u2)
-        area = np.linalg.norm(before * normal + m, axis=-1, keepdims=True)
-        growth = np.sum((2 * before * normal + m) * m, axis=-1, keepdims=True) / (area + before)
+        at_rest = before * normal
+        grown = at_rest + m
+        area = np.sqrt(_dots(grown, grown))[:, None]
+        growth = _dots(at_rest + grown, m)[:, None] / (area + before)
         current = Midsurface(
             base=reference.base + gradients[:, :2],
-            normal=(before * normal + m) / area,
+            normal=grown / area,
             second=reference.second + gradients[:, 2:],
             area=area[:, 0],
         )
@@ -238,8 +255,7 @@ class Deformation:
         base, u = self.reference.base, self.gradients
         strains = np.empty((len(u), 6))
         for row, (a, b) in enumerate(STRAINS):
-            twice = np.einsum("nc,nc->n", base[:, a] + u[:, a], u[:, b]) + np.einsum("nc,nc->n", base[:, b], u[:, a])
-            strains[:, row] = twice / 2
+            strains[:, row] = (_dots(base[:, a] + u[:, a], u[:, b]) + _dots(base[:, b], u[:, a])) / 2
         strains[:, 3:] = -np.einsum("nkc,nc->nk", u[:, 2:], self.current.normal)
         strains[:, 3:] -= np.einsum("nkc,nc->nk", self.reference.second, self.rise)
         return strains
@@ -262,7 +278,7 @@ class Deformation:
         form[:, 0] = membrane[:, 0] * base[:, 0] + half * base[:, 1]
         form[:, 1] = membrane[:, 1] * base[:, 1] + half * base[:, 0]
         pulled = (bending[:, None] @ self.current.second)[:, 0]
-        pulled -= np.sum(pulled * normal, axis=-1, keepdims=True) * normal
+        pulled -= _dots(pulled, normal)[:, None] * normal
         pulled /= self.current.area[:, None]
         form[:, 0] += cross(pulled, base[:, 1])
         form[:, 1] += cross(base[:, 0], pulled)

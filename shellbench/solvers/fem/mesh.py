@@ -315,6 +315,22 @@ class TensorMesh:
         return first * self.shape[1] + second, unit, sizes
 
 
+def basis_along(mesh: TensorMesh, axis: int, values: Array, derivative: int) -> Array:
+    """Return a derivative (n, nodes, p - 1) along a coordinate of the functions of one, at values (n,) of it."""
+    points = np.zeros((len(values), 2))
+    points[:, axis] = values
+    at, line, count = mesh.brought_in(points)[:, axis], mesh.lines[axis], mesh.shape[axis]
+    index = np.clip(np.searchsorted(line, at, side="right") - 1, 0, len(line) - 2)
+    sizes = np.diff(line)[index]
+    functions = axis_functions((at - line[index]) / sizes, derivative, mesh.degree)
+    functions[..., 1] *= sizes[:, None]  # slopes
+    functions /= sizes[:, None, None] ** derivative
+    table, number = np.zeros((len(values), count, mesh.degree - 1)), np.arange(len(values))
+    for end in (0, 1):
+        table[number, (index + end) % count] += functions[:, end]
+    return table
+
+
 FEWEST = 2  # cells of a part that is graded toward one end, or half of another
 SAME = 1e-9  # coordinates that differ by less of the side are the same
 

@@ -31,7 +31,7 @@ from shellbench.solvers.fem.assembly import (
     add_cell_matrices,
     basis_scales,
     chunks,
-    derivative_on_cells,
+    derivatives_on_cells,
     neighbour_columns,
     product_matrix,
     spring_blocks,
@@ -247,10 +247,8 @@ def geometric_stiffness(loaded: FemSolution, quadrature: Quadrature) -> Matrix:
         points, weights = quadrature.on_cells(mesh, cells)
         flat = points.reshape(-1, 2)
         reference = Midsurface.at(case.surface.derivatives(flat, order=2))
-        gradients = np.stack(
-            [derivative_on_cells(mesh, cells, quadrature, loaded.coefficients, d)[..., 0] for d in DERIVATIVES], axis=-1
-        )
-        operator = strain_operator(reference).reshape(len(flat), 6, GRADIENT)
+        gradients = derivatives_on_cells(mesh, cells, quadrature, loaded.coefficients)[..., 0]
+        operator = np.swapaxes(strain_operator(reference), -1, -2).reshape(len(flat), 6, GRADIENT)
         strains = (operator @ gradients.reshape(len(flat), GRADIENT, 1)).reshape(-1, 2, 3, 1)
         moduli = stiffness_moduli(case.surface, case.material, flat)[..., None]
         stresses = (elasticities(reference, case.material) @ strains)[..., 0] * moduli

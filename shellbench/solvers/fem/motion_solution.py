@@ -10,19 +10,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 
 from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
-from shellbench.solvers.fem.mesh import TensorMesh
+from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh, kind_scales, tabulate
 from shellbench.solvers.fem.solution import FORMATS, FemSolution
 
 Array = NDArray[np.float64]
 
 
 STENCIL = 4  # reactions that are interpolated through, at times between those of the displacements
-RECENT = 8  # fields that are kept at hand
+RECENT = 8  # fields, and sets of points, that are kept at hand
 
 
 @dataclass(frozen=True)
@@ -122,13 +123,19 @@ class MotionSolution(ShellSolution):
 
     def displacement_at(self, xi: Array, at: float | None) -> Array:
         """Return the displacement (N, 3) at points (N, 2) and any time that was reached."""
-        return self.frame(at).displacement(xi)
+        return self._on(xi, self.frame(at).coefficients[..., 0])
 
     def velocity_at(self, xi: Array, at: float | None) -> Array:
         """Return the velocity (N, 3) at points (N, 2) and any time that was reached."""
-        still = self.frame(at)
-        rates = self._hermite(still.states[0], rate=True)[..., None]
-        return replace(still, coefficients=rates).displacement(xi)
+        return self._on(xi, self._hermite(self.frame(at).states[0], rate=True))
+
+    def _on(self, xi: Array, coefficients: Array) -> Array:
+        """Return a field with coefficients (nodes, 3, 4) at points (N, 2): they are asked for again, at other times."""
+        return np.asarray(self._bases(xi.tobytes()) @ np.swapaxes(coefficients, 1, 2).reshape(-1, COMPONENTS))
+
+    @cached_property
+    def _bases(self) -> Callable[[bytes], csr_matrix]:
+        return lru_cache(maxsize=RECENT)(lambda points: basis_at(self.mesh, np.frombuffer(points).reshape(-1, 2)))
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
@@ -204,3 +211,13 @@ class MotionSolution(ShellSolution):
             touch_times=arrays.get("touch_times", np.zeros(0)),
             touching=restored_touch(arrays),
         )
+
+
+def basis_at(mesh: TensorMesh, points: Array) -> csr_matrix:
+    """Return the matrix that takes the coefficients (nodes * kinds, ...) of a field to its values at points (n, 2)."""
+    nodes, unit, sizes = mesh.locate(points)
+    values = tabulate(unit, (0, 0), mesh.degree) * kind_scales(sizes, mesh.degree)[:, None]
+    kinds = len(mesh.kinds)
+    columns = nodes[..., None] * kinds + np.arange(kinds)
+    starts = np.arange(len(points) + 1) * columns[0].size
+    return csr_matrix((values.ravel(), columns.ravel(), starts), shape=(len(points), mesh.node_count * kinds))

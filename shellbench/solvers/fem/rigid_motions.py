@@ -10,6 +10,7 @@ Newton's method then holds the waves where they are, w . dq = 0, which costs not
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +19,13 @@ from scipy.linalg import qr
 from scipy.spatial.transform import Rotation
 
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.rigid import rigid_modes
+from shellbench.problems.shell.rigid import middle_and_size, motions_of
 from shellbench.problems.shell.symmetry import axis_of_revolution
-from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivative_on_cells
+from shellbench.solvers.fem.assembly import COMPONENTS, Quadrature, chunks, derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.constraints import Ties
-from shellbench.solvers.fem.kinematics import Midsurface
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, TensorMesh
+from shellbench.solvers.fem.kinematics import cross
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -32,13 +33,21 @@ Integers = NDArray[np.int64]
 
 def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
     """Return the interpolants (nodes, 3 (p - 1)^2, 6) of the rigid motions, in the scaled degrees of freedom."""
+    # The position is interpolated, and not the motions: they are linear in it, and twice as many functions.
+    centre, size = middle_and_size(case.surface)
+
+    def arms(points: Array) -> Mapping[Derivative, Array]:
+        x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
+        return {**x, (0, 0): x[0, 0] - centre}
+
     if mesh.degree == CUBIC:
-        modes = rigid_modes(case.surface, mesh.domain.wrap(mesh.node_points), order=2)
-        stacked = np.stack([modes[kind] for kind in KINDS], axis=2)
+        at = arms(mesh.node_points)
+        nodal = np.stack([at[kind] for kind in KINDS], axis=1)
     else:
-        found = interpolated(mesh, lambda points: rigid_modes(case.surface, mesh.domain.wrap(points), order=2))
-        stacked = np.swapaxes(found, 2, 3)
-    scaled = stacked * mesh.node_scales[:, None, :, None]
+        nodal = np.swapaxes(interpolated(mesh, arms), 1, 2)
+    motions = motions_of(nodal, size, False)
+    motions[:, KINDS.index((0, 0)), :, :COMPONENTS] = np.eye(COMPONENTS)
+    scaled = np.swapaxes(motions, 1, 2) * mesh.node_scales[:, None, :, None]
     return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
 
 
@@ -61,12 +70,13 @@ def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coef
     motions = motions / mesh.node_scales[:, None, :, None]
     fields = np.concatenate([coefficients, motions], axis=-1)
     products = np.zeros((loose.shape[1], fields.shape[-1]))
+    centre, size = middle_and_size(case.surface)
     for cells in chunks(mesh):
         points, weights = quadrature.on_cells(mesh, cells)
-        flat = points.reshape(-1, 2)
-        area = weights.ravel() * Midsurface.at(case.surface.derivatives(flat, order=2)).area
-        exact = rigid_modes(case.surface, flat)[0, 0] @ loose
-        values = derivative_on_cells(mesh, cells, quadrature, fields, (0, 0))
+        x = case.surface.derivatives(points.reshape(-1, 2), order=1)
+        area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
+        exact = motions_of(x[0, 0] - centre, size, True) @ loose
+        values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
         weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
         products += weighted.T @ values.reshape(-1, fields.shape[-1])
     overlap, gram = np.split(products, [coefficients.shape[-1]], axis=1)

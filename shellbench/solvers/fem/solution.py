@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ from shellbench.problems.shell.solution import (
     Words,
     state_number,
 )
-from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivative_on_cells
+from shellbench.solvers.fem.assembly import CHUNK, COMPONENTS, Quadrature, derivatives_on_cells
 from shellbench.solvers.fem.bubbles import interpolated
 from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
@@ -28,14 +28,16 @@ from shellbench.solvers.fem.kinematics import (
     stiffness_moduli,
     strain_operator,
 )
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, basis_along, kind_scales, tabulate
 from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
+INTEGRATED = ("_energies", "area")  # what belongs to the field, and to nothing that is said about it
 POINTS = 2048  # at which a field is evaluated at once
+MANY, SPARSEST = 1000, 2.0  # points that may be most of a grid; points of a grid for one that is asked for
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,10 @@ class FemSolution(ShellSolution):
         xi = np.asarray(points, dtype=float)
         flat, degree = xi.reshape(-1, 2), self.mesh.degree
         nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
+        lines = [np.unique(values, return_inverse=True) for values in flat.T] if len(flat) >= MANY else []
+        if lines and len(lines[0][0]) * len(lines[1][0]) <= SPARSEST * len(flat):
+            (first, row), (second, column) = lines
+            return self._on_grid(first, second, order, nodal)[row, column].reshape(*xi.shape[:-1], COMPONENTS)
         found = np.empty((len(flat), COMPONENTS))
         for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
             portion = slice(start, start + POINTS)
@@ -109,12 +115,40 @@ class FemSolution(ShellSolution):
             found[portion] = (basis.reshape(len(nodes), 1, -1) @ local)[:, 0]
         return found.reshape(*xi.shape[:-1], COMPONENTS)
 
+    def _on_grid(self, first: Array, second: Array, order: Derivative, nodal: Array) -> Array:
+        """Return a derivative (n1, n2, 3) on a grid of a field with coefficients (nodes, kinds, 3): axis by axis."""
+        mesh = self.mesh
+        (n1, n2), carried = mesh.shape, mesh.degree - 1
+        fields = np.empty((n1, carried, n2, carried, COMPONENTS))
+        for number, (k, m) in enumerate(mesh.kinds):
+            fields[:, k, :, m] = nodal[:, number].reshape(n1, n2, COMPONENTS)
+        along = basis_along(mesh, 0, first, order[0]).reshape(len(first), -1) @ fields.reshape(n1 * carried, -1)
+        along = np.swapaxes(along.reshape(len(first), n2 * carried, COMPONENTS), 0, 1).reshape(n2 * carried, -1)
+        across = basis_along(mesh, 1, second, order[1]).reshape(len(second), -1) @ along
+        return np.swapaxes(across.reshape(len(second), len(first), COMPONENTS), 0, 1)
+
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
-        gradients = np.stack([self.derivative(xi, d, at) for d in DERIVATIVES], axis=-1)
-        strains, densities, _ = self._strains(xi, gradients)
+        strains, densities = self._fields(xi.tobytes(), self.state(at))
         part = 0 if name.startswith("membrane") else 1
         return strains[:, part] if name.endswith("strain") else densities[:, part]
+
+    @cached_property
+    def _fields(self) -> Callable[[bytes, int], tuple[Array, Array]]:
+        """Strains (n, 2, 3) and energy densities (n, 2) at points and a state: who asks for one asks for the other."""
+
+        def strained(points: bytes, state: int) -> tuple[Array, Array]:
+            xi, at = np.frombuffer(points).reshape(-1, 2), self.states[state]
+            gradients = np.stack([self.derivative(xi, d, at) for d in DERIVATIVES], axis=1)
+            return self._strains(xi, gradients)[:2]
+
+        return lru_cache(maxsize=1)(strained)
+
+    def told(self, **more: Any) -> FemSolution:
+        """Return the solution with more said about it; what was integrated of its field stays known."""
+        found = replace(self, **more)
+        found.__dict__.update({name: self.__dict__[name] for name in INTEGRATED if name in self.__dict__})
+        return found
 
     def resultant_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2), recovered on patches."""
@@ -123,15 +157,16 @@ class FemSolution(ShellSolution):
     def _strains(self, points: Array, gradients: Array) -> tuple[Array, Array, Array]:
         """Return strains (n, 2, 3), energy densities (n, 2) and areas (n,), membrane before bending.
 
-        `gradients` (n, 3, 5) are the derivatives of the displacement in the order of `DERIVATIVES`.
+        `gradients` (n, 5, 3) are the derivatives of the displacement in the order of `DERIVATIVES`.
         """
         surface = Midsurface.at(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
         if self.case.linear:
-            values = gradients.shape[1] * gradients.shape[2]
-            operator = strain_operator(surface).reshape(len(points), 6, values)
-            strains = (operator @ gradients.reshape(len(points), values, 1)).reshape(-1, 2, 3)
+            operator = np.swapaxes(strain_operator(surface), -1, -2)  # as it lies in memory, uncopied
+            values = operator.shape[-2] * operator.shape[-1]
+            strains = operator.reshape(len(points), -1, values) @ gradients.reshape(len(points), values, 1)
+            strains = strains.reshape(-1, 2, 3)
         else:
-            strains = Deformation.from_gradients(surface, np.swapaxes(gradients, 1, 2)).strains.reshape(-1, 2, 3)
+            strains = Deformation.from_gradients(surface, gradients).strains.reshape(-1, 2, 3)
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
         stresses = (strains[:, :, None] @ elasticities(surface, material))[:, :, 0]
@@ -167,11 +202,9 @@ class FemSolution(ShellSolution):
         total = np.zeros((len(self.states), 2))
         for cells in self._cells():
             points, weights = quadrature.on_cells(self.mesh, cells)
-            gradients = np.stack(
-                [derivative_on_cells(self.mesh, cells, quadrature, self.coefficients, d) for d in DERIVATIVES], axis=-1
-            )
+            gradients = derivatives_on_cells(self.mesh, cells, quadrature, self.coefficients)
             for state in range(len(self.states)):
-                _, densities, area = self._strains(points.reshape(-1, 2), gradients[:, :, state])
+                _, densities, area = self._strains(points.reshape(-1, 2), gradients[..., state])
                 total[state] += (weights.ravel() * area) @ densities
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]

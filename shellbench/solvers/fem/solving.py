@@ -20,6 +20,7 @@ from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.continuation import STEP_SHARE
 from shellbench.solvers.fem.corners import break_gradings, edge_gradings, slowest_rate
+from shellbench.solvers.fem.folding import Folding
 from shellbench.solvers.fem.layers import layer_gradings
 from shellbench.solvers.fem.mesh import (
     CUBIC,
@@ -45,7 +46,6 @@ from shellbench.solvers.fem.refinement import (
 )
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings, takes_bubbles
-from shellbench.solvers.fem.symmetry import FoldedMesh
 from shellbench.solvers.fem.time_step import Scheme
 
 SMOOTH_TOLERANCE = 6e-7  # of a case whose loads and supports are spread out: the element converges fast
@@ -132,7 +132,7 @@ def _refined(case: Case, chosen: FemSettings, start: FemSolution | None, progres
             refined = all(now > then for now, then in zip(cells, coarsest, strict=True))
             converged = level.error <= tolerance and refined
             solution = _finished(level, tuple(steps), differences, tolerance, converged, chosen)
-            solution = replace(solution, diagnostics={**solution.diagnostics, **meshes.told})
+            solution = solution.told(diagnostics={**solution.diagnostics, **meshes.told})
             progress(Progress(len(steps), None, f"{cells[0]} x {cells[1]} cells, error {level.error:.1e}"))
             size = found.solution.mesh.dof_count if case.prescribed else unknowns  # nothing is solved for, or some
             if converged or 2 * size > largest:
@@ -204,11 +204,12 @@ def _solves(
 
     def linear(of: Case) -> OnMesh:
         touched: FemSolution | None = None
+        folding = Folding(of)
 
         def solve(cells: Cells) -> equilibrium.Equilibrium:
             mesh = _mesh(of, cells, settings, degree, *toward)
             order = max(settings.quadrature_order, 2 * mesh.degree + 1)
-            folded = FoldedMesh.from_case(of, mesh, order) if settings.symmetry else None
+            folded = folding.fold(mesh, order) if settings.symmetry else None
             how = of.states, order, settings.direct_solver
             if of.obstacles:  # where they touch is sought from where they did on the mesh before
                 nonlocal touched
@@ -217,7 +218,7 @@ def _solves(
             elif folded is None:
                 found = equilibrium.solve(of, mesh, *how)
             else:
-                found = folded.unfolded(equilibrium.solve(folded.part.case, folded.mesh, *how))
+                found = folding.unfolded(folded, equilibrium.solve(folded.part.case, folded.mesh, *how))
             # one step, for the quantity that is an energy of the history
             alone = Step(0, 0.0, found.potential_energy, found.solution.parameters, of.states[-1])
             return replace(found, solution=replace(found.solution, history=(alone,)))
@@ -366,8 +367,7 @@ def _finished(
     path = () if found.solution.case.linear else found.solution.history
     began = steps[-1].seconds - path[-1].seconds if path else 0.0  # when the last mesh was taken up
     states = tuple(replace(s, iteration=len(steps) + s.iteration, seconds=began + s.seconds) for s in path)
-    return replace(
-        found.solution,
+    return found.solution.told(
         history=(*steps, *states),
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},

@@ -7,10 +7,11 @@ import pytest
 
 from shellbench.errors import InputError
 from shellbench.problem import FIELDS
+from shellbench.solvers.fem.mesh import graded_mesh
 from shellbench.solvers.fem.solution import FemSolution
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
 from tests.alike import alike
-from tests.solvers.fem.shells import EVERY_EDGE, shell, surface_points
+from tests.solvers.fem.shells import EVERY_EDGE, EVERY_MOTION, TORUS, shell, surface_points
 
 LOADS = [{"kind": "pressure", "value": "1 + xi1"}, {"kind": "area", "vector": [0.3, 0, 0.1]}]
 
@@ -41,6 +42,25 @@ def test_derivatives_against_differences(solution):
             )
             exact = solution.derivative(points, higher)
             assert np.allclose(slope, exact, atol=1e-6 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("degree", [3, 4, 5])
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_grid_is_answered_as_its_points_one_by_one(closed, degree):
+    """A field on a grid is made axis by axis, beyond the seams too, whatever points are asked for beside it."""
+    rim = {"supports": [{"name": "rim", "on": EVERY_EDGE}], "loads": LOADS}
+    case = shell(TORUS, remove_rigid_motions=EVERY_MOTION) if closed else shell("hypar", **rim)
+    domain, mesh = case.surface.domain, graded_mesh(case, (4, 4), 2.0, degree=degree)
+    coefficients = np.random.default_rng(1).standard_normal((mesh.node_count, 3, len(mesh.kinds), 1))
+    forces = np.zeros((len(case.supports), 0, 3, len(mesh.kinds), 1))
+    nodes = np.zeros(0, dtype=np.int64)
+    field = FemSolution(case, mesh, coefficients, (1.0,), nodes, forces, 2 * degree + 1, 1)
+    grid = domain.grid(40, 31).reshape(-1, 2) + np.where(domain.periodic, 0.7, 0.0) * domain.size
+    points = np.concatenate([surface_points(case.surface, 5), grid])
+    for order in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1)):
+        together = field.derivative(points, order)
+        few = np.concatenate([field.derivative(part, order) for part in np.array_split(points, 7)])
+        assert np.abs(together - few).max() <= 1e-12 * np.abs(few).max()
 
 
 def test_energy_densities_add_up_to_the_energies(solution):
