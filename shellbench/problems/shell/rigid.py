@@ -38,8 +38,11 @@ def rigid_modes(surface: Surface, points: ArrayLike, order: int = 0) -> dict[tup
         (i, j) -> (..., 3, 6), in the order of `RIGID_MOTIONS`.
     """
     centre, size = middle_and_size(surface)
-    found = surface.derivatives(points, order)
-    return {key: motions_of(x - centre if key == (0, 0) else x, size, key == (0, 0)) for key, x in found.items()}
+    modes = {}
+    for key, x in surface.derivatives(points, order).items():
+        arm = (x - centre if key == (0, 0) else x) / size
+        modes[key] = motions_of(arm, key == (0, 0))
+    return modes
 
 
 def middle_and_size(surface: Surface) -> tuple[Array, float]:
@@ -49,19 +52,19 @@ def middle_and_size(surface: Surface) -> tuple[Array, float]:
     return centre, float(np.linalg.norm(sample - centre, axis=1).max())
 
 
-def motions_of(arms: Array, size: float, translated: bool) -> Array:
-    """Return the rigid motions (..., 3, 6) where arms (..., 3) lead from the middle, or of a derivative of the arms.
+def motions_of(arms: Array, translated: bool) -> Array:
+    """Return the rigid motions (..., 3, 6) of points to which arms (..., 3) lead from the middle, in units of the size.
 
-    Motions are linear in the position: whatever is linear, such as a derivative, has no part of translations unless
-    they are `translated`.
+    They are linear in the arms: what is linear too, such as a derivative of arms, has the same of the motions, but no
+    part of the translations unless they are `translated`.
     """
     modes = np.zeros((*arms.shape, len(RIGID_MOTIONS)))
     if translated:
         modes[..., :3] = np.eye(3)
     for k in range(3):  # the rotation about e_k moves by e_k x arm
         i, j = (k + 1) % 3, (k + 2) % 3
-        modes[..., j, 3 + k] = arms[..., i] / size
-        modes[..., i, 3 + k] = -arms[..., j] / size
+        modes[..., j, 3 + k] = arms[..., i]
+        modes[..., i, 3 + k] = -arms[..., j]
     return modes
 
 

@@ -38,14 +38,14 @@ def nodal_rigid_motions(case: Case, mesh: TensorMesh) -> Array:
 
     def arms(points: Array) -> Mapping[Derivative, Array]:
         x = case.surface.derivatives(mesh.domain.wrap(points), order=2)
-        return {**x, (0, 0): x[0, 0] - centre}
+        return {key: (value - centre if key == (0, 0) else value) / size for key, value in x.items()}
 
     if mesh.degree == CUBIC:
         at = arms(mesh.node_points)
         nodal = np.stack([at[kind] for kind in KINDS], axis=1)
     else:
         nodal = np.swapaxes(interpolated(mesh, arms), 1, 2)
-    motions = motions_of(nodal, size, False)
+    motions = motions_of(nodal, False)
     motions[:, KINDS.index((0, 0)), :, :COMPONENTS] = np.eye(COMPONENTS)
     scaled = np.swapaxes(motions, 1, 2) * mesh.node_scales[:, None, :, None]
     return np.asarray(scaled.reshape(mesh.node_count, COMPONENTS * len(mesh.kinds), -1))
@@ -75,7 +75,7 @@ def mean_rigid_motion(case: Case, mesh: TensorMesh, quadrature: Quadrature, coef
         points, weights = quadrature.on_cells(mesh, cells)
         x = case.surface.derivatives(points.reshape(-1, 2), order=1)
         area = weights.ravel() * np.linalg.norm(cross(x[1, 0], x[0, 1]), axis=-1)
-        exact = motions_of(x[0, 0] - centre, size, True) @ loose
+        exact = motions_of((x[0, 0] - centre) / size, True) @ loose
         values = derivatives_on_cells(mesh, cells, quadrature, fields, ((0, 0),))
         weighted = (exact * area[:, None, None]).reshape(-1, loose.shape[1])
         products += weighted.T @ values.reshape(-1, fields.shape[-1])
