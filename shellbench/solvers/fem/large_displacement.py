@@ -25,6 +25,7 @@ from shellbench.solvers.fem.continuation import (
     EASY,
     STEP_SHARE,
     PathEndsError,
+    Station,
     arc_length_steps,
     displacement_steps,
     functional,
@@ -156,7 +157,7 @@ def solve(
     if problem.points is not None:
         states, marks = [states[k] for k in kept], [marks[k] for k in kept]
     equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1])
-    return equilibrium, _solution(problem, quadrature_order, states, marks, ())
+    return equilibrium, _solution(problem, quadrature_order, states, marks, history)
 
 
 def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
@@ -218,7 +219,8 @@ def _path(
             yield from displacement_steps(problem, controlled, case.states, case.path.until, share)
         case "arc_length":
             assert controlled is not None
-            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share)
+            stations = _stations(problem.mesh, trail) if trail else ()
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share, stations)
 
 
 def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
@@ -276,6 +278,13 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
             return
         states.append(replace(found, iterations=iterations))
     yield from states
+
+
+def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
+    for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
+        # by number: on a path that turns, several states have one displacement
+        alone = replace(trail, coefficients=trail.coefficients[..., number : number + 1], states=(1.0,))
+        yield Station(_interpolated(mesh, alone, 1.0), step.at, value)
 
 
 def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:
