@@ -90,7 +90,16 @@ class Midsurface:
     @property
     def contravariant_metric(self) -> Array:
         """a^ab (n, 2, 2)."""
-        return np.asarray(np.linalg.inv(self.base @ np.swapaxes(self.base, -1, -2)), dtype=float)
+        # a^-1 by its adjoint; |a1 x a2|^2 is the determinant, without the cancellation of a_11 a_22 - a_12^2
+        a1, a2 = self.base[:, 0], self.base[:, 1]
+        inverse = np.empty((len(a1), 2, 2))
+        inverse[:, 0, 0], inverse[:, 1, 1] = np.einsum("nc,nc->n", a2, a2), np.einsum("nc,nc->n", a1, a1)
+        inverse[:, 0, 1] = inverse[:, 1, 0] = -np.einsum("nc,nc->n", a1, a2)
+        determinant = self.area**2
+        if not determinant.all():
+            raise np.linalg.LinAlgError("the metric is singular")
+        inverse /= determinant[:, None, None]
+        return inverse
 
 
 def local_axes(x: Mapping[Derivative, Array], edge: Edge | None) -> tuple[Array, Array]:
@@ -153,10 +162,11 @@ def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     nu = poissons_ratio
     h = np.empty((len(surface.area), 3, 3))
     for row, (a, b) in enumerate(STRAINS):
-        for column, (c, d) in enumerate(STRAINS):
+        for column, (c, d) in enumerate(STRAINS[: row + 1]):
             times = (1 if a == b else 2) * (1 if c == d else 2)
             exchanged = metric[:, a, c] * metric[:, b, d] + metric[:, a, d] * metric[:, b, c]
             h[:, row, column] = times * (nu * metric[:, a, b] * metric[:, c, d] + (1 - nu) / 2 * exchanged)
+            h[:, column, row] = h[:, row, column]
     return h
 
 
@@ -169,7 +179,8 @@ def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Arr
 
 def elasticities(surface: Midsurface, material: Material) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
-    return np.stack([elasticity(surface, nu) for nu in material.poissons_ratios], axis=1)
+    known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
+    return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
 
 def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
