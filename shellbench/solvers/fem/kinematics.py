@@ -177,6 +177,22 @@ def strain_operator(surface: Midsurface) -> Array:
     return np.swapaxes(operator, 2, 3)
 
 
+def linear_strains(surface: Midsurface, gradients: Array) -> Array:
+    """Return the strains (n, 6) of the linear theory: `strain_operator`, which is not made for it, times gradients.
+
+    These are the derivatives (n, 5, 3) of the displacement in the order of `DERIVATIVES`.
+    """
+    x, normal, u = surface.base, surface.normal, points_fastest(gradients)
+    turned = cross(u[:, 0], x[:, 1]) + cross(x[:, 0], u[:, 1])
+    turned -= dot(turned, normal)[:, None] * normal
+    turned /= surface.area[:, None]
+    strains = empty(len(u), 6)
+    for row, (i, j) in enumerate(STRAINS):
+        strains[:, row] = (dot(x[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
+        strains[:, 3 + row] = -dot(u[:, 2 + row], normal) - dot(surface.second[:, row], turned)
+    return strains
+
+
 def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     """Return H^{abcd} (n, 3, 3) on the components 11, 22, 12 (Kairanda et al., eq. (19)).
 

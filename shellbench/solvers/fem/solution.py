@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import (
@@ -24,7 +25,10 @@ from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     Deformation,
     Midsurface,
+    dot,
     elasticities,
+    linear_strains,
+    points_fastest,
     stiffness_moduli,
     strain_operator,
 )
@@ -33,6 +37,7 @@ from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+EnergyRule = list[tuple[Integers, Midsurface, Array]]  # see `FemSolution.energy_rule`
 
 FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
 POINTS = 2048  # at which a field is evaluated at once
@@ -165,16 +170,42 @@ class FemSolution(ShellSolution):
     def _energies(self) -> list[tuple[float, float]]:
         quadrature = Quadrature.of_order(self.mesh, self.quadrature_order)
         total = np.zeros((len(self.states), 2))
-        for cells in self._cells():
-            points, weights = quadrature.on_cells(self.mesh, cells)
+        for cells, surface, stiffness in self.energy_rule:
             gradients = np.stack(
-                [derivative_on_cells(self.mesh, cells, quadrature, self.coefficients, d) for d in DERIVATIVES], axis=-1
+                [derivative_on_cells(self.mesh, cells, quadrature, self.coefficients, d) for d in DERIVATIVES], axis=1
             )
             for state in range(len(self.states)):
-                _, densities, area = self._strains(points.reshape(-1, 2), gradients[:, :, state])
-                total[state] += (weights.ravel() * area) @ densities
+                given = gradients[..., state]
+                if self.case.linear:
+                    strains = linear_strains(surface, given)
+                else:
+                    strains = Deformation.from_gradients(surface, given).strains
+                for part in (0, 1):
+                    three = strains[:, 3 * part : 3 * part + 3]
+                    for row in range(3):
+                        total[state, part] += dot(stiffness[:, part, row], three) @ three[:, row] / 2
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
+
+    @cached_property
+    def energy_rule(self) -> EnergyRule:
+        """By portion of cells the geometry at their Gauss points, and what they count of the stiffness (n, 2, 3, 3)."""
+        quadrature, case, rule = Quadrature.of_order(self.mesh, self.quadrature_order), self.case, []
+        for cells in self._cells():
+            points, weights = quadrature.on_cells(self.mesh, cells)
+            flat = points.reshape(-1, 2)
+            surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+            share = stiffness_moduli(case.surface, case.material, flat) * (weights.ravel() * surface.area)[:, None]
+            stiffness = elasticities(surface, case.material) * share[:, :, None, None]
+            rule.append((cells, surface.with_points_fastest(), points_fastest(stiffness)))
+        return rule
+
+    def rounded(self, format: NumberFormat) -> tuple[FemSolution, int]:
+        """Return the solution with coefficients rounded to a format, and the bytes it takes."""
+        short, bytes_taken = super().rounded(format)
+        if "energy_rule" in vars(self):  # it is known, and the mesh stays as it is
+            vars(short)["energy_rule"] = self.energy_rule
+        return short, bytes_taken
 
     @cached_property
     def _support_positions(self) -> Array:
