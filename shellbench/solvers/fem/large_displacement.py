@@ -87,8 +87,9 @@ def solve(
     steps
         The load step to begin with, and the shortest one, as parts of the path.
     trail
-        All states of the path on another mesh: under load control they are corrected one by one. Or those of an earlier
-        shell, of which the case is an edit: then the states that are asked for are reached from its own.
+        All states of the path on another mesh: under load control they are corrected one by one, by arc length they
+        lead. Or those of an earlier shell, of which the case is an edit: then the states that are asked for are reached
+        from its own.
     tell
         Called with the load factor of each new state.
     share
@@ -281,6 +282,7 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
 
 
 def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
+    """Yield all states of a path on another mesh, interpolated on this one."""
     for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
         # by number: on a path that turns, several states have one displacement
         alone = replace(trail, coefficients=trail.coefficients[..., number : number + 1], states=(1.0,))
