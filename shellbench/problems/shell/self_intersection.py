@@ -33,6 +33,7 @@ UNEVEN = 0.4  # of a cell, over which lines of the grid are strewn
 FEWEST = 13  # points along a coordinate, however narrow the surface is
 MOST_PAIRS = 40_000_000  # of near triangles, both orders counted: a gigabyte of numbers
 SHALLOW = 1e-6  # of the size of the surface, by which an edge must reach through: solvers' errors are about as large
+EDGEWISE = 1e-6  # sine of the angle at which a triangle is seen by its edge
 TRIANGLE_EDGES = ((0, 1), (1, 2), (2, 0))
 
 
@@ -56,7 +57,8 @@ def self_intersection_study(solution: DisplacementField, case: Case) -> tuple[Se
         shape = at_rest + displacement
         found = found.model_copy(update={"states": found.states + 1, "sag": max(found.sag, sag(shape, xi, domain))})
         try:
-            pairs = crossings(shape.reshape(-1, 3), triangles)
+            simple = not any(domain.periodic) and lies_over_a_plane(shape)
+            pairs = np.zeros((0, 2), dtype=np.intp) if simple else crossings(shape.reshape(-1, 3), triangles)
         except ValueError as error:
             told = (
                 f"whether it passes through itself is not known from {ShellPortrait(case).mark_words(mark)} on: {error}"
@@ -131,6 +133,42 @@ def sag(shape: Array, xi: Array, domain: Domain) -> float:
         sags = np.linalg.norm(second, axis=-1) * np.maximum(steps[1:], steps[:-1])[..., 0] ** 2 / 8
         largest = max(largest, float(sags.max()))
     return largest
+
+
+def lies_over_a_plane(shape: Array) -> bool:
+    """Return whether the triangles of a shape (n1, n2, 3) lie side by side as seen from some direction.
+
+    Then none of them crosses another. Where it says no, they may lie so all the same.
+    """
+    # 1. Look along the mean normal. All triangles must turn the same side to the viewer, and none its edge.
+    # 2. The border, as seen from there, must be one closed line that does not meet itself.
+    # A map of a disc that keeps the orientation of all triangles covers a point as often as its border winds around it:
+    # once or not at all. That takes the time of the border alone, and most shells are bent by less than half a turn.
+    a, b, c, d = shape[:-1, :-1], shape[1:, :-1], shape[1:, 1:], shape[:-1, 1:]
+    areas = np.concatenate([np.cross(b - a, c - a).reshape(-1, 3), np.cross(c - a, d - a).reshape(-1, 3)])
+    mean = areas.sum(axis=0)
+    if not np.linalg.norm(mean) > 0 or not np.all(
+        areas @ mean > EDGEWISE * np.linalg.norm(areas, axis=1) * np.linalg.norm(mean)
+    ):
+        return False
+    border = np.concatenate([shape[:-1, 0], shape[-1, :-1], shape[:0:-1, -1], shape[0, :0:-1]])
+    first, second = np.linalg.svd(mean[None])[2][1:]
+    return _is_simple(np.stack([border @ first, border @ second], axis=-1))
+
+
+def _is_simple(corners: Array) -> bool:
+    """Return whether the sides of a closed polygon (n, 2) meet at their common corners only."""
+
+    def side(start: Array, end: Array, place: Array) -> NDArray[np.bool_]:
+        one, other = end - start, place - start
+        return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0] >= 0)
+
+    start, end = corners, np.roll(corners, -1, axis=0)
+    across = side(start[:, None], end[:, None], start) != side(start[:, None], end[:, None], end)  # by side, by side
+    number = np.arange(len(corners))
+    far = (number[:, None] - number) % len(corners)
+    apart = (far > 1) & (far < len(corners) - 1)
+    return not np.any(across & across.T & apart)
 
 
 def crossings(points: Array, triangles: Indices) -> Indices:

@@ -197,7 +197,11 @@ def derivatives_on_cells(
 
 
 def stiffness(
-    mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature
+    mesh: TensorMesh,
+    surface: Surface,
+    material: Material,
+    quadrature: Quadrature,
+    roots: Sequence[Array] | None = None,
 ) -> BlockMatrix | CellMatrices:
     """Assemble the stiffness matrix of the linear shell.
 
@@ -207,6 +211,8 @@ def stiffness(
         What it is assembled for.
     quadrature
         Gauss points of a cell; p + 1 a direction are enough.
+    roots
+        See `root_operators`; they are made where they are needed if None.
 
     Returns
     -------
@@ -216,16 +222,17 @@ def stiffness(
     present = present_functions(mesh.degree)
     unit = [tabulate(quadrature.points, d, mesh.degree) for d in DERIVATIVES]
     table = np.stack([t.reshape(len(t), -1)[:, present] for t in unit], axis=1)
+    made = roots or (_root_operator(mesh, cells, surface, material, quadrature) for cells in chunks(mesh))
     if mesh.degree > CUBIC:
         size = COMPONENTS * len(present)
         by_cell = np.empty((len(mesh.nodes), size, size))
-        for cells in chunks(mesh):
-            _cell_matrices(mesh, cells, surface, material, quadrature, table, by_cell[cells])
+        for cells, root in zip(chunks(mesh), made, strict=True):
+            _cell_matrices(mesh, cells, root, table, by_cell[cells])
         return CellMatrices(by_cell, cell_dofs(mesh), present, mesh.node_count * COMPONENTS * len(mesh.kinds))
     blocks = np.zeros((mesh.node_count, len(NEIGHBOURS), NODE_DOFS, NODE_DOFS))
     shape = (COMPONENTS, len(CORNERS), len(KINDS))
-    for cells in chunks(mesh):
-        matrices = _cell_matrices(mesh, cells, surface, material, quadrature, table)
+    for cells, root in zip(chunks(mesh), made, strict=True):
+        matrices = _cell_matrices(mesh, cells, root, table)
         add_cell_matrices(blocks, mesh.nodes[cells], matrices.reshape(-1, *shape, *shape))
     return BlockMatrix(blocks, neighbour_columns(mesh))
 
@@ -242,13 +249,12 @@ class InternalForces:
         What it is integrated on.
     """
 
-    def __init__(self, mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> None:
+    def __init__(self, mesh: TensorMesh, quadrature: Quadrature, roots: Sequence[Array]) -> None:
         self.mesh = mesh
         self._functions = len(CORNERS) * len(mesh.kinds)
         self._table = quadrature.table(DERIVATIVES, mesh.degree)
         self._portions = [
-            (cells, _root_operator(mesh, cells, surface, material, quadrature), basis_scales(mesh, cells))
-            for cells in chunks(mesh)
+            (cells, root, basis_scales(mesh, cells)) for cells, root in zip(chunks(mesh), roots, strict=True)
         ]
 
     def __call__(self, q: Array) -> Array:
@@ -287,15 +293,15 @@ def add_cell_matrices(blocks: Array, nodes: Integers, matrices: Array) -> None:
             blocks[nodes[:, a], slot] += pair  # as the same corner of a cell a node occurs once: no index repeats
 
 
-def _cell_matrices(
-    mesh: TensorMesh,
-    cells: slice,
-    surface: Surface,
-    material: Material,
-    quadrature: Quadrature,
-    table: Array,
-    out: Array | None = None,
-) -> Array:
+def root_operators(mesh: TensorMesh, surface: Surface, material: Material, quadrature: Quadrature) -> list[Array]:
+    """Return by portion of cells G (cells, points, 18, 5) on the derivatives of the unit cell; K = G^T G.
+
+    It is by root strain and component (slow): see `stress_root_operator`.
+    """
+    return [_root_operator(mesh, cells, surface, material, quadrature) for cells in chunks(mesh)]
+
+
+def _cell_matrices(mesh: TensorMesh, cells: slice, operator: Array, table: Array, out: Array | None = None) -> Array:
     """Return (cells, f, f): component (slow) and function of the row and of the column, in the order of the table."""
     # 1. Geometry at the Gauss points, and the operator G whose square is twice the energy density.
     # 2. G times the root of a point's share of the area, on the derivatives of the unit cell.
@@ -303,7 +309,6 @@ def _cell_matrices(
     # 4. K = G^T G.
     # The textbook sums B^T C B point by point. The root form has one product a cell, and K is symmetric and positive
     # semidefinite by construction.
-    operator = _root_operator(mesh, cells, surface, material, quadrature)
     count, per_cell = operator.shape[:2]
     roots = np.empty((count, per_cell, 6 * COMPONENTS, table.shape[-1]))
     # Point by point, each for all cells of the portion: they share the point's table.
@@ -318,7 +323,6 @@ def _cell_matrices(
 def _root_operator(
     mesh: TensorMesh, cells: slice, surface: Surface, material: Material, quadrature: Quadrature
 ) -> Array:
-    """Return G (cells, points, 18, 5) on the derivatives of the unit cell: by root strain and component (slow)."""
     points, weights = quadrature.on_cells(mesh, cells)
     count, per_cell = weights.shape
     geometry = Midsurface.at(surface.derivatives(points.reshape(-1, 2), order=2))

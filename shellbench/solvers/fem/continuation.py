@@ -10,7 +10,9 @@ Riks (1979), An incremental approach to the solution of snapping and buckling pr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,7 @@ from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 Array = NDArray[np.float64]
 
 EASY = 6  # iterations after which the next step may be longer
+VERY_EASY, SPEEDING = 2, 3.0  # the same by arc length, and how much longer the next step may be
 EASY_IN_CONTACT = 20  # the same where points come into contact, a few in each iteration
 GROWTH, CUT = 2.0, 0.5  # of a step after an easy one, and after one that did not converge
 SMALLEST_STEP = 1e-4  # of the whole path
@@ -33,15 +36,36 @@ STEP_SHARE = 1 / 24  # of the path: the longest step by displacement, and the fi
 LONGEST_ARC = 1.5  # arc in units of the first one
 MOST_STEPS = 2000  # of a path that is followed by arc length
 STRAIGHT = 0.7  # least share of a step that lies along the path's tangent: less is another branch
-CLOSE, CLOSER = (
-    1 / 8,
-    1 / 4,
-)  # of the longest step: one over a turning point is no longer, and cut to this share if it is
+CLOSE, CLOSER = 1 / 8, 1 / 4  # of the longest step: one over a turning point, and what it is cut to if it is longer
+CROWDED = 1 / 12  # of that is the distance of the states before and behind a turning point
+NEAR = 4  # times as long may one be where stations lead: their tangents may tell late that they are over it
+ROUNDING = 1e-9  # relative, of arcs and marks
 UNMOVED = 1e-12  # rate of a displacement, relative to what it could be, that is rounding
 
 
 class PathEndsError(Exception):
     """The path can't be followed further; the message is a clause that says why."""
+
+
+@dataclass(frozen=True)
+class Station:
+    """A state of the path as another mesh found it.
+
+    Attributes
+    ----------
+    q, t
+        Displacement (nodes, 12) on this mesh, and load factor.
+    value
+        The path's displacement on the other one.
+    """
+
+    q: Array
+    t: float
+    value: float
+
+    def marks(self, mark: float) -> bool:
+        """Whether it is the state at a mark."""
+        return abs(self.value - mark) <= ROUNDING * abs(mark)
 
 
 def load_steps(
@@ -179,12 +203,17 @@ def _check_branch(found: FiniteState, rises: bool) -> None:
 
 
 def arc_length_steps(
-    problem: FiniteProblem, row: Array, marks: Sequence[float], end: float, share: float = STEP_SHARE
+    problem: FiniteProblem,
+    row: Array,
+    marks: Sequence[float],
+    end: float,
+    share: float = STEP_SHARE,
+    stations: Iterable[Station] = (),
 ) -> Iterator[FiniteState]:
     """Yield the states along the path by arc length, until the displacement row . q first reaches `end`.
 
-    The first step moves the displacement by this share of the path, and none is much longer. Between steps the marks
-    are landed on at the displacement's first passage.
+    The first step moves the displacement by this share of the path, and none is much longer. Marks are landed on at the
+    displacement's first passage. Where another mesh has followed the path, its states lead from one to the next.
 
     Raises
     ------
@@ -192,11 +221,14 @@ def arc_length_steps(
         If the loads do not move the displacement, a step can't be cut further, or the path has passed a branch or does
         not get there.
     """
-    # Arc length after Riks, each step in four:
-    # 1. Predict by an arc along the tangent of the path, in the direction of travel.
-    # 2. Correct in the plane normal to it: row_of_arc . q = its value at the state + arc.
-    # 3. Refuse what is not straight ahead or turns over a long step, and check for branches.
-    # 4. Land on the marks that were passed, by displacement control, and go on from the state of the step.
+    # Arc length after Riks, each step in five:
+    # 1. Predict by an arc along the tangent of the path, in the direction of travel. Where stations lead, predict the
+    #    next one, moved by what lies between the one before and this mesh's own state.
+    # 2. Correct in the plane normal to the tangent: row_of_arc . q = its value at the state + arc.
+    # 3. Refuse what is not straight ahead, and check for branches.
+    # 4. Where load or displacement turns, refuse the step too, as it tells where: go there, and over it in short steps
+    #    that crowd at the turning point, because a curve is drawn through the states. Stations crowd there already.
+    # 5. Land on the marks that were passed, by displacement control, and go on from the state of the step.
     # Riks counts t in the arc, whose weight is then arbitrary. Here only displacements count, as Crisfield proposed.
     # Crisfield's cylinder leaves two roots to choose from. A plane leaves one.
     weights = np.zeros(row.shape)
@@ -205,44 +237,75 @@ def arc_length_steps(
     def size(change: Array) -> float:
         return float(np.sqrt(np.sum(weights * change**2)))
 
+    def ways(start: FiniteState, found: FiniteState) -> tuple[Array, float, Array]:
+        """Return dq/dt at a state, the sign of dt along the path, and the rates of load and displacement in the arc."""
+        # The direction of travel is kept by the step just made. The textbook takes the sign of det K. That one turns at
+        # a branch too, where the path goes straight on.
+        drift = problem.drift(found)
+        sign = float(np.sign(np.sum(weights * (found.q - start.q) * drift)))
+        return drift, sign, sign / size(drift) * np.array([1.0, np.sum(row * drift)])
+
     state, value, highest = problem.rest(), 0.0, 0.0
     waiting = sorted({*marks, end})
     drift = problem.drift(state)
     first = _first_rate(row, drift)
+    sign = float(np.sign(first))
+    rates = sign / size(drift) * np.array([1.0, first])
     arc = end * share / abs(first) * size(drift)
-    longest, sign, heading = LONGEST_ARC * arc, float(np.sign(first)), 1.0
+    longest = LONGEST_ARC * arc
+    short = CLOSE * longest
+    planned: list[float] = []  # arcs on the way to a turning point and over it; the stations wait
+    landing = False  # whether they lead exactly there
+    leading, astray, behind = deque(stations), np.zeros_like(row), 0.0
     for _ in range(MOST_STEPS):
-        length = size(drift)
-        change = sign * arc / length
-        row_of_arc = weights * drift * sign / length
-        target = float(np.sum(row_of_arc * state.q)) + arc
+        row_of_arc = weights * drift * sign / size(drift)
+        along = float(np.sum(row_of_arc * state.q))
+        while leading and not planned and np.sum(row_of_arc * (leading[0].q + astray)) <= along:
+            leading.popleft()
+        station = leading[0] if leading and not planned else None
+        on_mark = station is not None and station.marks(waiting[0])
+        if station is None:
+            arc = planned[0] if planned else arc
+            change = sign * arc / size(drift)
+            start, guess = state, (change * drift, change)
+        else:
+            start = problem.state_at(station.t + behind, station.q + astray, state)
+            arc = float(np.sum(row_of_arc * start.q)) - along
+            guess = np.zeros_like(row), 0.0
+        constraint = Constraint(row, 0.0, waiting[0]) if on_mark else Constraint(row_of_arc, 0.0, along + arc)
         try:
-            found = problem.on_path(state, Constraint(row_of_arc, 0.0, target), (change * drift, change))
+            found = problem.on_path(start, constraint, guess, state.factor if station and arc <= short else None)
+            arc = float(np.sum(row_of_arc * found.q)) - along
             # The arc is the step's component along the tangent, so that this ratio is a cosine.
             if arc < STRAIGHT * size(found.q - state.q):
                 raise NotConvergedError
-            ahead = problem.drift(found)
+            drift_found, sign_found, rates_found = ways(state, found)
+            # An old tangent does not tell where the path turns.
+            if station is None and np.any(rates * (2 * rates_found - rates) <= 0):
+                found = problem.with_own_tangent(found)
+                drift_found, sign_found, rates_found = ways(state, found)
         except NotConvergedError:
-            arc *= CUT
+            arc = CUT * min(arc, longest)
+            planned, landing = [arc] if leading else [], False
             if arc < SMALLEST_STEP * longest:
                 raise PathEndsError(f"no equilibrium was found beyond load factor {state.t:.6g}") from None
             continue
-        # The direction of travel is kept by the step just made. The textbook takes the sign of det K. That one turns at
-        # a branch too, where the path goes straight on.
-        sign_found = float(np.sign(np.sum(weights * (found.q - state.q) * ahead)))
-        heads = float(np.sign(np.sum(row * ahead))) * sign_found
-        # Load or displacement turns: a limit point or a snap-back is passed by a short step.
-        if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
-            arc *= CLOSER
+        turns = rates * rates_found < 0
+        if np.any(turns) and not landing and (station is None or arc > NEAR * short):
+            there = arc * float(np.min((rates / (rates - rates_found))[turns]))  # rates are nearly linear in the arc
+            landing = arc <= short * (1 + ROUNDING)
+            planned = (
+                _crowded(there, short * CROWDED) if landing else [min(max(there - short, short), CUT * arc), short]
+            )
             continue
         _check_branch(found, sign_found * first > 0)
-        reached = float(np.sum(row * found.q))
+        reached = waiting[0] if on_mark else float(np.sum(row * found.q))
         # A mark counts at the displacement's first passage only. After a snap-back the same value belongs to another
         # state.
         near, at = state, value
         while waiting and reached >= waiting[0] > highest:
             try:
-                near = _to_displacement(problem, near, row, at, waiting[0])
+                near = found if on_mark else _to_displacement(problem, near, row, at, waiting[0])
             except NotConvergedError:
                 raise PathEndsError(f"the state at a displacement of {waiting[0]:.6g} was not found") from None
             at = waiting.pop(0)
@@ -251,9 +314,21 @@ def arc_length_steps(
             return
         if reached != at:
             yield found
+        if station is not None:
+            astray, behind = found.q - station.q, found.t - station.t
+            leading.popleft()
+        planned = planned[1:]
+        landing = landing and bool(planned)
         state, value, highest = found, reached, max(highest, reached)
-        drift, sign, heading = ahead, sign_found, heads
+        drift, sign, rates = drift_found, sign_found, rates_found
         # Unlike a load step an arc is also cut after a slow step that converged. The cut is milder than after a
         # failure.
-        arc = min(longest, arc * GROWTH**0.5) if found.iterations <= EASY else arc * CUT**0.5
+        growth = SPEEDING if found.iterations <= VERY_EASY else GROWTH**0.5 if found.iterations <= EASY else CUT**0.5
+        arc = min(longest, arc * growth)
     raise PathEndsError(f"the path did not reach a displacement of {end:.6g} in {MOST_STEPS} steps")
+
+
+def _crowded(there: float, close: float) -> list[float]:
+    """Return arcs that lead to a turning point and beyond, and are shorter the closer they come."""
+    places = [place for place in (there - 3 * close, there - close) if place > close / 2]
+    return [float(arc) for arc in np.diff([0.0, *places, there, there + close])]

@@ -26,6 +26,7 @@ from shellbench.solvers.fem.assembly import (
     BlockMatrix,
     InternalForces,
     Quadrature,
+    root_operators,
     spring_blocks,
     stiffness,
 )
@@ -297,7 +298,8 @@ def solve(
     if loose.size:
         ties = ties.pinned(*determinate_pins(ties, nodal_rigid_motions(case, mesh) @ loose))
 
-    matrix = stiffness(mesh, case.surface, case.material, quadrature)
+    roots = root_operators(mesh, case.surface, case.material, quadrature)
+    matrix = stiffness(mesh, case.surface, case.material, quadrature, roots)
     springs = replace(matrix, blocks=spring_blocks(case, mesh)) if case.springs else None
     if springs:
         matrix = replace(matrix, blocks=matrix.blocks + springs.blocks)
@@ -323,7 +325,7 @@ def solve(
 
         def residual(unknowns: Array) -> Array:
             if not careful:
-                careful.append(InternalForces(mesh, case.surface, case.material, quadrature))
+                careful.append(InternalForces(mesh, quadrature, roots))
             nodal = ties.to_nodal(unknowns) + particular
             held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
             return ties.to_free(forces - internal_forces(nodal) - held)

@@ -48,9 +48,21 @@ STRAINS: tuple[tuple[int, int], ...] = ((0, 0), (1, 1), (0, 1))  # covariant com
 SECOND: tuple[Derivative, ...] = ((2, 0), (0, 2), (1, 1))  # the second derivative that goes with each of STRAINS
 
 
+def empty(count: int, *shape: int) -> Array:
+    """Return an array (count, *shape) of numbers to be filled in, the points running fastest in memory."""
+    # Most work at points is done component by component. NumPy's loops are short where components run fastest, and
+    # take several times as long.
+    return np.moveaxis(np.empty((*shape, count)), -1, 0)
+
+
+def points_fastest(array: Array) -> Array:
+    """Return the same array, the points of its first axis running fastest in memory."""
+    return np.moveaxis(np.ascontiguousarray(np.moveaxis(array, 0, -1)), -1, 0)
+
+
 def cross(first: Array, second: Array) -> Array:
-    """Return the vector products (..., 3); NumPy's own takes four times as long over its axes."""
-    product = np.empty(np.broadcast_shapes(first.shape, second.shape))
+    """Return the vector products (n, ..., 3); NumPy's own takes four times as long over its axes."""
+    product = empty(*np.broadcast_shapes(first.shape, second.shape))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         np.multiply(first[..., i], second[..., j], out=product[..., k])
@@ -58,9 +70,12 @@ def cross(first: Array, second: Array) -> Array:
     return product
 
 
-def _dots(first: Array, second: Array) -> Array:
-    """Return the scalar products (n,); a sum over the last axis takes four times as long."""
-    return np.asarray(np.einsum("nc,nc->n", first, second))
+def dot(first: Array, second: Array) -> Array:
+    """Return the scalar products of vectors (..., 3)."""
+    product = first[..., 0] * second[..., 0]
+    for k in (1, 2):
+        product += first[..., k] * second[..., k]
+    return np.asarray(product)
 
 
 @dataclass(frozen=True)
@@ -89,20 +104,25 @@ class Midsurface:
         """Make it of the derivatives (n, 3) of the position up to order 2."""
         base = np.stack([x[1, 0], x[0, 1]], axis=-2)
         product = cross(x[1, 0], x[0, 1])
-        area = np.sqrt(_dots(product, product))
+        area = np.sqrt(dot(product, product))
         return cls(base, product / area[..., None], np.stack([x[key] for key in SECOND], axis=-2), area)
+
+    def with_points_fastest(self) -> Midsurface:
+        """Return the same geometry in arrays in which the points run fastest."""
+        return Midsurface(*map(points_fastest, (self.base, self.normal, self.second, self.area)))
 
     @property
     def contravariant_metric(self) -> Array:
-        """a^ab (n, 2, 2); LinAlgError where the base vectors are parallel, or one is zero."""
-        if not np.all(self.area):
-            raise np.linalg.LinAlgError("singular metric")
-        # The determinant of the metric is the area squared, which no difference of products cancels in.
+        """a^ab (n, 2, 2)."""
+        # a^-1 by its adjoint; |a1 x a2|^2 is the determinant, without the cancellation of a_11 a_22 - a_12^2
         a1, a2 = self.base[:, 0], self.base[:, 1]
-        inverse = np.empty((len(self.area), 2, 2))
-        inverse[:, 0, 0], inverse[:, 1, 1] = _dots(a2, a2), _dots(a1, a1)
-        inverse[:, 0, 1] = inverse[:, 1, 0] = -_dots(a1, a2)
-        inverse /= (self.area**2)[:, None, None]
+        inverse = np.empty((len(a1), 2, 2))
+        inverse[:, 0, 0], inverse[:, 1, 1] = np.einsum("nc,nc->n", a2, a2), np.einsum("nc,nc->n", a1, a1)
+        inverse[:, 0, 1] = inverse[:, 1, 0] = -np.einsum("nc,nc->n", a1, a2)
+        determinant = self.area**2
+        if not determinant.all():
+            raise np.linalg.LinAlgError("the metric is singular")
+        inverse /= determinant[:, None, None]
         return inverse
 
 
@@ -157,6 +177,22 @@ def strain_operator(surface: Midsurface) -> Array:
     return np.swapaxes(operator, 2, 3)
 
 
+def linear_strains(surface: Midsurface, gradients: Array) -> Array:
+    """Return the strains (n, 6) of the linear theory: `strain_operator`, which is not made for it, times gradients.
+
+    These are the derivatives (n, 5, 3) of the displacement in the order of `DERIVATIVES`.
+    """
+    x, normal, u = surface.base, surface.normal, points_fastest(gradients)
+    turned = cross(u[:, 0], x[:, 1]) + cross(x[:, 0], u[:, 1])
+    turned -= dot(turned, normal)[:, None] * normal
+    turned /= surface.area[:, None]
+    strains = empty(len(u), 6)
+    for row, (i, j) in enumerate(STRAINS):
+        strains[:, row] = (dot(x[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
+        strains[:, 3 + row] = -dot(u[:, 2 + row], normal) - dot(surface.second[:, row], turned)
+    return strains
+
+
 def elasticity(surface: Midsurface, poissons_ratio: float) -> Array:
     """Return H^{abcd} (n, 3, 3) on the components 11, 22, 12 (Kairanda et al., eq. (19)).
 
@@ -183,9 +219,8 @@ def stiffness_moduli(surface: Surface, material: Material, points: Array) -> Arr
 
 def elasticities(surface: Midsurface, material: Material) -> Array:
     """Return H (n, 2, 3, 3) of stretching and of bending."""
-    stretching, bending = material.poissons_ratios
-    first = elasticity(surface, stretching)
-    return np.stack([first, first if bending == stretching else elasticity(surface, bending)], axis=1)
+    known = {nu: elasticity(surface, nu) for nu in set(material.poissons_ratios)}  # mostly one
+    return np.stack([known[nu] for nu in material.poissons_ratios], axis=1)
 
 
 def stress_root_operator(surface: Midsurface, material: Material, moduli: Array) -> Array:
@@ -233,31 +268,33 @@ class Deformation:
     @classmethod
     def from_gradients(cls, reference: Midsurface, gradients: Array) -> Deformation:
         """Deform a midsurface by a displacement with these derivatives (n, 5, 3)."""
-        u1, u2 = gradients[:, 0], gradients[:, 1]
+        u = points_fastest(gradients)
+        u1, u2 = u[:, 0], u[:, 1]
         x1, x2 = reference.base[:, 0], reference.base[:, 1]
-        before, normal = reference.area[:, None], reference.normal
+        before, normal = reference.area, reference.normal
         m = cross(u1, x2 + u2) + cross(x1, u2)
-        at_rest = before * normal
-        grown = at_rest + m
-        area = np.sqrt(_dots(grown, grown))[:, None]
-        growth = _dots(at_rest + grown, m)[:, None] / (area + before)
+        product = before[:, None] * normal
+        growth = product + m
+        area = np.sqrt(dot(growth, growth))
+        product += growth
+        larger = dot(product, m) / (area + before)
         current = Midsurface(
-            base=reference.base + gradients[:, :2],
-            normal=grown / area,
-            second=reference.second + gradients[:, 2:],
-            area=area[:, 0],
+            base=reference.base + u[:, :2],
+            normal=growth / area[:, None],
+            second=reference.second + u[:, 2:],
+            area=area,
         )
-        return cls(reference, current, gradients, (m - growth * normal) / area)
+        return cls(reference, current, gradients, (m - larger[:, None] * normal) / area[:, None])
 
     @property
     def strains(self) -> Array:
         """(n, 6) eps_11, eps_22, eps_12, kappa_11, kappa_22, kappa_12."""
-        base, u = self.reference.base, self.gradients
-        strains = np.empty((len(u), 6))
-        for row, (a, b) in enumerate(STRAINS):
-            strains[:, row] = (_dots(base[:, a] + u[:, a], u[:, b]) + _dots(base[:, b], u[:, a])) / 2
-        strains[:, 3:] = -np.einsum("nkc,nc->nk", u[:, 2:], self.current.normal)
-        strains[:, 3:] -= np.einsum("nkc,nc->nk", self.reference.second, self.rise)
+        x, a, second = self.reference.base, self.current.base, self.reference.second
+        u = points_fastest(self.gradients)
+        strains = empty(len(u), 6)
+        for row, (i, j) in enumerate(STRAINS):
+            strains[:, row] = (dot(a[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
+            strains[:, 3 + row] = -dot(u[:, 2 + row], self.current.normal) - dot(second[:, row], self.rise)
         return strains
 
     @cached_property
@@ -271,18 +308,21 @@ class Deformation:
 
         That is their product with `operator`, which is not made for it.
         """
-        membrane, bending = resultants[:, :3, None], resultants[:, 3:]
-        base, normal = self.current.base, self.current.normal
-        form = np.empty((len(normal), len(DERIVATIVES), 3))
-        half = membrane[:, 2] / 2
-        form[:, 0] = membrane[:, 0] * base[:, 0] + half * base[:, 1]
-        form[:, 1] = membrane[:, 1] * base[:, 1] + half * base[:, 0]
-        pulled = (bending[:, None] @ self.current.second)[:, 0]
-        pulled -= _dots(pulled, normal)[:, None] * normal
+        base, normal, second = self.current.base, self.current.normal, self.current.second
+        n11, n22, n12, *moments = (component[:, None] for component in resultants.T)
+        form = empty(len(normal), len(DERIVATIVES), 3)
+        pulled = moments[0] * second[:, 0]
+        for k, moment in enumerate(moments):
+            if k > 0:
+                pulled += moment * second[:, k]
+            np.multiply(moment, -normal, out=form[:, 2 + k])
+        pulled -= dot(pulled, normal)[:, None] * normal
         pulled /= self.current.area[:, None]
+        half = n12 / 2
+        np.add(n11 * base[:, 0], half * base[:, 1], out=form[:, 0])
+        np.add(n22 * base[:, 1], half * base[:, 0], out=form[:, 1])
         form[:, 0] += cross(pulled, base[:, 1])
         form[:, 1] += cross(base[:, 0], pulled)
-        np.multiply(-bending[:, :, None], normal[:, None], out=form[:, 2:])
         return form.reshape(-1, GRADIENT)
 
     @cached_property

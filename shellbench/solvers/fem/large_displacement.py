@@ -25,6 +25,7 @@ from shellbench.solvers.fem.continuation import (
     EASY,
     STEP_SHARE,
     PathEndsError,
+    Station,
     arc_length_steps,
     displacement_steps,
     functional,
@@ -86,8 +87,9 @@ def solve(
     steps
         The load step to begin with, and the shortest one, as parts of the path.
     trail
-        All states of the path on another mesh: under load control they are corrected one by one. Or those of an earlier
-        shell, of which the case is an edit: then the states that are asked for are reached from its own.
+        All states of the path on another mesh: under load control they are corrected one by one, by arc length they
+        lead. Or those of an earlier shell, of which the case is an edit: then the states that are asked for are reached
+        from its own.
     tell
         Called with the load factor of each new state.
     share
@@ -156,7 +158,7 @@ def solve(
     if problem.points is not None:
         states, marks = [states[k] for k in kept], [marks[k] for k in kept]
     equilibrium = Equilibrium(solution, problem.potential(last), last.residuals[-1])
-    return equilibrium, _solution(problem, quadrature_order, states, marks, ())
+    return equilibrium, _solution(problem, quadrature_order, states, marks, history)
 
 
 def prescribed(case: Case, mesh: TensorMesh, quadrature_order: int) -> Equilibrium:
@@ -218,7 +220,8 @@ def _path(
             yield from displacement_steps(problem, controlled, case.states, case.path.until, share)
         case "arc_length":
             assert controlled is not None
-            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share)
+            stations = _stations(problem.mesh, trail) if trail else ()
+            yield from arc_length_steps(problem, controlled, case.states, case.path.until, share, stations)
 
 
 def _corrected(problem: FiniteProblem, trail: FemSolution) -> Iterator[FiniteState]:
@@ -276,6 +279,14 @@ def _edited(problem: FiniteProblem, earlier: FemSolution, steps: tuple[float, fl
             return
         states.append(replace(found, iterations=iterations))
     yield from states
+
+
+def _stations(mesh: TensorMesh, trail: FemSolution) -> Iterator[Station]:
+    """Yield all states of a path on another mesh, interpolated on this one."""
+    for number, (value, step) in enumerate(zip(trail.states, trail.history, strict=True)):
+        # by number: on a path that turns, several states have one displacement
+        alone = replace(trail, coefficients=trail.coefficients[..., number : number + 1], states=(1.0,))
+        yield Station(_interpolated(mesh, alone, 1.0), step.at, value)
 
 
 def _interpolated(mesh: TensorMesh, solution: FemSolution, at: float) -> Array:

@@ -127,11 +127,27 @@ def gauss_rule(count: int) -> tuple[Array, Array]:
     return points, weights
 
 
+Integers = NDArray[np.int64]
+
+
 def present_functions(degree: Degree) -> NDArray[np.int64]:
     """Return which of a cell's functions (corner, kind) are not zero everywhere, (p + 1)^2 of them."""
     kinds = kinds_of(degree)
     there = [(i == 0 or k < 2) and (j == 0 or m < 2) for i, j in CORNERS for k, m in kinds]
     return np.flatnonzero(there)
+
+
+@cache
+def cell_functions(degree: Degree) -> tuple[Integers, Integers]:
+    """Return corner and kind (p + 1, p + 1) of a cell's functions, by number along each coordinate.
+
+    Along a coordinate these are the first p + 1 of the `axis_functions`, whose last ones are zero: bubbles belong to
+    the first end.
+    """
+    on_axis = [(end, number) for end in (0, 1) for number in range(degree - 1)][: degree + 1]
+    kinds = kinds_of(degree)
+    corner = [[CORNERS.index((i, j)) for j, _ in on_axis] for i, _ in on_axis]
+    return np.array(corner), np.array([[kinds.index((k, m)) for _, m in on_axis] for _, k in on_axis])
 
 
 def kind_scales(sizes: ArrayLike, degree: Degree = CUBIC) -> Array:
@@ -145,8 +161,6 @@ def kind_scales(sizes: ArrayLike, degree: Degree = CUBIC) -> Array:
                 scales[..., number] *= h[..., axis]
     return scales
 
-
-Integers = NDArray[np.int64]
 
 MIN_PERIODIC_CELLS = 4  # with fewer, a node meets the same neighbour on both sides
 
@@ -223,6 +237,13 @@ class TensorMesh:
         vertices = self.grid.t.T
         first, second = np.divmod(vertices, len(self.lines[1]))
         return np.asarray((first % self.shape[0]) * self.shape[1] + second % self.shape[1], dtype=np.int64)
+
+    @cached_property
+    def cell_corners(self) -> tuple[Integers, Array]:
+        """(cells, 4) as `nodes`, and (cells, 2) as `sizes`; of cells the second coordinate of which runs fastest."""
+        middles = (line[:-1] + np.diff(line) / 2 for line in self.lines)
+        nodes, _, sizes = self.locate(np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2))
+        return nodes, sizes
 
     @cached_property
     def origins(self) -> Array:
@@ -302,6 +323,18 @@ class TensorMesh:
             Node numbers of the corners (n, 4) of the cells that hold the points, in the order of `CORNERS`;
             coordinates (n, 2) in the unit cell; and the cells' sizes (n, 2).
         """
+        index, unit, sizes = self._found(points)
+        corners = np.array(CORNERS)
+        first = (index[0][:, None] + corners[:, 0]) % self.shape[0]
+        second = (index[1][:, None] + corners[:, 1]) % self.shape[1]
+        return first * self.shape[1] + second, unit, sizes
+
+    def find_cells(self, points: ArrayLike) -> tuple[Integers, Array, Array]:
+        """Find points as `locate` does; return their cells (n,), by number in `cell_corners`, instead of nodes."""
+        index, unit, sizes = self._found(points)
+        return index[0] * self.cells[1] + index[1], unit, sizes
+
+    def _found(self, points: ArrayLike) -> tuple[Integers, Array, Array]:
         xi = self.brought_in(points)
         index = np.empty((2, len(xi)), dtype=np.int64)
         unit, sizes = np.empty_like(xi), np.empty_like(xi)
@@ -309,26 +342,7 @@ class TensorMesh:
             index[axis] = np.clip(np.searchsorted(line, xi[:, axis], side="right") - 1, 0, len(line) - 2)
             sizes[:, axis] = np.diff(line)[index[axis]]
             unit[:, axis] = (xi[:, axis] - line[index[axis]]) / sizes[:, axis]
-        corners = np.array(CORNERS)
-        first = (index[0][:, None] + corners[:, 0]) % self.shape[0]
-        second = (index[1][:, None] + corners[:, 1]) % self.shape[1]
-        return first * self.shape[1] + second, unit, sizes
-
-
-def basis_along(mesh: TensorMesh, axis: int, values: Array, derivative: int) -> Array:
-    """Return a derivative (n, nodes, p - 1) along a coordinate of the functions of one, at values (n,) of it."""
-    points = np.zeros((len(values), 2))
-    points[:, axis] = values
-    at, line, count = mesh.brought_in(points)[:, axis], mesh.lines[axis], mesh.shape[axis]
-    index = np.clip(np.searchsorted(line, at, side="right") - 1, 0, len(line) - 2)
-    sizes = np.diff(line)[index]
-    functions = axis_functions((at - line[index]) / sizes, derivative, mesh.degree)
-    functions[..., 1] *= sizes[:, None]  # slopes
-    functions /= sizes[:, None, None] ** derivative
-    table, number = np.zeros((len(values), count, mesh.degree - 1)), np.arange(len(values))
-    for end in (0, 1):
-        table[number, (index + end) % count] += functions[:, end]
-    return table
+        return index, unit, sizes
 
 
 FEWEST = 2  # cells of a part that is graded toward one end, or half of another

@@ -34,6 +34,7 @@ from shellbench.solvers.fem.assembly import (
     derivatives_on_cells,
     neighbour_columns,
     product_matrix,
+    root_operators,
     spring_blocks,
     stiffness,
 )
@@ -174,9 +175,8 @@ class _Modes:
         except NotFoundError:
             raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
         modes = self.ties.to_nodal(vectors.reshape(shape))
-        energy = _between(
-            modes, InternalForces(self.mesh, self.case.surface, self.case.material, self.quadrature)(modes)
-        )
+        roots = root_operators(self.mesh, self.case.surface, self.case.material, self.quadrature)
+        energy = _between(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))
         for matrix in (self.held, geometric if self.vibrates else None):
             if matrix is not None:
                 energy += _between(modes, matrix @ modes)

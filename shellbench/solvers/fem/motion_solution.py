@@ -17,7 +17,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import Arrays, ShellSolution, Words, expanded, shortened, time_reached
 from shellbench.solvers.fem.mesh import COMPONENTS, TensorMesh, kind_scales, tabulate
-from shellbench.solvers.fem.solution import FORMATS, FemSolution
+from shellbench.solvers.fem.solution import FORMATS, EnergyRule, FemSolution
 
 Array = NDArray[np.float64]
 
@@ -143,7 +143,13 @@ class MotionSolution(ShellSolution):
 
     def energies(self, at: float | None = None) -> tuple[float, float]:
         """Return the membrane and the bending part of the strain energy, J."""
-        return self.frame(at).energies()
+        still = self.frame(at)
+        vars(still)["energy_rule"] = self._energy_rule  # the same at all times
+        return still.energies()
+
+    @cached_property
+    def _energy_rule(self) -> EnergyRule:
+        return self.frame(float(self.times[0])).energy_rule
 
     def touch(self, at: float | None = None) -> Touch:
         """Return what obstacles exert, linear in time between the times that are kept, and constant after the last."""

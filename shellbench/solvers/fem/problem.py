@@ -49,6 +49,7 @@ UNSTRAINED = 1e-14  # strain, relative to the displacements, that is the roundin
 HOPELESS = 1e8  # growth of that work that no iteration comes back from
 ONTO = 1e-12  # of a displacement: what rounding misses supports by that stand still
 SLOW = 1e-2  # ratio of that work from iteration to iteration beyond which an old tangent is replaced: 0.1 of the error
+UNKNOWN = float(np.finfo(float).max)  # work before a first step by an old tangent: the second one tells of it
 STRICT = 1e-4  # of `CONVERGED`, where the last step was made by an old tangent: what is to come is up to `SLOW` of it
 
 
@@ -160,6 +161,20 @@ class FiniteProblem:
             return replace(state, factor=self._factorised(state.q, 0.0, state.strained, state.strained.stresses))
         except NotPositiveDefiniteError:
             return state
+
+    def with_own_tangent(self, state: FiniteState) -> FiniteState:
+        """Return a state with its own tangent instead of an older one.
+
+        Raises
+        ------
+        NotConvergedError
+            If the tangent is singular there.
+        """
+        try:
+            factor = self._factorised(state.q, state.t, state.strained, state.strained.stresses)
+        except NotPositiveDefiniteError:
+            raise NotConvergedError from None
+        return replace(state, factor=factor)
 
     def undeformed(self) -> FiniteState:
         """Return the state that nothing loads, without its tangent: no path goes on from it, it only tells angles."""
@@ -297,8 +312,16 @@ class FiniteProblem:
         """Return the direction in which a state's waves travel, if Newton's method is to hold them."""
         return self.revolution.direction(q) if self.holding and self.revolution is not None else None
 
-    def on_path(self, start: FiniteState, constraint: Constraint, guess: tuple[Array, float]) -> FiniteState:
+    def on_path(
+        self,
+        start: FiniteState,
+        constraint: Constraint,
+        guess: tuple[Array, float],
+        nearby: TangentFactor | None = None,
+    ) -> FiniteState:
         """Return the state that satisfies a constraint, from another one and a guess of the step (dq, dt) to it.
+
+        The tangent of a state nearby is tried first, if there is one.
 
         Raises
         ------
@@ -306,7 +329,8 @@ class FiniteProblem:
             If Newton's method does not get there.
         """
         ties = self.ties(start.t)
-        return self._newton(start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, None, frugal=True)
+        known = None if nearby is None else Known(nearby, UNKNOWN)
+        return self._newton(start, start.t + guess[1], ties, guess[0], constraint, CONVERGED, known, frugal=True)
 
     def _newton(
         self,

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shellbench.problem import NumberFormat
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.contact import Touch, kept_touch, restored_touch
 from shellbench.problems.shell.solution import (
@@ -24,20 +25,30 @@ from shellbench.solvers.fem.kinematics import (
     DERIVATIVES,
     Deformation,
     Midsurface,
+    dot,
     elasticities,
+    linear_strains,
+    points_fastest,
     stiffness_moduli,
-    strain_operator,
 )
-from shellbench.solvers.fem.mesh import CUBIC, KINDS, Derivative, TensorMesh, basis_along, kind_scales, tabulate
+from shellbench.solvers.fem.mesh import (
+    CUBIC,
+    KINDS,
+    Derivative,
+    TensorMesh,
+    axis_functions,
+    cell_functions,
+    kind_scales,
+)
 from shellbench.solvers.fem.resultants import resultants
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+EnergyRule = list[tuple[Integers, Midsurface, Array]]  # see `FemSolution.energy_rule`
 
 FORMATS = ("fem, format 1", 1)  # of files; the second is what files of the first format said until they named fem
-INTEGRATED = ("_energies", "area")  # what belongs to the field, and to nothing that is said about it
-POINTS = 2048  # at which a field is evaluated at once
-MANY, SPARSEST = 1000, 2.0  # points that may be most of a grid; points of a grid for one that is asked for
+INTEGRATED = ("_energies", "area", "energy_rule")  # what belongs to the field, and to nothing that is said about it
+POINTS = 1024  # at which a field is evaluated at once
 
 
 @dataclass(frozen=True)
@@ -98,34 +109,40 @@ class FemSolution(ShellSolution):
 
     def derivative(self, points: ArrayLike, order: Derivative, at: float | None = None) -> Array:
         """Return a partial derivative (..., 3) of the displacement at points (..., 2)."""
+        # u = sum over a and b of F_a(x1) F_b(x2) u_ab, with p + 1 functions along each coordinate. What they multiply
+        # is collected once, by cell. The points run fastest, so that sums over a and b are sums of long rows.
         xi = np.asarray(points, dtype=float)
         flat, degree = xi.reshape(-1, 2), self.mesh.degree
-        nodal = np.ascontiguousarray(np.swapaxes(self.coefficients[..., self.state(at)], 1, 2))
-        lines = [np.unique(values, return_inverse=True) for values in flat.T] if len(flat) >= MANY else []
-        if lines and len(lines[0][0]) * len(lines[1][0]) <= SPARSEST * len(flat):
-            (first, row), (second, column) = lines
-            return self._on_grid(first, second, order, nodal)[row, column].reshape(*xi.shape[:-1], COMPONENTS)
+        carried = self._by_cell(self.state(at))
         found = np.empty((len(flat), COMPONENTS))
         for start in range(0, len(flat), POINTS):  # in portions that stay in the cache
             portion = slice(start, start + POINTS)
-            nodes, unit, sizes = self.mesh.locate(flat[portion])
-            steps = np.prod(sizes ** np.array(order), axis=-1) if any(order) else np.ones(len(sizes))
-            basis = tabulate(unit, order, degree) * (kind_scales(sizes, degree) / steps[:, None])[:, None]
-            local = nodal[nodes].reshape(len(nodes), basis.shape[-2] * basis.shape[-1], COMPONENTS)
-            found[portion] = (basis.reshape(len(nodes), 1, -1) @ local)[:, 0]
+            cells, unit, sizes = self.mesh.find_cells(flat[portion])
+            along, across = (
+                axis_functions(unit[:, axis], order[axis], degree).reshape(len(unit), -1).T[: degree + 1]
+                for axis in (0, 1)
+            )
+            terms = carried.take(cells, axis=-1)
+            terms *= np.ascontiguousarray(along)[:, None]
+            sums = terms.sum(axis=1)
+            sums *= across
+            values = sums.sum(axis=1)
+            if any(order):
+                values /= np.prod(sizes ** np.array(order), axis=-1)
+            found[portion] = values.T
         return found.reshape(*xi.shape[:-1], COMPONENTS)
 
-    def _on_grid(self, first: Array, second: Array, order: Derivative, nodal: Array) -> Array:
-        """Return a derivative (n1, n2, 3) on a grid of a field with coefficients (nodes, kinds, 3): axis by axis."""
-        mesh = self.mesh
-        (n1, n2), carried = mesh.shape, mesh.degree - 1
-        fields = np.empty((n1, carried, n2, carried, COMPONENTS))
-        for number, (k, m) in enumerate(mesh.kinds):
-            fields[:, k, :, m] = nodal[:, number].reshape(n1, n2, COMPONENTS)
-        along = basis_along(mesh, 0, first, order[0]).reshape(len(first), -1) @ fields.reshape(n1 * carried, -1)
-        along = np.swapaxes(along.reshape(len(first), n2 * carried, COMPONENTS), 0, 1).reshape(n2 * carried, -1)
-        across = basis_along(mesh, 1, second, order[1]).reshape(len(second), -1) @ along
-        return np.swapaxes(across.reshape(len(second), len(first), COMPONENTS), 0, 1)
+    @cached_property
+    def _by_cell(self) -> Callable[[int], Array]:
+        """What functions are multiplied by at a state, (3, p + 1, p + 1, cells); see `cell_functions`."""
+        return lru_cache(maxsize=1)(self._collected)
+
+    def _collected(self, state: int) -> Array:
+        nodes, sizes = self.mesh.cell_corners
+        corners, kinds = cell_functions(self.mesh.degree)
+        carried = self.coefficients[..., state].transpose(1, 2, 0)[:, kinds[..., None], nodes.T[corners]]
+        carried *= kind_scales(sizes, self.mesh.degree).T[kinds]
+        return np.asarray(carried)
 
     def field_at(self, name: str, xi: Array, at: float | None) -> Array:
         """Return strains (N, 3) or energy densities (N,) at points (N, 2)."""
@@ -140,7 +157,7 @@ class FemSolution(ShellSolution):
         def strained(points: bytes, state: int) -> tuple[Array, Array]:
             xi, at = np.frombuffer(points).reshape(-1, 2), self.states[state]
             gradients = np.stack([self.derivative(xi, d, at) for d in DERIVATIVES], axis=1)
-            return self._strains(xi, gradients)[:2]
+            return self._strains(xi, gradients)
 
         return lru_cache(maxsize=1)(strained)
 
@@ -154,23 +171,23 @@ class FemSolution(ShellSolution):
         """Return membrane forces or moments (N, 3), or shear forces (N, 2), at points (N, 2), recovered on patches."""
         return resultants(self, name, xi, at)
 
-    def _strains(self, points: Array, gradients: Array) -> tuple[Array, Array, Array]:
-        """Return strains (n, 2, 3), energy densities (n, 2) and areas (n,), membrane before bending.
+    def _strains(self, points: Array, gradients: Array) -> tuple[Array, Array]:
+        """Return strains (n, 2, 3) and energy densities (n, 2), membrane before bending.
 
         `gradients` (n, 5, 3) are the derivatives of the displacement in the order of `DERIVATIVES`.
         """
         surface = Midsurface.at(self.case.surface.derivatives(self.mesh.domain.wrap(points), order=2))
-        if self.case.linear:
-            operator = np.swapaxes(strain_operator(surface), -1, -2)  # as it lies in memory, uncopied
-            values = operator.shape[-2] * operator.shape[-1]
-            strains = operator.reshape(len(points), -1, values) @ gradients.reshape(len(points), values, 1)
-            strains = strains.reshape(-1, 2, 3)
-        else:
-            strains = Deformation.from_gradients(surface, gradients).strains.reshape(-1, 2, 3)
+        strains = self._strained(surface, gradients).reshape(-1, 2, 3)
         material = self.case.material
         stiffness = stiffness_moduli(self.case.surface, material, self.mesh.domain.wrap(points))
         stresses = (strains[:, :, None] @ elasticities(surface, material))[:, :, 0]
-        return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1), surface.area
+        return strains, stiffness / 2 * np.sum(stresses * strains, axis=-1)
+
+    def _strained(self, surface: Midsurface, gradients: Array) -> Array:
+        """Return the strains (n, 6) of the case's theory."""
+        if self.case.linear:
+            return linear_strains(surface, gradients)
+        return Deformation.from_gradients(surface, gradients).strains
 
     @cached_property
     def area(self) -> float:
@@ -200,14 +217,36 @@ class FemSolution(ShellSolution):
     def _energies(self) -> list[tuple[float, float]]:
         quadrature = Quadrature.of_order(self.mesh, self.quadrature_order)
         total = np.zeros((len(self.states), 2))
-        for cells in self._cells():
-            points, weights = quadrature.on_cells(self.mesh, cells)
+        for cells, surface, stiffness in self.energy_rule:
             gradients = derivatives_on_cells(self.mesh, cells, quadrature, self.coefficients)
             for state in range(len(self.states)):
-                _, densities, area = self._strains(points.reshape(-1, 2), gradients[..., state])
-                total[state] += (weights.ravel() * area) @ densities
+                strains = self._strained(surface, gradients[..., state])
+                for part in (0, 1):
+                    three = strains[:, 3 * part : 3 * part + 3]
+                    for row in range(3):
+                        total[state, part] += dot(stiffness[:, part, row], three) @ three[:, row] / 2
         total *= self.images[0] * self.images[1]
         return [(float(membrane), float(bending)) for membrane, bending in total]
+
+    @cached_property
+    def energy_rule(self) -> EnergyRule:
+        """By portion of cells the geometry at their Gauss points, and what they count of the stiffness (n, 2, 3, 3)."""
+        quadrature, case, rule = Quadrature.of_order(self.mesh, self.quadrature_order), self.case, []
+        for cells in self._cells():
+            points, weights = quadrature.on_cells(self.mesh, cells)
+            flat = points.reshape(-1, 2)
+            surface = Midsurface.at(case.surface.derivatives(flat, order=2))
+            share = stiffness_moduli(case.surface, case.material, flat) * (weights.ravel() * surface.area)[:, None]
+            stiffness = elasticities(surface, case.material) * share[:, :, None, None]
+            rule.append((cells, surface.with_points_fastest(), points_fastest(stiffness)))
+        return rule
+
+    def rounded(self, format: NumberFormat) -> tuple[FemSolution, int]:
+        """Return the solution with coefficients rounded to a format, and the bytes it takes."""
+        short, bytes_taken = super().rounded(format)
+        if "energy_rule" in vars(self):  # it is known, and the mesh stays as it is
+            vars(short)["energy_rule"] = self.energy_rule
+        return short, bytes_taken
 
     @cached_property
     def _support_positions(self) -> Array:

@@ -25,7 +25,10 @@ from shellbench.solvers.fem.kinematics import (
     GRADIENT,
     Deformation,
     Midsurface,
+    dot,
     elasticities,
+    empty,
+    points_fastest,
     stiffness_moduli,
 )
 from shellbench.solvers.fem.mesh import CORNERS, FUNCTIONS, KINDS, TensorMesh, tabulate
@@ -62,8 +65,16 @@ class Portion:
 
     def stresses(self, strains: Array) -> Array:
         """Return what is conjugate to strains (n, 6), in J."""
-        both = strains.reshape(-1, 2, 3, 1)
-        return np.asarray((self.stiffness @ both).reshape(-1, 6))
+        stresses = empty(len(strains), 6)
+        for row in range(6):
+            part, one = divmod(row, 3)
+            stresses[:, row] = dot(self.moduli[:, part, one], strains[:, 3 * part : 3 * part + 3])
+        return stresses
+
+    @cached_property
+    def moduli(self) -> Array:
+        """`stiffness` with the points running fastest in memory."""
+        return points_fastest(self.stiffness)
 
 
 @dataclass(frozen=True)
@@ -118,9 +129,12 @@ class StrainEnergy:
             share = (weights.ravel() * reference.area)[:, None, None, None]
             tensor = elasticities(reference, self.material)
             sizes = mesh.sizes[cells]
+            fast = Midsurface(
+                *map(points_fastest, (reference.base, reference.normal, reference.second, reference.area))
+            )
             yield Portion(
                 cells,
-                reference,
+                fast,
                 tensor * moduli[:, :, None, None] * share,
                 np.stack([sizes[:, 0] ** i * sizes[:, 1] ** j for i, j in DERIVATIVES], axis=-1),
                 basis_scales(mesh, cells).reshape(-1, FUNCTIONS),
@@ -139,11 +153,14 @@ class StrainEnergy:
 
     def gradients(self, portion: Portion, q: Array) -> Array:
         """Return the derivatives (n, 5, 3) of a displacement at the points of a portion."""
-        nodal = q.reshape(-1, COMPONENTS, len(KINDS))[self.mesh.nodes[portion.cells]]
-        local = np.swapaxes(nodal, 2, 3).reshape(-1, FUNCTIONS, COMPONENTS) * portion.scales[..., None]
-        values = self._table.reshape(-1, FUNCTIONS) @ local
-        values = values.reshape(len(local), -1, len(DERIVATIVES), COMPONENTS) / portion.steps[:, None, :, None]
-        return values.reshape(-1, len(DERIVATIVES), COMPONENTS)
+        # One product for all cells: by function of a cell, and by cell and component.
+        nodal = q.reshape(-1, COMPONENTS, len(KINDS))[self.mesh.nodes[portion.cells]].transpose(1, 3, 0, 2)
+        count = nodal.shape[2]
+        local = nodal.reshape(FUNCTIONS, count, COMPONENTS) * portion.scales.T[:, :, None]
+        values = self._table.reshape(-1, FUNCTIONS) @ local.reshape(FUNCTIONS, -1)
+        by_cell = values.reshape(-1, len(DERIVATIVES), count, COMPONENTS).transpose(1, 3, 2, 0)
+        gradients = by_cell / portion.steps.T[:, None, :, None]
+        return np.moveaxis(np.ascontiguousarray(gradients).reshape(len(DERIVATIVES), COMPONENTS, -1), -1, 0)
 
     def at(self, q: Array) -> Strained:
         """Deform the mesh."""
@@ -154,7 +171,7 @@ class StrainEnergy:
             deformation = Deformation.from_gradients(portion.reference, self.gradients(portion, q))
             strains = deformation.strains
             stress = portion.stresses(strains)
-            energies += (strains * stress).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
+            energies += _work(strains, stress)
             self._add_forces(forces, portion, deformation.first_variation(stress))
             deformations.append(deformation)
             stresses.append(stress)
@@ -165,7 +182,7 @@ class StrainEnergy:
         energies = np.zeros(2)
         for portion in self.portions:
             strains = Deformation.from_gradients(portion.reference, self.gradients(portion, q)).strains
-            energies += (strains * portion.stresses(strains)).reshape(-1, 2, 3).sum(axis=(0, 2)) / 2
+            energies += _work(strains, portion.stresses(strains))
         return float(energies[0]), float(energies[1])
 
     def predicted_stresses(self, strained: Strained, step: Array) -> tuple[Array, ...]:
@@ -220,9 +237,19 @@ class StrainEnergy:
     def _add_forces(self, forces: Array, portion: Portion, work: Array) -> None:
         """Add the forces of what is conjugate (n, 15) to the derivatives."""
         count, points = len(portion.steps), len(self.quadrature.points)
-        scaled = work.reshape(count, points, len(DERIVATIVES), COMPONENTS) / portion.steps[:, None, :, None]
-        local = self._table.reshape(-1, FUNCTIONS).T @ scaled.reshape(count, -1, COMPONENTS)
-        local = (local * portion.scales[..., None]).reshape(count, len(CORNERS), len(KINDS), COMPONENTS)
+        by_derivative = np.moveaxis(work, 0, -1).reshape(len(DERIVATIVES), COMPONENTS, count, points)
+        scaled = by_derivative / portion.steps.T[:, None, :, None]
+        local = self._table.reshape(-1, FUNCTIONS).T @ scaled.transpose(3, 0, 2, 1).reshape(
+            points * len(DERIVATIVES), -1
+        )
+        local = local.reshape(FUNCTIONS, count, COMPONENTS) * portion.scales.T[:, :, None]
+        by_corner = local.reshape(len(CORNERS), len(KINDS), count, COMPONENTS).transpose(0, 2, 3, 1)
         nodes = self.mesh.nodes[portion.cells]
         for corner in range(len(CORNERS)):
-            forces[nodes[:, corner]] += np.swapaxes(local[:, corner], 1, 2).reshape(count, NODE_DOFS)
+            forces[nodes[:, corner]] += by_corner[corner].reshape(count, NODE_DOFS)
+
+
+def _work(strains: Array, stresses: Array) -> Array:
+    """Return half the work (2,) of stresses on strains, membrane and bending."""
+    work = strains * stresses
+    return np.array([work[:, :3].sum(), work[:, 3:].sum()]) / 2

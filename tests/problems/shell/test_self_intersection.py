@@ -15,6 +15,7 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.kind import SHELL
 from shellbench.problems.shell.self_intersection import (
     crossings,
+    lies_over_a_plane,
     sag,
     self_intersection_study,
     triangulated,
@@ -113,6 +114,37 @@ def test_a_fold_crosses_when_its_upper_half_sinks_through_the_lower_one(apart):
     assert len(crossed(SQUARE, two_sheets(apart, tilt=1.2 * apart), (121, 21))) > 0
 
 
+def ramp(turns, rise):
+    """Return a flat spiral staircase; over the plane of its steps it lies once, twice where it makes more than a turn."""
+    return lambda s, w: np.stack(
+        [(1 + w) * np.cos(2 * np.pi * turns * s), (1 + w) * np.sin(2 * np.pi * turns * s), rise * s], axis=-1
+    )
+
+
+@pytest.mark.parametrize(
+    ("position", "over"),
+    [
+        (lambda s, w: np.stack([s, w, 0.3 * np.sin(9 * s) * np.cos(7 * w)], axis=-1), True),
+        (lambda s, w: np.stack([s + w**2, w - 0.4 * s**2, 5 * s * w], axis=-1), True),
+        (rolled(0.9 * np.pi), True),
+        (rolled(1.1 * np.pi), False),
+        (ramp(0.95, 0.1), True),
+        (ramp(1.05, 0.1), False),
+        (ramp(1.05, 0.0), False),
+        (two_sheets(0.2), False),
+        (lambda s, w: np.stack([s**2, s * (s - 0.5) ** 2, w], axis=-1) * [0, 1, 1], False),
+    ],
+)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_sheets_over_a_plane_are_told_from_others(position, over, seed):
+    xi = uneven_grid(SQUARE, SIZE)
+    turn = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]  # some are mirror images
+    shape = position(xi[..., 0], xi[..., 1]) @ turn
+    assert lies_over_a_plane(shape) == over
+    if over:
+        assert len(crossings(shape.reshape(-1, 3), triangulated(SQUARE, SIZE))) == 0
+
+
 def test_the_sag_of_triangles_is_that_of_the_longest_chord():
     """None of a plane, however uneven its grid; 1 - cos(h/2) of a circle of radius one."""
     plane, tube = uneven_grid(SQUARE, SIZE), uneven_grid(TUBE, (101, 21))
@@ -186,7 +218,8 @@ def test_triangles_that_are_too_many_to_compare_are_told(monkeypatch):
     case = rolling_case((0.49, 0.53))
     (found,) = self_intersection_study(Rolling(case, TURN, 1.0), case)
     assert found.at is None
-    assert "not known from t = 0.25 on: the surface is stretched" in found.words
+    assert found.free_until == 0.25  # by a quarter of a turn the strip lies over a plane still
+    assert "not known from t = 0.49 on: the surface is stretched" in found.words
 
 
 def test_a_linear_displacement_has_no_such_state():

@@ -10,6 +10,7 @@ from shellbench.bench import catalog
 from shellbench.load_curve import Curve
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure
+from shellbench.solvers.fem import large_displacement
 from shellbench.solvers.fem.assembly import Quadrature
 from shellbench.solvers.fem.continuation import (
     PathEndsError,
@@ -261,6 +262,45 @@ def test_arc_length_does_not_depend_on_the_unit_of_load(thin):
     assert len(states) == len(thin[2])
     factors = np.array([[ours.t, theirs.t] for ours, theirs in zip(states, thin[2], strict=True)])
     assert np.allclose(factors[:, 0], 1000 * factors[:, 1], rtol=0, atol=1e-3)
+
+
+def test_turning_points_by_arc_length_do_not_depend_on_the_length_of_steps(thin):
+    """Short steps crowd at them, so that a curve through the states turns where the path does."""
+    problem, row, states = thin
+    fine = list(arc_length_steps(problem, row, THIN_MARKS, THIN_END, 1 / 96))
+    assert len(states) < 0.6 * len(fine)
+    for of in ("load", "displacement"):
+        for number in (1, 2):
+            (load, at), (other, there) = (curve(row, found).turning(of, number) for found in (states, fine))
+            exact, loose = (load / other, at / there) if of == "load" else (at / there, load / other)
+            assert exact == pytest.approx(1, abs=1e-8)
+            assert loose == pytest.approx(1, abs=3e-5)
+
+
+def test_states_on_a_coarser_mesh_lead_along_the_path_on_a_finer_one(monkeypatch):
+    case = catalog.named_case(THIN)
+    made = []
+    tangent = FiniteProblem.tangent
+    monkeypatch.setattr(FiniteProblem, "tangent", lambda self, *args: made.append(self) or tangent(self, *args))
+
+    def followed_on(cells, trail=None):
+        found, states = large_displacement.solve(case, graded_mesh(case, cells, 2.0), 7, (1 / 8, SHORTEST), trail)
+        count = len(made)
+        made.clear()
+        return found.solution, states, count
+
+    _, trail, _ = followed_on((5, 5))
+    (led, again, few), (alone, _, many) = followed_on((7, 6), trail), followed_on((7, 6))
+    for at in case.states:
+        one, other = (found.coefficients[..., found.state(at)] for found in (led, alone))
+        assert np.allclose(one, other, rtol=0, atol=1e-7 * np.abs(other).max())
+    ours, others = (Curve.of(found.history, "deflection") for found in (led, alone))
+    for own, of in enumerate(("load", "displacement")):
+        found, expected = ours.turning(of, 1), others.turning(of, 1)
+        assert found[own] == pytest.approx(expected[own], rel=1e-6)
+        assert found[1 - own] == pytest.approx(expected[1 - own], rel=1e-3)  # where something else has its extremum
+    assert few < 0.8 * many
+    assert len(again.states) == len(led.history)
 
 
 def test_the_functional_is_the_displacement_quantity():
