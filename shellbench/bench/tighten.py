@@ -6,8 +6,12 @@
 What a figure is allowed becomes `MARGIN` times the largest error of it in the store, or `SURE` times the largest
 uncertainty that is stated of it, if that is more, rounded up to 1, 2 or 5 times a power of ten: over the case, all
 variants that suites ask of the solver, and all seeds. It is never less than `BLUNT` times the known value's own
-uncertainty, nor than `LEAST`, and never more than it was. A figure stays as it is if a variant has no record that
-counts, or has failed, and if it was asked once alone. Open findings stay, and count for nothing.
+uncertainty, nor than what the solver aims at, nor than `LEAST`, and never more than it was. A figure stays as it is if
+a variant has no record that counts, or has failed, and if it was asked once alone. Open findings stay, and count for
+nothing.
+
+A record says what its solver aims at as `tolerance` of its diagnostics: there it ends. Rounding may decide on which
+mesh, so that an answer may be as unsure as that on another machine, however sure it is on this one.
 """
 
 from __future__ import annotations
@@ -23,6 +27,7 @@ from shellbench.bench import catalog
 from shellbench.bench.classes import BLUNT, scale_of
 from shellbench.bench.compare import rows
 from shellbench.bench.plan import Request, make_plan
+from shellbench.bench.record import Record
 from shellbench.bench.reference import FOLDER
 from shellbench.bench.row import Row
 from shellbench.bench.store import Contents, Store
@@ -40,7 +45,9 @@ LINE = re.compile(r"(?P<before>(?P<name>\w+) = (\{ (relative|absolute) = )?)[0-9
 Figure = tuple[str, str]  # case as declared, quantity
 
 
-def tightened(found: Iterable[Row], asked: Mapping[str, set[str]]) -> dict[Figure, float]:
+def tightened(
+    found: Iterable[Row], asked: Mapping[str, set[str]], aims: Mapping[str, float] | None = None
+) -> dict[Figure, float]:
     """Return what the rule allows of each figure that it makes tighter, as its tolerance is: relative or absolute.
 
     Parameters
@@ -49,7 +56,10 @@ def tightened(found: Iterable[Row], asked: Mapping[str, set[str]]) -> dict[Figur
         Rows of one solver.
     asked
         By name of a case as declared: the names of it and its variants that have to be there.
+    aims
+        By run: the relative uncertainty at which the solver ends.
     """
+    aims = aims or {}
     by_figure: dict[Figure, list[Row]] = defaultdict(list)
     for row in found:
         if row.tolerance is not None and row.default_settings and not row.own_case and row.status != "declined":
@@ -61,20 +71,20 @@ def tightened(found: Iterable[Row], asked: Mapping[str, set[str]]) -> dict[Figur
             continue
         frozen = judging[0].tolerance
         assert frozen is not None
-        allowed = max(_allowed(row) for row in judging)
+        allowed = max(_allowed(row, aims.get(row.run_id or "", 0.0)) for row in judging)
         if allowed < frozen:
             result[case, quantity] = allowed
     return result
 
 
-def _allowed(row: Row) -> float:
+def _allowed(row: Row, aim: float) -> float:
     """Return what the rule allows for one row; infinite if it is none to learn from."""
     if row.status != "ok" or row.judged_error is None or row.reference is None or not math.isfinite(row.judged_error):
         return math.inf
     size = 1.0 if row.tolerance_is_absolute else abs(row.reference)
     worst = max(MARGIN * abs(row.judged_error), SURE * (row.uncertainty or 0.0) / size)
     blunt = BLUNT * (row.reference_uncertainty or 0.0) / size
-    least = LEAST * (scale_of(row.case, row.unit) or 1.0 if row.tolerance_is_absolute else 1.0)
+    least = max(LEAST, aim) * (scale_of(row.case, row.unit) or 1.0 if row.tolerance_is_absolute else 1.0)
     needed = max(worst, blunt, least)
     decade = 10.0 ** math.floor(math.log10(needed))
     return next(float(f"{step * decade:.0e}") for step in STEPS if step * decade >= needed * (1 - ROUNDING))
@@ -111,6 +121,12 @@ def asked_of(solver: str) -> dict[str, set[str]]:
     return asked
 
 
+def aims_of(records: Iterable[Record]) -> dict[str, float]:
+    """Return by run the relative uncertainty at which its solver ends, where it says so."""
+    found = ((record.run_id, (record.diagnostics or {}).get("tolerance")) for record in records)
+    return {run_id: float(aim) for run_id, aim in found if isinstance(aim, float)}
+
+
 def main(arguments: list[str]) -> int:
     """Say what the rule makes of the records of a store, and write it with ``--write``; return the exit code."""
     names, write = [a for a in arguments if a != "--write"], "--write" in arguments
@@ -122,7 +138,8 @@ def main(arguments: list[str]) -> int:
     try:
         if solver not in catalog.tolerances():
             raise InputError(f"solver '{solver}' has no frozen tolerances: there is no {path}")
-        allowed = tightened((row for row in rows(Store(Path(store))) if row.solver == solver), asked_of(solver))
+        of_solver = [row for row in rows(Store(Path(store))) if row.solver == solver]
+        allowed = tightened(of_solver, asked_of(solver), aims_of(Store(Path(store)).read().records))
     except InputError as error:
         print(error, file=sys.stderr)
         return 2

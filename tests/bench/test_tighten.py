@@ -77,6 +77,12 @@ def test_a_known_value_that_is_unsure_and_rounding_bound_it():
     assert allowed(row(relative_error=0.0, uncertainty=0.0)) == 1e-8
 
 
+def test_none_is_tighter_than_what_the_solver_aims_at():
+    answers = [row(run_id="first"), row(run_id="second")]
+    assert tightened(answers, {"roof": {"roof"}}, {"second": 4e-5}) == {("roof", "sag"): 5e-5}
+    assert tightened(answers, {"roof": {"roof"}}, {"second": 4e-8}) == {("roof", "sag"): 5e-6}
+
+
 def test_an_absolute_tolerance_stays_absolute():
     near_zero = row(reference=1e-9, relative_error=400.0, unit="", tolerance=1e-3, tolerance_is_absolute=True)
     assert allowed(near_zero) == 1e-5  # ten times 4e-7, three times 2e-6: in the unit
