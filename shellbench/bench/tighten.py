@@ -5,7 +5,7 @@
 
 What a figure is allowed becomes `MARGIN` times the largest error of it in the store, or `SURE` times the largest
 uncertainty that is stated of it, if that is more, rounded up to 1, 2 or 5 times a power of ten: over the case, all
-variants that suites ask of the solver, and all seeds. It is never less than `BLUNT` times the known value's own
+variants that suites ask of the solver, and all seeds. It is never less than `KNOWN` times the known value's own
 uncertainty, nor than what the solver aims at, nor than `LEAST`, and never more than it was. A figure stays as it is if
 a variant has no record that counts, or has failed, and if it was asked once alone. Open findings stay, and count for
 nothing.
@@ -24,7 +24,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from shellbench.bench import catalog
-from shellbench.bench.classes import BLUNT, scale_of
+from shellbench.bench.classes import scale_of
 from shellbench.bench.compare import rows
 from shellbench.bench.plan import Request, make_plan
 from shellbench.bench.record import Record
@@ -37,6 +37,7 @@ from shellbench.problem import VARIANT
 MARGIN = 10.0  # an error may be small by chance, where others of its kind are not
 SURE = 3.0  # what is stated is no chance: other machines, and code to come, may add a little
 ROUNDING = 1e-9
+KNOWN = 10.0  # the known value has to be ten times surer than what it judges
 STEPS = (1.0, 2.0, 5.0, 10.0)  # of a decade
 LEAST = 1e-8  # of the known value, or of the largest in its unit: thin shells lose as much to rounding
 TABLE = re.compile(r"\[(?P<case>\w+)\]")
@@ -83,9 +84,9 @@ def _allowed(row: Row, aim: float) -> float:
         return math.inf
     size = 1.0 if row.tolerance_is_absolute else abs(row.reference)
     worst = max(MARGIN * abs(row.judged_error), SURE * (row.uncertainty or 0.0) / size)
-    blunt = BLUNT * (row.reference_uncertainty or 0.0) / size
+    known = KNOWN * (row.reference_uncertainty or 0.0) / size
     least = max(LEAST, aim) * (scale_of(row.case, row.unit) or 1.0 if row.tolerance_is_absolute else 1.0)
-    needed = max(worst, blunt, least)
+    needed = max(worst, known, least)
     decade = 10.0 ** math.floor(math.log10(needed))
     return next(float(f"{step * decade:.0e}") for step in STEPS if step * decade >= needed * (1 - ROUNDING))
 

@@ -73,7 +73,7 @@ def test_what_failed_teaches_nothing(change):
 
 
 def test_a_known_value_that_is_unsure_and_rounding_bound_it():
-    assert allowed(row(reference_uncertainty=2e-4)) == 5e-4  # three times 1e-4
+    assert allowed(row(reference_uncertainty=3e-5)) == 2e-4  # ten times 1.5e-5
     assert allowed(row(relative_error=0.0, uncertainty=0.0)) == 1e-8
 
 
