@@ -376,7 +376,7 @@ METHOD = """## How
 
 ```bash
 python -m nox -s mutation -- --seed 1 --count 300
-python -m nox -s mutation -- --seed 9 --count 34 --solver fem --kind mechanics --longest 25 --patience 240
+python -m nox -s mutation -- --seed 10 --count 34 --solver fem --kind mechanics --longest 25 --patience 240
 ```
 
 **Rules** change one expression: flip a sign; double or halve a number or a term; exchange times and divided by; exchange two indices,
@@ -410,13 +410,16 @@ a dear case that a person chose who had read it, and is red: that is no part of 
 Seed 9 was drawn of mechanics by the rules of seed 8, put to 73 cases by `fem` and 32 by `ndf-ritz`, and is almost three times as large. Its numbers,
 too, had been written down before. Of its survivors two are red by cases of the exam that had not been
 among these, and that a person chose: no part of its unseen score, either. One is a mutant that an earlier draw had had.
+Seed 10 was drawn by the rules of seed 9, after `fem`'s tolerances had been made tighter by a rule, and put to 85 cases by `fem` and 36 by `ndf-ritz`.
+When it had been examined, a floor was added to that rule, as some tolerances were tighter than another machine may hold. Two mutants that had been
+red by these were examined again with the tolerances that stand: one is green, and counts as a hole. No person has judged its survivors yet.
 """
 
 
 BY_KIND = """The rules name modules, and many of these hold functions that the same words leave out: `fem.mesh` chooses lines beside its basis functions,
 `ndf.signs` refuses. So `KINDS` in `tests/mutation/targets.py` applies the rules function by function, by what a function is, and says why.
 **That was written when seeds 1 to 6 had been read, holes and all, and before seed 7 was drawn**, and has not been changed since: of seeds 1 to
-6 the column of mechanics is hindsight, of seeds 7 and 8 it is a forecast.
+6 the column of mechanics is hindsight, of later seeds it is a forecast.
 """
 
 

@@ -148,6 +148,12 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ),
     ("fem.solution|fem.motion_solution", r".*\.field_at", RECORD, DRAWN_ONLY),
     (
+        "fem.folding",
+        r".*\.(fold|_turned)",
+        CHOICE,
+        FOLDS + "; how the answer is turned back is mechanics",
+    ),
+    (
         "fem.symmetry",
         r".*\.from_case|_Observed\..*|_gauss_points",
         CHOICE,
@@ -229,6 +235,12 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("problems.kinks", r".*", CHOICE, "where meshes and panels get lines, or a refusal"),
     ("problems.solving", r".*", RECORD, "how solvers take a case: no mechanics"),
     ("shell.contact", r"kept_touch|restored_touch", RECORD, "what a file keeps"),
+    (
+        "shell.mirror_frame",
+        r".*",
+        CHOICE,
+        FOLDS,
+    ),
     (
         "shell.mirrors",
         r"Sight\..*|mirror_of|_.*|point_forces",
