@@ -68,7 +68,8 @@ def tightened(
     result = {}
     for (case, quantity), of_figure in by_figure.items():
         judging = [row for row in of_figure if row.open_finding is None]
-        if len(judging) < 2 or not asked.get(case, set()) <= {row.case for row in of_figure}:
+        ways = {(row.case, row.seed) for row in judging}
+        if len(ways) < 2 or not asked.get(case, set()) <= {row.case for row in of_figure}:
             continue
         frozen = judging[0].tolerance
         assert frozen is not None

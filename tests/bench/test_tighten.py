@@ -36,8 +36,8 @@ def row(**changes: object) -> Row:
 
 
 def allowed(*found: Row, asked: tuple[str, ...] = ("roof",)) -> float | None:
-    answers = found if len(found) > 1 else 2 * found  # one alone teaches nothing
-    return tightened(answers, {"roof": set(asked)}).get(("roof", "sag"))
+    again = found[0].model_copy(update={"case": "roof@axes"})  # one question alone teaches nothing
+    return tightened([*found, again], {"roof": set(asked)}).get(("roof", "sag"))
 
 
 def test_the_larger_of_ten_errors_and_three_uncertainties_is_rounded_up():
@@ -55,7 +55,8 @@ def test_the_worst_variant_and_seed_count_and_every_variant_has_to_be_there():
 
 
 def test_one_answer_alone_teaches_nothing():
-    assert tightened([row()], {"roof": {"roof"}}) == {}
+    assert tightened([row(), row()], {"roof": {"roof"}}) == {}
+    assert tightened([row(seed=0), row(seed=1)], {"roof": {"roof"}}) == {("roof", "sag"): 5e-6}
 
 
 def test_none_becomes_wider():
@@ -78,7 +79,7 @@ def test_a_known_value_that_is_unsure_and_rounding_bound_it():
 
 
 def test_none_is_tighter_than_what_the_solver_aims_at():
-    answers = [row(run_id="first"), row(run_id="second")]
+    answers = [row(run_id="first"), row(run_id="second", case="roof@turned")]
     assert tightened(answers, {"roof": {"roof"}}, {"second": 4e-5}) == {("roof", "sag"): 5e-5}
     assert tightened(answers, {"roof": {"roof"}}, {"second": 4e-8}) == {("roof", "sag"): 5e-6}
 
