@@ -1,4 +1,4 @@
-"""The cases of the suites `shapes` and `bridge_shell` that closed forms and series answer: what judges each, and its second form."""
+"""The cases of the suites `shapes` and `bridge_shell`, and of `buckling` a ring, that closed forms and series answer: what judges each, and its second form."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
 from .pressed_motion import pressed_motion, pressed_motion_of_splines
 from .pressed_oval import pressed_oval, pressed_oval_by_harmonics
+from .pressed_ring import pressed_ring, pressed_ring_by_potential
 from .pulled_motion import pulled_motion, pulled_motion_of_a_chain
 from .pushed_plate import pushed_plate, pushed_plate_by_newton
 from .raft import raft, raft_by_ritz
@@ -77,6 +78,7 @@ JUDGES: dict[str, Values] = {
     "rippled_plate": rippled_plate,
     "blown_tube": blown_tube,
     "pressed_oval": pressed_oval,
+    "pressed_ring": pressed_ring,
     "uneven_pipe": uneven_pipe,
     "held_corner": held_corner,
     "bent_in_plane": bent_in_plane,
@@ -116,6 +118,7 @@ SECOND_FORMS: dict[str, Values] = {
     "rippled_plate": rippled_plate_by_ritz,
     "blown_tube": blown_tube_by_samples,
     "pressed_oval": pressed_oval_by_harmonics,
+    "pressed_ring": pressed_ring_by_potential,
     "uneven_pipe": uneven_pipe_by_statics,
     "held_corner": held_corner_by_ritz,
     "bent_in_plane": bent_in_plane_by_ritz,

@@ -27,7 +27,7 @@ class Path(Model):
         End of the path: a load factor, or a displacement in metres.
     after_buckling
         Under load control, at a state that is no minimum of the energy: "stop" there, or "follow" the shell to a stable
-        state and go on from it.
+        state and go on from it. A path that stops ends there if critical points are asked for, and fails otherwise.
     states
         Marks on the path of states that are kept beside those that quantities ask for: load factors, or values of
         the displacement quantity at its first passage.

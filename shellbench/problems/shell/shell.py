@@ -36,7 +36,7 @@ from shellbench.problems.shell.mesh.surface import MeshSurface
 from shellbench.problems.shell.path import Dynamics
 from shellbench.problems.shell.path import Path as LoadPath
 from shellbench.problems.shell.places import Edge, EdgePart, Place, Point, Whole, places_of
-from shellbench.problems.shell.quantities import ModeQuantity, QuantityModel
+from shellbench.problems.shell.quantities import CriticalPoint, ModeQuantity, QuantityModel
 from shellbench.problems.shell.surfaces import SurfaceModel
 
 Array = NDArray[np.float64]
@@ -229,13 +229,25 @@ class Shell(Problem):
     def states(self) -> tuple[float, ...]:
         """Times, load factors or other marks of the path (see `Path`) at which the answer is kept, increasing.
 
-        In the non-linear theory the last one is the end of the path, or of the motion.
+        In the non-linear theory the last one is the end of the path, or of the motion. A path that ends where the shell
+        buckles ends at no mark.
         """
         asked = {q.mark for q in self.quantities if q.mark is not None}
         if self.dynamics is not None:
             return tuple(sorted(asked | {*self.dynamics.states, self.dynamics.until}))
-        end = set() if self.linear else {self.path.until}
+        end = set() if self.linear or self.ends_critical else {self.path.until}
         return tuple(sorted(asked | set(self.path.states) | end))
+
+    @property
+    def buckles(self) -> bool:
+        """Whether the path leads to where the shell buckles, and may lead on from there."""
+        critical = any(isinstance(q, CriticalPoint) for q in self.quantities)
+        return critical or self.path.after_buckling == "follow"
+
+    @property
+    def ends_critical(self) -> bool:
+        """Whether the path ends where the shell buckles."""
+        return self.buckles and self.path.after_buckling == "stop"
 
     def mark_words(self, mark: float) -> str:
         """Return what a mark means, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""

@@ -1,7 +1,7 @@
 """Through buckling: the critical state by the inertia of the tangent, and the way from there to a stable one.
 
 On a path of states that are all in equilibrium the first one at which the tangent has a negative eigenvalue is
-bracketed by bisection. Beyond it the shell is left to itself: from a state pushed a little along the softest mode,
+bracketed by regula falsi. Beyond it the shell is left to itself: from a state pushed a little along the softest mode,
 pseudo-transient continuation,
 
     (K + mu M) dq = r,
@@ -18,6 +18,7 @@ Kelley & Keyes (1998), Convergence analysis of pseudo-transient continuation, SI
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -37,8 +38,9 @@ from shellbench.solvers.fem.problem import FiniteProblem, NotConvergedError
 Array = NDArray[np.float64]
 
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
-BRACKET = 1e-5  # of the load factor: how closely the critical state is bracketed
+BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
+TINY = float(np.finfo(float).tiny)
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode
 PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
@@ -51,25 +53,25 @@ RELAXED = (1e-7, 1e-9, 1e-11)  # predicted gain, relative to the energy, at whic
 def following_steps(
     problem: FiniteProblem, marks: Sequence[float], first: float, shortest: float
 ) -> Iterator[FiniteState]:
-    """Yield the stable states on the way from rest to the last of increasing load factors, through buckling.
+    """Yield the stable states on the way from rest to the end of the path, through buckling or up to it.
 
     Parameters
     ----------
     problem
         What is solved.
     marks
-        Load factors that are landed on.
+        Load factors that are landed on, increasing.
     first, shortest
         Length of the first step, and of the shortest one.
 
     Raises
     ------
     PathEndsError
-        If no stable state is found.
+        If no stable state is found, or the shell buckles before a mark of a path that ends there.
     """
     # 1. Load steps with Newton's method, as long as their states are minima.
     # 2. At the first state that is none, bisect for the critical one, and yield it.
-    # 3. From there go downhill to a stable state a little beyond, wherever that lies.
+    # 3. End there, or from there go downhill to a stable state a little beyond, wherever that lies.
     # 4. Load steps again, with travelling waves held. A step that fails or ends on a saddle is cut.
     # 5. Where none can be cut further, leave the shell to itself once more.
     # Textbooks switch branches at the critical point by its eigenvector. That needs an isolated, simple mode. Thin
@@ -90,6 +92,10 @@ def following_steps(
             if not stable and not buckled and found is not state:
                 state = buckling.critical(state, found)
                 yield replace(state, critical=True)
+                if problem.case.ends_critical:
+                    if any(mark > state.t for mark in problem.case.states):
+                        raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
+                    return
                 buckled, step = True, BEYOND * state.t
                 state = _left_to_itself(buckling, state, min(mark, state.t + step))
                 yield state
@@ -181,24 +187,39 @@ class Buckling:
         PathEndsError
             If the path can't be followed between them.
         """
-        # Bisection on the inertia, from stable states only. The textbook solves K + dt dK for its eigenvalue instead.
-        # That is linear in t, and thin shells are not. It would also cost eigenvectors where a count of pivots is
-        # enough.
-        low, high, unstable = below, above.t, above.t
+        # Illinois: regula falsi for the root of the least stiffness, the value at an end that stays twice halved
+        # (Dowell & Jarratt 1971, BIT 11). From stable states only. The textbook solves K + dt dK for its eigenvalue
+        # instead, which is linear in t, and thin shells are not.
+        low, high, unstable, side = below, above.t, above.t, 0
+        at_low, at_high = self._judged(below)[1], min(self._judged(above)[1], -TINY)
         while high - low.t > BRACKET * high:
-            half = (low.t + high) / 2
+            # Beside the root, where the tangent is singular, on the side of the end that is farther away.
+            share = at_low / (at_low - at_high) if high == unstable else 0.5
+            trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
-                middle = self.problem.equilibrium(low, half)
+                middle, value = self._judged(self.problem.equilibrium(low, trial))
             except NotConvergedError:
-                high = half  # too long a step, or beyond buckling: a shorter one tells
+                high = trial  # too long a step, or beyond buckling: a shorter one tells
                 continue
-            if middle.stable:
-                low = middle
+            if value > 0:
+                low, at_low, at_high, side = middle, value, at_high / 2 if side > 0 else at_high, 1
             else:
-                high = unstable = half
+                high = unstable = trial
+                at_high, at_low, side = min(value, -TINY), at_low / 2 if side < 0 else at_low, -1
         if high != unstable:  # failures of Newton's method are no evidence of buckling
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
+
+    def _judged(self, state: FiniteState) -> tuple[FiniteState, float]:
+        """Return a state with its own tangent, and its stiffness nearest to zero, N/m^3, negative if any is.
+
+        Newton's method leaves the tangent of where its last step began. Beside a critical state that is too early.
+        """
+        factor = self.stiffness(state, 0.0)
+        mode = self.softest_mode(self.problem.ties(state.t), factor)
+        stiffness = self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
+        least = abs(float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode))))
+        return replace(state, factor=factor), -least if factor.negative else least
 
     def relaxed(self, start: FiniteState, t: float) -> FiniteState:
         """Return a stable state at a load factor, downhill from another state whose supports are moved there.

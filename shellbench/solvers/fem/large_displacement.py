@@ -206,8 +206,9 @@ def _path(
         # Each control has its own parameter: t itself, a displacement, or the arc. Only under load control is t given,
         # so that states of a coarser mesh can be corrected one by one.
         case "load":
-            if case.path.after_buckling == "follow":
-                yield from following_steps(problem, case.states, *(step * case.path.until for step in steps))
+            if case.buckles:
+                marks = (*case.states, case.path.until) if case.ends_critical else case.states
+                yield from following_steps(problem, marks, *(step * case.path.until for step in steps))
             elif trail is None:
                 first, shortest = (step * case.path.until for step in steps)
                 yield from load_steps(problem, case.states, first, shortest)

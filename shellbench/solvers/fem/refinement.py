@@ -40,6 +40,7 @@ from shellbench.problems.shell.quantities import (
     QuantityModel,
     ResultantQuantity,
 )
+from shellbench.solvers.fem.buckling import BRACKET
 from shellbench.solvers.fem.contact import REACH
 from shellbench.solvers.fem.equilibrium import Equilibrium, RoundingError
 from shellbench.solvers.fem.kinematics import stiffness_moduli
@@ -381,7 +382,9 @@ def rounding(equilibrium: Equilibrium, quantity: QuantityModel, quantities: Mapp
             return ROUNDING * max(change, EPSILON) * _largest_displacement(solution, quantity.at)
         case PotentialEnergy() if solution.case.linear:
             return ROUNDING * noise + EPSILON * value
-        case LoadQuantity() | LimitPoint() | CriticalPoint() | PotentialEnergy():
+        case CriticalPoint():
+            return BRACKET * value
+        case LoadQuantity() | LimitPoint() | PotentialEnergy():
             return EPSILON * value
         case ModeQuantity():
             return (ROUNDING * change**2 + EPSILON) * value

@@ -271,7 +271,7 @@ def _solves(
 
         return follow
 
-    if case.path.after_buckling == "follow":  # which wave pattern a shell buckles into is found anew on each mesh
+    if case.buckles:  # which wave pattern a shell buckles into is found anew on each mesh
         return (lambda cells: nonlinear(case, FIRST_STEP)(cells)), ()
     if case.obstacles:
         touching = nonlinear(case, FIRST_STEP)

@@ -171,13 +171,17 @@ def follow_steps(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathS
     Raises
     ------
     PathEndsError
-        If no stable state is found, however short the step.
+        If no stable state is found, however short the step, or a mark lies beyond buckling where the path ends.
     """
-    state = PathState.rest(problem)
+    state, case = PathState.rest(problem), problem.ansatz.case
     for state in _to_buckling(problem, marks):
         yield state
-    if state.critical:
+    if not state.critical:
+        return
+    if not case.ends_critical:
         yield from _beyond_buckling(problem, state, marks)
+    elif any(mark > state.t for mark in case.states):
+        raise PathEndsError(f"the shell buckles at load factor {state.t:.6g}")
 
 
 def _to_buckling(problem: PathProblem, marks: Sequence[float]) -> Iterator[PathState]:

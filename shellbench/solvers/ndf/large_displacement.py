@@ -237,8 +237,9 @@ class _Run:
             yield from states_of_edit(problem, self._at_share, self.start, case.states)
             return
         match case.path.control:
-            case "load" if case.path.after_buckling == "follow":
-                yield from follow_steps(problem, case.states)
+            case "load" if case.buckles:
+                marks = (*case.states, case.path.until) if case.ends_critical else case.states
+                yield from follow_steps(problem, marks)
             case "load":
                 yield from load_steps(problem, case.states)
             case "displacement":

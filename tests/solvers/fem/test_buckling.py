@@ -96,6 +96,39 @@ def test_a_column_buckles_at_eulers_load(buckled):
     assert found["push"] == pytest.approx(force, rel=1e-2)  # a buckled column carries hardly more
 
 
+def ending_column(share):
+    """A column whose path ends where it buckles, and its shortening there; its force is asked at a share of that."""
+    shortening, _ = critical_column(True)
+    data = column(True, 3 * shortening).model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    data["path"] = {"until": 3 * shortening}
+    data["quantities"][2]["at"] = share * shortening
+    return build_case(data, "column", "test"), shortening
+
+
+def test_a_path_may_end_where_the_shell_buckles():
+    case, shortening = ending_column(0.5)
+    solution = solve(case, (4, 1))
+    found = measure_all(solution)
+    assert found["shortening"] == pytest.approx(shortening, rel=2e-3)
+    assert found["force"] == pytest.approx(critical_column(True)[1], rel=2e-3)
+    assert found["push"] < 0.51 * found["force"]
+    path = [s for s in solution.history if s.phase in ("path", "critical")]
+    assert [s.phase for s in path[-2:]] == ["path", "critical"]
+    assert max(s.at for s in path) == pytest.approx(found["shortening"])
+
+
+def test_nothing_is_asked_beyond_buckling_of_a_path_that_ends_there():
+    with pytest.raises(SolveFailure, match=r"the shell buckles at load factor 0\.0013"):
+        solve(ending_column(1.5)[0], (4, 1))
+
+
+def test_a_path_that_ends_before_the_shell_buckles_says_so():
+    case, shortening = ending_column(0.5)
+    short = case.path.model_copy(update={"until": 0.9 * shortening})
+    with pytest.raises(SolveFailure, match="no critical state"):
+        solve(case.model_copy(update={"path": short}), (4, 1))
+
+
 def test_eulers_load_converges_with_the_fourth_power():
     shortening, _ = critical_column(True)
     errors = []

@@ -1,5 +1,6 @@
 """Clamped rims that turn by finite angles, critical loads, and stable states beyond them."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -235,6 +236,22 @@ def test_a_strut_buckles_at_eulers_load(states):
     critical = next(state for state in states if state.critical)
     assert critical.t / 100 == pytest.approx(EULER, rel=5e-3)
     assert [s.t for s in states if s.critical] == [critical.t]
+
+
+def test_a_path_may_end_where_the_shell_buckles(problem, states):
+    critical = next(state for state in states if state.critical)
+    asked = {"name": "load", "kind": "critical_point", "primary": True}
+
+    def path_of(*marks):
+        case = strut(path={"until": 0.6, "states": list(marks)}, quantities=[asked])
+        return follow_steps(replace(problem, ansatz=replace(problem.ansatz, case=case)), (*case.states, 0.6))
+
+    *others, last = path_of(0.05)
+    assert last.critical
+    assert last.t == pytest.approx(critical.t, rel=2e-4)
+    assert 0.05 in [state.t for state in others]
+    with pytest.raises(PathEndsError, match="the shell buckles at load factor"):
+        list(path_of(0.3))
 
 
 def test_the_critical_load_is_where_the_smallest_eigenvalue_changes_sign(problem, states):
