@@ -40,6 +40,7 @@ from . import (
     square_plate_nonlinear,
 )
 from .ball_drape import JUDGES as DRAPE
+from .bent_strip import JUDGES as BENT_STRIP
 from .contact import JUDGES as CONTACT
 from .cylinder_modes import JUDGES as CYLINDERS
 from .discrete_catenary import hanging_chain
@@ -100,6 +101,7 @@ CASES = {
     **GARMENTS,
     **PASSPORT,
     **PLATES,
+    **BENT_STRIP,
     **CYLINDERS,
     "pressed_column": pressed_column,
     **STRIPS,

@@ -258,10 +258,19 @@ def _clamped_centre(fields: str) -> Estimate:
 
 def _plate(name: str, by: str) -> dict[str, Estimate]:
     if by == "levy":
-        levels = plate_by_levy(PLATE, LEVY_TERMS), plate_by_levy(PLATE, LEVY_TERMS // 2)
+        levels = _placed(name, plate_by_levy(PLATE, LEVY_TERMS)), _placed(name, plate_by_levy(PLATE, LEVY_TERMS // 2))
         return estimates(name, levels, partial(_centre_deflection, PLATE))
-    levels = plate_by_navier(PLATE, NAVIER_TERMS), plate_by_navier(PLATE, NAVIER_TERMS // 2)
+    levels = (
+        _placed(name, plate_by_navier(PLATE, NAVIER_TERMS)),
+        _placed(name, plate_by_navier(PLATE, NAVIER_TERMS // 2)),
+    )
     return estimates(name, levels, partial(_centre_by_navier, PLATE))
+
+
+def _placed(name: str, fields: Fields) -> Fields:
+    """Return the resultants of a plate whose corner is at the origin where a case has it."""
+    corner = np.array(read_case(CASES / f"{name}.toml").surface.domain.lower)
+    return lambda points: fields(points - corner)
 
 
 def _clamped(by: str) -> dict[str, Estimate]:

@@ -10,6 +10,7 @@ import pytest
 import derivations as origins
 from derivations import (
     ball_drape,
+    bent_strip,
     contact,
     cylinder_modes,
     elastica,
@@ -93,6 +94,7 @@ ORIGINS = {
     **garments.JUDGES,
     **passport.JUDGES,
     **plate_modes.JUDGES,
+    **bent_strip.JUDGES,
     **cylinder_modes.JUDGES,
     "pressed_column": pressed_column.pressed_column,
     **strip_on_edge.JUDGES,
@@ -101,6 +103,7 @@ ORIGINS = {
 }
 MODES = {
     **plate_modes_by_splines.SECOND_FORMS,
+    **bent_strip.SECOND_FORMS,
     **cylinder_modes.SECOND_FORMS,
     **strip_on_edge.SECOND_FORMS,
     **resultants.SECOND_FORMS,

@@ -16,7 +16,7 @@ from shellbench.solvers.ndf.corners import held_corners
 from shellbench.solvers.ndf.factors import turns
 from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import D1, D2, VALUE, Placement, from_derivatives
-from shellbench.solvers.ndf.large_displacement import why_not_followed
+from shellbench.solvers.ndf.large_displacement import is_path, why_not_followed
 from shellbench.solvers.ndf.reaction import Virtual
 from shellbench.solvers.ndf.soft import why_not_soft
 from shellbench.solvers.ndf.supports import TANGENTIAL, EdgeSupport, edge_samples, edge_supports
@@ -32,6 +32,8 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
     """
     if reason := why_not_moved(case) if case.dynamics else None if case.linear else why_not_followed(case):
         return reason
+    if case.linear and not case.modal and len(case.states) > 1 and not is_path(case):
+        return "it answers a linear case at its last state alone"
     for quantity in case.quantities:
         if isinstance(quantity, ReactionQuantity | TorqueQuantity):
             asked = next(s for s in case.supports if s.name == quantity.support)
