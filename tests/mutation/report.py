@@ -376,7 +376,7 @@ METHOD = """## How
 
 ```bash
 python -m nox -s mutation -- --seed 1 --count 300
-python -m nox -s mutation -- --seed 10 --count 34 --solver fem --kind mechanics --longest 25 --patience 240
+python -m nox -s mutation -- --seed 11 --count 34 --solver fem --kind mechanics --longest 25 --patience 240
 ```
 
 **Rules** change one expression: flip a sign; double or halve a number or a term; exchange times and divided by; exchange two indices,
@@ -415,6 +415,8 @@ When it had been examined, a floor was added to that rule, as some tolerances we
 red by these were examined again with the tolerances that stand: one is green, and counts as a hole.
 Five of its survivors are red by now: three by questions that were made for them, two by cases of the exam that had not been among these.
 That is no part of its unseen score.
+Seed 11 was drawn by the same rules, after these questions had been made, and put to 89 cases by `fem` and 39 by `ndf-ritz`: those of seed 10,
+the new ones, and one of contact. One of its survivors is red by a case of the exam that had not been among these: no part of its unseen score.
 """
 
 
