@@ -249,6 +249,11 @@ class Shell(Problem):
         """Whether the path ends where the shell buckles."""
         return self.buckles and self.path.after_buckling == "stop"
 
+    @property
+    def path_marks(self) -> tuple[float, ...]:
+        """Load factors that a path under load control is led to, increasing; those beyond buckling may not be met."""
+        return tuple(sorted({*self.states, self.path.until}))
+
     def mark_words(self, mark: float) -> str:
         """Return what a mark means, such as "t = 0.25 s", "deflection = 12 mm" or "mode 2"."""
         if self.modal:

@@ -40,7 +40,6 @@ Array = NDArray[np.float64]
 NEUTRAL = 1e-3  # least mu, relative to the stiffness of the softest mode at rest
 BRACKET = 1e-6  # of the load factor: how closely the critical state is bracketed
 BEYOND = 0.01  # of the critical load factor: how far beyond it the shell is left to itself
-TINY = float(np.finfo(float).tiny)
 INVERSE_STEPS = 12  # of inverse iteration for the softest mode
 PUSH = 0.05  # of the thickness: how far a state is pushed along its softest mode
 SADDLES = 5  # that are left again before a relaxation gives up
@@ -70,7 +69,7 @@ def following_steps(
         If no stable state is found, or the shell buckles before a mark of a path that ends there.
     """
     # 1. Load steps with Newton's method, as long as their states are minima.
-    # 2. At the first state that is none, bisect for the critical one, and yield it.
+    # 2. Between the first state that is none and the one before find the critical one, and yield it.
     # 3. End there, or from there go downhill to a stable state a little beyond, wherever that lies.
     # 4. Load steps again, with travelling waves held. A step that fails or ends on a saddle is cut.
     # 5. Where none can be cut further, leave the shell to itself once more.
@@ -84,7 +83,10 @@ def following_steps(
             parts = np.ceil(remaining / step * (1 - 1e-9))
             target = mark if parts <= 1 else state.t + remaining / parts
             try:
-                found = (buckling.holding if buckled else problem).equilibrium(state, target)
+                if buckled:
+                    found = buckling.holding.equilibrium(state, target)
+                else:
+                    found = buckling.with_own_tangent(problem.equilibrium(state, target))
                 stable = found.stable
             except NotConvergedError:
                 found, stable = state, False
@@ -191,13 +193,14 @@ class Buckling:
         # (Dowell & Jarratt 1971, BIT 11). From stable states only. The textbook solves K + dt dK for its eigenvalue
         # instead, which is linear in t, and thin shells are not.
         low, high, unstable, side = below, above.t, above.t, 0
-        at_low, at_high = self._judged(below)[1], min(self._judged(above)[1], -TINY)
+        at_low, at_high = self._least_stiffness(below), self._least_stiffness(above)
         while high - low.t > BRACKET * high:
             # Beside the root, where the tangent is singular, on the side of the end that is farther away.
             share = at_low / (at_low - at_high) if high == unstable else 0.5
             trial = low.t + share * (high - low.t) + math.copysign(BRACKET / 4 * high, 0.5 - share)
             try:
-                middle, value = self._judged(self.problem.equilibrium(low, trial))
+                middle = self.with_own_tangent(self.problem.equilibrium(low, trial))
+                value = self._least_stiffness(middle)
             except NotConvergedError:
                 high = trial  # too long a step, or beyond buckling: a shorter one tells
                 continue
@@ -205,21 +208,26 @@ class Buckling:
                 low, at_low, at_high, side = middle, value, at_high / 2 if side > 0 else at_high, 1
             else:
                 high = unstable = trial
-                at_high, at_low, side = min(value, -TINY), at_low / 2 if side < 0 else at_low, -1
+                at_high, at_low, side = value, at_low / 2 if side < 0 else at_low, -1
         if high != unstable:  # failures of Newton's method are no evidence of buckling
             raise PathEndsError(f"no equilibrium was found between {low.t:.6g} and {unstable:.6g}")
         return low
 
-    def _judged(self, state: FiniteState) -> tuple[FiniteState, float]:
-        """Return a state with its own tangent, and its stiffness nearest to zero, N/m^3, negative if any is.
+    def with_own_tangent(self, state: FiniteState) -> FiniteState:
+        """Return a state with the factorised tangent of its own; NotConvergedError if it is singular.
 
         Newton's method leaves the tangent of where its last step began. Beside a critical state that is too early.
         """
-        factor = self.stiffness(state, 0.0)
-        mode = self.softest_mode(self.problem.ties(state.t), factor)
+        return replace(state, factor=self.stiffness(state, 0.0))
+
+    def _least_stiffness(self, state: FiniteState) -> float:
+        """Return the stiffness nearest to zero of any mode of a state, N/m^3, negative if the state is unstable."""
+        if state.factor is None:
+            raise NotConvergedError
+        mode = self.softest_mode(self.problem.ties(state.t), state.factor)
         stiffness = self.problem.tangent(state.q, state.t, state.strained, state.strained.stresses)
         least = abs(float(np.sum(mode * _times(stiffness, mode)) / np.sum(mode * _times(self.area, mode))))
-        return replace(state, factor=factor), -least if factor.negative else least
+        return least if state.stable else -least
 
     def relaxed(self, start: FiniteState, t: float) -> FiniteState:
         """Return a stable state at a load factor, downhill from another state whose supports are moved there.

@@ -207,8 +207,7 @@ def _path(
         # so that states of a coarser mesh can be corrected one by one.
         case "load":
             if case.buckles:
-                marks = (*case.states, case.path.until) if case.ends_critical else case.states
-                yield from following_steps(problem, marks, *(step * case.path.until for step in steps))
+                yield from following_steps(problem, case.path_marks, *(step * case.path.until for step in steps))
             elif trail is None:
                 first, shortest = (step * case.path.until for step in steps)
                 yield from load_steps(problem, case.states, first, shortest)

@@ -238,8 +238,7 @@ class _Run:
             return
         match case.path.control:
             case "load" if case.buckles:
-                marks = (*case.states, case.path.until) if case.ends_critical else case.states
-                yield from follow_steps(problem, marks)
+                yield from follow_steps(problem, case.path_marks)
             case "load":
                 yield from load_steps(problem, case.states)
             case "displacement":

@@ -117,6 +117,15 @@ def test_a_path_may_end_where_the_shell_buckles():
     assert max(s.at for s in path) == pytest.approx(found["shortening"])
 
 
+def test_the_critical_state_is_bracketed_as_closely_as_is_said():
+    case, _ = ending_column(0.5)
+    problem = problem_of(case, (6, 1))
+    critical = list(following_steps(problem, case.path_marks, case.path.until / 8, 1e-6))[-1]
+    area = Buckling(problem).area
+    below, above = (problem.equilibrium(critical, critical.t * (1 + share)) for share in (-3 * BRACKET, 3 * BRACKET))
+    assert smallest(problem, below, area)[0] > 0 > smallest(problem, above, area)[0]
+
+
 def test_nothing_is_asked_beyond_buckling_of_a_path_that_ends_there():
     with pytest.raises(SolveFailure, match=r"the shell buckles at load factor 0\.0013"):
         solve(ending_column(1.5)[0], (4, 1))

@@ -244,7 +244,7 @@ def test_a_path_may_end_where_the_shell_buckles(problem, states):
 
     def path_of(*marks):
         case = strut(path={"until": 0.6, "states": list(marks)}, quantities=[asked])
-        return follow_steps(replace(problem, ansatz=replace(problem.ansatz, case=case)), (*case.states, 0.6))
+        return follow_steps(replace(problem, ansatz=replace(problem.ansatz, case=case)), case.path_marks)
 
     *others, last = path_of(0.05)
     assert last.critical
