@@ -52,12 +52,13 @@ def empty(count: int, *shape: int) -> Array:
     """Return an array (count, *shape) of numbers to be filled in, the points running fastest in memory."""
     # Most work at points is done component by component. NumPy's loops are short where components run fastest, and
     # take several times as long.
-    return np.moveaxis(np.empty((*shape, count)), -1, 0)
+    return np.empty((*shape, count)).transpose(len(shape), *range(len(shape)))
 
 
 def points_fastest(array: Array) -> Array:
     """Return the same array, the points of its first axis running fastest in memory."""
-    return np.moveaxis(np.ascontiguousarray(np.moveaxis(array, 0, -1)), -1, 0)
+    last = array.ndim - 1  # `transpose` takes a tenth of the time of `moveaxis`, which tells on few points
+    return np.ascontiguousarray(array.transpose(*range(1, last + 1), 0)).transpose(last, *range(last))
 
 
 def cross(first: Array, second: Array) -> Array:
@@ -294,7 +295,7 @@ class Deformation:
         strains = empty(len(u), 6)
         for row, (i, j) in enumerate(STRAINS):
             strains[:, row] = (dot(a[:, i], u[:, j]) + dot(x[:, j], u[:, i])) / 2
-            strains[:, 3 + row] = -dot(u[:, 2 + row], self.current.normal) - dot(second[:, row], self.rise)
+        strains[:, 3:] = -dot(u[:, 2:], self.current.normal[:, None]) - dot(second, self.rise[:, None])
         return strains
 
     @cached_property
@@ -309,13 +310,11 @@ class Deformation:
         That is their product with `operator`, which is not made for it.
         """
         base, normal, second = self.current.base, self.current.normal, self.current.second
-        n11, n22, n12, *moments = (component[:, None] for component in resultants.T)
+        n11, n22, n12 = (component[:, None] for component in resultants.T[:3])
+        moments = resultants[:, 3:]
         form = empty(len(normal), len(DERIVATIVES), 3)
-        pulled = moments[0] * second[:, 0]
-        for k, moment in enumerate(moments):
-            if k > 0:
-                pulled += moment * second[:, k]
-            np.multiply(moment, -normal, out=form[:, 2 + k])
+        np.multiply(moments[:, :, None], -normal[:, None], out=form[:, 2:])
+        pulled = dot(second.transpose(0, 2, 1), moments[:, None])
         pulled -= dot(pulled, normal)[:, None] * normal
         pulled /= self.current.area[:, None]
         half = n12 / 2
