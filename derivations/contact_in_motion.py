@@ -8,6 +8,14 @@ Nothing strains them, so that each is a point mass. On the incline (3 : 4), with
 and it sticks in between. It falls by g t^2 / 2 until it meets the floor, which is at h + a t^2 / 2 with h < 0, and
 then moves with it, pressed by m (g + a).
 
+Springs k per area of the weight's direction leave the vertical force m g - k A s sin(theta) of a patch that has slid by s down an
+incline of the angle theta. Both parts of it go with it, so that
+
+    s'' = (g - k s sin(theta) / rho) (sin(theta) - mu cos(theta)),    s = s0 (1 - cos(omega t)),
+
+with s0 = rho g / (k sin(theta)) and omega^2 = k sin(theta) (sin(theta) - mu cos(theta)) / rho. The patch is pressed as long as
+omega t < pi / 2.
+
 The second form integrates Newton's law of a point mass piece by piece, each until an event ends it (SciPy's DOP853). Forces of what slides
 or rests are statics in both forms.
 """
@@ -17,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from .estimate import Estimate
@@ -26,8 +35,11 @@ MASS = DENSITY * AREA
 FRICTION, PULL = 0.5, 2.6 / DENSITY  # coefficient, and c, m/s^3
 ALONG, ACROSS = 0.6 * GRAVITY, 0.8 * GRAVITY  # the incline
 HEIGHT, RISE = 0.3, 2.0  # m, and m/s^2
+SPRINGS, RUBBED = 6.0, 0.3  # N/m^3, and the coefficient of friction of the patch on springs
+STEEP, LEVEL = np.sqrt(13.0) / 7, 6 / 7  # sine and cosine of its incline, normal to (2, 3, 6)
 EXACT, INTEGRATED_TO = 1e-13, 1e-9
 
+Array = NDArray[np.float64]
 State = tuple[float, float, float]
 """Way, m, velocity, m/s, and force of friction uphill or of the floor, N."""
 
@@ -88,6 +100,34 @@ def fall_integrated(t: float) -> State:
     return float(done.y[0, -1]), float(done.y[1, -1]), MASS * (GRAVITY + RISE)
 
 
+def sprung(t: float) -> State:
+    """Return the patch on the oblique incline, and the vertical force that the incline carries."""
+    rest = DENSITY * GRAVITY / (SPRINGS * STEEP)
+    frequency = np.sqrt(SPRINGS * STEEP * (STEEP - RUBBED * LEVEL) / DENSITY)
+    way = rest * (1 - np.cos(frequency * t))
+    return way, rest * frequency * np.sin(frequency * t), AREA * (DENSITY * GRAVITY - SPRINGS * way * STEEP)
+
+
+def sprung_integrated(t: float) -> State:
+    """Return the same of Newton's law in space, with the force that keeps the patch on the incline."""
+    normal = np.array([2.0, 3.0, 6.0]) / 7
+
+    def forces(place: Array, velocity: Array) -> tuple[Array, float]:
+        given = np.array([0.0, 0.0, -MASS * GRAVITY - AREA * SPRINGS * place[2]])
+        pressed = -float(given @ normal)  # the patch has no acceleration across the incline
+        along = given + pressed * normal
+        speed = float(np.linalg.norm(velocity))
+        way = velocity / speed if speed > 0 else along / np.linalg.norm(along)
+        return along - RUBBED * pressed * way, pressed
+
+    def moved(_: float, y: Array) -> Array:
+        return np.concatenate([y[3:], forces(y[:3], y[3:])[0] / MASS])
+
+    end = solve_ivp(moved, (0.0, t), np.zeros(6), **_TIGHT).y[:, -1]
+    pressed = forces(end[:3], end[3:])[1]
+    return float(np.linalg.norm(end[:3])), float(np.linalg.norm(end[3:])), pressed / LEVEL
+
+
 _TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
 
 
@@ -122,6 +162,18 @@ def _falls(at: Callable[[float], State]) -> dict[str, float]:
     }
 
 
+def _sprung(at: Callable[[float], State]) -> dict[str, float]:
+    return {
+        "slide_250ms": at(0.25)[0],
+        "friction_250ms": RUBBED * LEVEL * at(0.25)[2],
+        "normal_force_250ms": LEVEL * at(0.25)[2],
+        "slide_350ms": at(0.35)[0],
+        "sideways_350ms": 0.0,
+        "kinetic_energy_350ms": MASS / 2 * at(0.35)[1] ** 2,
+        "penetration_350ms": 0.0,
+    }
+
+
 def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
     units = {"friction": "N", "normal": "N", "floor": "N", "kinetic": "J"}
     return {
@@ -133,8 +185,10 @@ def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_patch_slides": lambda: _estimates(_slides(slide), EXACT),
     "contact_patch_falls": lambda: _estimates(_falls(fall), EXACT),
+    "contact_patch_sprung": lambda: _estimates(_sprung(sprung), EXACT),
 }
 INTEGRATED: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_patch_slides": lambda: _estimates(_slides(slide_integrated), INTEGRATED_TO),
     "contact_patch_falls": lambda: _estimates(_falls(fall_integrated), INTEGRATED_TO),
+    "contact_patch_sprung": lambda: _estimates(_sprung(sprung_integrated), INTEGRATED_TO),
 }

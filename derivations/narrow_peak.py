@@ -1,4 +1,4 @@
-r"""A plate whose displacement along x has one narrow peak: cases/narrow_peak.toml.
+r"""Plates whose displacement along x has one narrow peak: cases/narrow_peak.toml and cases/sharp_peak.toml.
 
 The displacement is u = a X(x) Y(y) along x, without Poisson's effect, and vanishes with its slopes where the patch ends. Then
 
@@ -24,7 +24,6 @@ from .estimate import Estimate
 from .surface_strains import Array
 
 STIFFNESS, HEIGHT = 1e5, 1e-3  # D = E h, N/m, and a, m
-POINTS = (0.03, 0.42), (0.001, 0.396), (0.05, 0.37)
 DEGREE = 5
 ROUNDING, AGREED = 1e-10, 1e-8  # relative
 
@@ -56,7 +55,17 @@ class Peak:
         return 13 / 35 * (self.before + self.after), 6 / 5 * (1 / self.before + 1 / self.after)
 
 
-ALONG, ACROSS = Peak(0.0025, 0.0025, 0.06), Peak(0.40125, 0.04, 0.04)
+@dataclass(frozen=True)
+class Plate:
+    """A plate, by its peak in x and in y, and three points."""
+
+    along: Peak
+    across: Peak
+    points: tuple[tuple[float, float], ...]
+
+
+NARROW = Plate(Peak(0.0025, 0.0025, 0.06), Peak(0.40125, 0.04, 0.04), ((0.03, 0.42), (0.001, 0.396), (0.05, 0.37)))
+SHARP = Plate(Peak(0.3173, 0.012, 0.003), Peak(0.4037, 5e-4, 5e-4), ((0.31, 0.4039), (0.3155, 0.4034), (0.312, 0.4038)))
 
 
 def _estimates(largest: float, mean: float, energy: float, share: float) -> dict[str, Estimate]:
@@ -69,11 +78,11 @@ def _estimates(largest: float, mean: float, energy: float, share: float) -> dict
     return {name: Estimate(float(v), share * abs(float(v)), unit) for name, v, unit in values}
 
 
-def narrow_peak() -> dict[str, Estimate]:
+def peak(plate: Plate) -> dict[str, Estimate]:
     """Known values in closed form."""
-    (x, x1), (y, y1) = ALONG.squares, ACROSS.squares
-    one, two = np.array(POINTS).T
-    mean = HEIGHT * float(np.mean(ALONG(one) * ACROSS(two))) / 3
+    (x, x1), (y, y1) = plate.along.squares, plate.across.squares
+    one, two = np.array(plate.points).T
+    mean = HEIGHT * float(np.mean(plate.along(one) * plate.across(two))) / 3
     return _estimates(HEIGHT, mean, STIFFNESS / 2 * HEIGHT**2 * (x1 * y + x * y1 / 2), ROUNDING)
 
 
@@ -106,9 +115,9 @@ class Line:
         return found
 
 
-def narrow_peak_by_galerkin() -> dict[str, Estimate]:
+def peak_by_galerkin(plate: Plate) -> dict[str, Estimate]:
     """Values by Galerkin's method; its largest displacement is that at the lines, one of which is the top."""
-    first, second = Line(ALONG.lines), Line(ACROSS.lines)
+    first, second = Line(plate.along.lines), Line(plate.across.lines)
     (x, wx), (y, wy) = first.rule, second.rule
     (x0, x1), (y0, y1) = ([line.table(at, k) for k in (0, 1)] for line, at in ((first, x), (second, y)))
     mx, kx, cx = (a.T @ (wx[:, None] * b) for a, b in ((x0, x0), (x1, x1), (x0, x1)))
@@ -119,7 +128,7 @@ def narrow_peak_by_galerkin() -> dict[str, Estimate]:
     matrix = (STIFFNESS * sparse.bmat([[uu, uv], [uv.T, vv]])).tocsr()
     work = np.zeros((2, x0.shape[1], y0.shape[1]))
     for one, two, factor, component in ((2, 0, -1.0, 0), (0, 2, -0.5, 0), (1, 1, -0.5, 1)):
-        given = np.outer(x0.T @ (wx * ALONG(x, one)), y0.T @ (wy * ACROSS(y, two)))
+        given = np.outer(x0.T @ (wx * plate.along(x, one)), y0.T @ (wy * plate.across(y, two)))
         work[component] += STIFFNESS * HEIGHT * factor * given
     held = np.zeros(work.shape, dtype=bool)
     held[:, [0, len(first.ends) - 1]] = held[:, :, [0, len(second.ends) - 1]] = True  # hats at the rim
@@ -128,7 +137,7 @@ def narrow_peak_by_galerkin() -> dict[str, Estimate]:
     q[free] = spsolve(matrix[free][:, free].tocsc(), work.ravel()[free])
     energy, (u, v) = float(q @ (matrix @ q)) / 2, q.reshape(work.shape)
     at_lines = [first.table(first.ends, 0) @ part @ second.table(second.ends, 0).T for part in (u, v)]
-    one, two = np.array(POINTS).T
+    one, two = np.array(plate.points).T
     along, across = first.table(one, 0), second.table(two, 0)
     at_points = [np.einsum("pi,ij,pj->p", along, part, across) for part in (u, v)]
     mean = float(np.mean(at_points[0] + 2 * at_points[1])) / 3

@@ -22,7 +22,7 @@ from .held_corner import held_corner, held_corner_by_ritz
 from .hooked_strip import hooked_cantilever, hooked_cantilever_by_polynomials
 from .inclined_moments import inclined_moments, inclined_moments_by_potential
 from .lifted_plate import lifted_plate, lifted_plate_by_navier
-from .narrow_peak import narrow_peak, narrow_peak_by_galerkin
+from .narrow_peak import NARROW, SHARP, peak, peak_by_galerkin
 from .oval_tube import oval_tube, oval_tube_by_exponentials
 from .plane_strip import swung_cantilever as swung_cantilever_by_polynomials
 from .plate_series import by_levy, by_navier, plate_2_1_point, plate_2_1_uniform, strip_plate_1_50
@@ -84,7 +84,8 @@ JUDGES: dict[str, Values] = {
     "bent_in_plane": bent_in_plane,
     "turned_saddle": turned_saddle,
     "inclined_moments": inclined_moments,
-    "narrow_peak": narrow_peak,
+    "narrow_peak": partial(peak, NARROW),
+    "sharp_peak": partial(peak, SHARP),
     "lifted_plate": lifted_plate,
     "swung_cantilever": swung_cantilever,
     "bridge_plate": bridge_plate,
@@ -124,7 +125,8 @@ SECOND_FORMS: dict[str, Values] = {
     "bent_in_plane": bent_in_plane_by_ritz,
     "turned_saddle": turned_saddle_by_simpson,
     "inclined_moments": inclined_moments_by_potential,
-    "narrow_peak": narrow_peak_by_galerkin,
+    "narrow_peak": partial(peak_by_galerkin, NARROW),
+    "sharp_peak": partial(peak_by_galerkin, SHARP),
     "lifted_plate": lifted_plate_by_navier,
     "swung_cantilever": swung_cantilever_by_polynomials,
     "bridge_plate": bridge_plate_by_ritz,

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from shellbench.model import Model
+from shellbench.problems.shell.search import largest
 
 Array = NDArray[np.float64]
 
 STARTS_INSIDE = 1e-9  # of the shell's size: a depth at rest that is more than rounding
 SAMPLES = 41  # points a side at which a shell at rest is looked at
-GRID, ZOOM, LOOKS = 101, 9, 6  # points a side of the search for the deepest place, of closer looks, and how many
 LINE = 512  # panels of a coordinate line, whose length is measured by two Gauss points each
 
 
@@ -154,25 +154,16 @@ def check_contact(case: Any) -> None:
 
 def deepest(solution: Any, at: float | None) -> float:
     """Return how deep the displaced shell is in obstacles anywhere, m; 0 where it is in none."""
-    # A search on a regular grid and where forces act, then ever closer looks around the deepest place.
-    case = solution.case
-    domain = case.surface.domain
-    lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)
-    candidates = np.concatenate([domain.grid(GRID, GRID).reshape(-1, 2), solution.touch(at).points])
-    reach = (upper - lower) / (GRID - 1)
-    window = np.stack(np.meshgrid(*[np.linspace(-1.0, 1.0, ZOOM)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-    depth, t = 0.0, at
+    # Where forces act the search looks, too.
+    case, t = solution.case, at
     if t is None:
         t = 1.0 if case.dynamics is None else case.dynamics.until
-    for _ in range(LOOKS + 1):
-        gap, _ = gaps(case, domain.wrap(candidates), solution.displacement(candidates, at=at), t)
-        best = int(np.argmin(gap))
-        depth = max(depth, -float(gap[best]))
-        candidates = candidates[best] + reach * window
-        inside = np.asarray(domain.periodic) | ((candidates >= lower) & (candidates <= upper))
-        candidates = np.where(inside, candidates, np.clip(candidates, lower, upper))
-        reach = reach * 2 / (ZOOM - 1)
-    return depth
+
+    def depth(points: Array) -> Array:
+        gap, _ = gaps(case, points, solution.displacement(points, at=at), t)
+        return -gap
+
+    return max(0.0, largest(case.surface.domain, depth, solution.touch(at).points))
 
 
 def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: int, forward: bool) -> float:

@@ -15,12 +15,9 @@ from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import unit
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantity import ShellQuantity
+from shellbench.problems.shell.search import largest
 
 Array = NDArray[np.float64]
-
-GRID = 101  # points a side of the first search for the largest displacement
-ZOOM = 9  # points a side of each closer look
-LEVELS = 10  # closer looks; each is (ZOOM - 1) / 2 times finer than the one before
 
 
 def _not_zero(direction: Vector) -> Vector:
@@ -186,24 +183,10 @@ class FieldError(ShellQuantity):
 
 
 def largest_displacement(solution: DisplacementField, at: float | None = None) -> float:
-    """Return the largest magnitude of the displacement, metres.
-
-    A search on a regular grid and at the case's own points, then ever closer looks around the best point.
-    """
-    domain = solution.case.surface.domain
-    lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)
+    """Return the largest magnitude of the displacement, metres; the points of the case are looked at, too."""
     named = [place.xi for place in solution.case.places.values() if isinstance(place, Point)]
-    candidates = np.concatenate([domain.grid(GRID, GRID).reshape(-1, 2), np.array(named).reshape(-1, 2)])
-    reach = (upper - lower) / (GRID - 1)
-    offsets = np.linspace(-1.0, 1.0, ZOOM)
-    window = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
-    largest = 0.0
-    for _ in range(LEVELS + 1):
-        magnitudes = np.linalg.norm(solution.displacement(candidates, at=at), axis=-1)
-        best = int(np.argmax(magnitudes))
-        largest = max(largest, float(magnitudes[best]))
-        candidates = candidates[best] + reach * window
-        inside = np.asarray(domain.periodic) | ((candidates >= lower) & (candidates <= upper))
-        candidates = np.where(inside, candidates, np.clip(candidates, lower, upper))
-        reach = reach * 2 / (ZOOM - 1)
-    return largest
+
+    def magnitudes(points: Array) -> Array:
+        return np.asarray(np.linalg.norm(solution.displacement(points, at=at), axis=-1))
+
+    return largest(solution.case.surface.domain, magnitudes, np.array(named).reshape(-1, 2))
