@@ -45,6 +45,8 @@ class LocalProcesses:
         Servers that stand by from earlier runs, of these very solvers and as many threads.
     keep
         Whether servers that are idle at the end are left in `idle`, to be ended by whoever has asked for it.
+    taken
+        Of `jobs`, how many something else has for the time being; asked every second or so.
     """
 
     jobs: int
@@ -53,6 +55,7 @@ class LocalProcesses:
     wanted: Callable[[], bool] = lambda: True
     idle: list[ServerProcess] = field(default_factory=list)
     keep: bool = False
+    taken: Callable[[], int] = lambda: 0
 
     def expect(self, task: Task) -> None:
         """Start the server of a solver, if none stands by: it imports the solver while its runs are planned."""
@@ -111,7 +114,7 @@ class _Runs:
         waiting = deque(tasks)
         self._warm_up(tasks)
         while waiting or self.running:
-            while waiting and len(self.running) < self.how.jobs:
+            while waiting and len(self.running) < self.how.jobs - self.how.taken():
                 yield from self._start(waiting.popleft())
             yield from self._wait()
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +16,13 @@ from shellbench.bench import environment
 from shellbench.bench.classes import CLASSES, strangers
 from shellbench.bench.display import display
 from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
+from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.local import LocalProcesses
+from shellbench.bench.plan import Plan
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.bench.store import Store
-from shellbench.problem import Problem
+from shellbench.bench.task import Task
+from shellbench.problem import Problem, Progress
 
 MOST_SHOWN = 10  # rows that are missed
 
@@ -115,15 +121,50 @@ class Graded:
         }
 
 
-def graded(
-    solver: str,
-    cases: tuple[Problem, ...],
-    suites: tuple[str, ...],
-    options: ExamOptions,
-    seconds: float,
-    console: Console,
-) -> Graded:
-    """Hold the exam of a solver with default settings.
+class Later:
+    """Keeps what it is told of runs until somebody looks, and passes it on from then on."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._kept: list[Callable[[Observer], None]] = []
+        self._observer: Observer | None = None
+
+    def started(self, task: Task) -> None:
+        """Keep it, or pass it on."""
+        self._told(lambda observer: observer.started(task))
+
+    def progressed(self, task: Task, progress: Progress) -> None:
+        """Keep it, or pass it on."""
+        self._told(lambda observer: observer.progressed(task, progress))
+
+    def ended(self, outcome: Outcome) -> None:
+        """Keep it, or pass it on."""
+        self._told(lambda observer: observer.ended(outcome))
+
+    def show(self, observer: Observer) -> None:
+        """Pass all on."""
+        with self._lock:
+            self._observer = observer
+            for tell in self._kept:
+                tell(observer)
+            self._kept.clear()
+
+    def _told(self, tell: Callable[[Observer], None]) -> None:
+        with self._lock:
+            if self._observer is None:
+                self._kept.append(tell)
+            else:
+                tell(self._observer)
+
+
+@contextlib.contextmanager
+def begun(
+    solver: str, cases: Sequence[Problem], suites: tuple[str, ...], options: ExamOptions, seconds: float
+) -> Iterator[Callable[[Console], Graded]]:
+    """Begin the exam of a solver with default settings, beside something else that takes one of its jobs.
+
+    What is yielded shows the runs, leaves all jobs to them, and waits for the grade. Without that, they are stopped at
+    the end.
 
     Parameters
     ----------
@@ -133,21 +174,50 @@ def graded(
         Suites whose cases are asked.
     seconds
         Longest time for one answer.
-    console
-        Shows the runs as they go by.
 
     Raises
     ------
     InputError
-        If a suite is unknown, or the solver can't be imported.
+        When the grade is waited for, if a suite is unknown, or the solver can't be imported.
+    StoreError
+        Then too, if the store can't be written.
     """
-    asked = {case.name: case for case in (*questions(suites), *cases) if is_judged(case)}
-    if not asked:
-        return Graded(solver, suites, "no known value judges what was asked")
-    store = Store(options.store)
-    executor = LocalProcesses(options.jobs or environment.cores(), 1, seconds)
-    plan = plan_of(solver, list(asked.values()), store, executor, threads=1)
-    with display(console, len(plan.tasks)) as observer:
-        sitting = sit(solver, list(asked.values()), store, plan, executor, observer)
-    why = "" if sitting.grade.figures else "it declines every case that was asked"
-    return Graded(solver, suites, why, sitting)
+    store, later = Store(options.store), Later()
+    alone, left = threading.Event(), threading.Event()
+    executor = LocalProcesses(
+        options.jobs or environment.cores(),
+        1,
+        seconds,
+        wanted=lambda: not left.is_set(),
+        taken=lambda: 0 if alone.is_set() else 1,
+    )
+
+    def plan() -> tuple[list[Problem], Plan | None]:
+        asked = {case.name: case for case in (*questions(suites), *cases) if is_judged(case)}
+        judged = list(asked.values())
+        return judged, plan_of(solver, judged, store, executor, threads=1) if judged else None
+
+    with contextlib.closing(executor), ThreadPoolExecutor(1) as thread:
+        planned = thread.submit(plan)
+
+        def hold() -> Sitting | None:
+            asked, runs = planned.result()
+            return None if runs is None else sit(solver, asked, store, runs, executor, later)
+
+        held = thread.submit(hold)
+
+        def grade(console: Console) -> Graded:
+            alone.set()
+            _, runs = planned.result()
+            if runs is None:
+                return Graded(solver, suites, "no known value judges what was asked")
+            with display(console, len(runs.tasks)) as observer:
+                later.show(observer)
+                sitting = held.result()
+            why = "" if sitting and sitting.grade.figures else "it declines every case that was asked"
+            return Graded(solver, suites, why, sitting)
+
+        try:
+            yield grade
+        finally:
+            left.set()

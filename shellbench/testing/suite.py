@@ -5,10 +5,12 @@ What `shellbench check-solver` prints, and what it ends with.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -35,7 +37,7 @@ from shellbench.testing.examination import (
     not_shown,
     shells,
 )
-from shellbench.testing.grading import ExamOptions, Graded, graded
+from shellbench.testing.grading import ExamOptions, Graded, begun
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
 from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
 
@@ -277,22 +279,16 @@ def check_solver(
         tuple(map(find_case, cases)), given_settings(name, settings), given_refinements(refine), seconds
     )
     out = console or Console(highlight=False, soft_wrap=True)
-    lines: list[Line] = []
-    if as_json:
-        lines = list(examine(entry, options))
-    elif out.is_terminal:
-        with out.status(name) as spinner:
-            lines = [_shown(out, line) for line in examine(entry, options, lambda word: _turn(spinner, name, word))]
-    else:
-        lines = [_shown(out, line) for line in examine(entry, options)]
-    if not as_json:
-        out.out(summary(name, lines))
-    grade = None
     suites = exam.asked_of(entry) if exam is not None else ()
-    if exam is not None and options.settings:
+    with contextlib.ExitStack() as stack:
+        # The checks mostly wait for the solver's process. The exam has the other cores meanwhile, and is shown later.
+        grading = None
+        if exam is not None and not options.settings:
+            grading = stack.enter_context(begun(name, options.cases, suites, exam, seconds))
+        lines = _gone_through(entry, options, out, as_json)
+        grade = grading and grading(Console(stderr=True) if as_json else out)
+    if exam is not None and grade is None:
         grade = Graded(name, suites, "grades are of default settings, and --set changes them")
-    elif exam is not None:
-        grade = graded(name, options.cases, suites, exam, seconds, Console(stderr=True) if as_json else out)
     if as_json:
         data = {"solver": name, "checks": [as_data(line) for line in lines]} | (grade.as_data() if grade else {})
         out.out(json.dumps(data, indent=2), highlight=False)
@@ -301,6 +297,20 @@ def check_solver(
     if any(line.verdict.status == "failed" for line in lines) or (grade and grade.fell_short):
         return BAD
     return NOTHING_JUDGED if grade and grade.judged_nothing else GOOD
+
+
+def _gone_through(entry: SolverEntry, options: CheckOptions, out: Console, silent: bool) -> list[Line]:
+    """Make the checks, and print each line as it comes unless all is to be `silent`."""
+    if silent:
+        return list(examine(entry, options))
+    if not out.is_terminal:
+        lines = [_shown(out, line) for line in examine(entry, options)]
+    else:
+        with out.status(entry.name) as spinner:
+            turn = partial(_turn, spinner, entry.name)
+            lines = [_shown(out, line) for line in examine(entry, options, turn)]
+    out.out(summary(entry.name, lines))
+    return lines
 
 
 def _turn(spinner: Spinner, name: str, word: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -16,15 +17,15 @@ from shellbench.bench.gate import gate
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.testing import suite
-from shellbench.testing.grading import ExamOptions, Graded, graded
+from shellbench.testing.grading import ExamOptions, Graded, Later, begun
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
 from tests.bench.test_gate import scaled
 
 
 def held(store: Store, solver: str = "toy-noisy", **more: object) -> Graded:  # noqa: F811
-    options = ExamOptions(("toys",), store.folder, jobs=1)
-    return graded(solver, (), ("toys",), options, 60.0, Console(file=io.StringIO()))
+    with begun(solver, (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0) as grade:
+        return grade(Console(file=io.StringIO()))
 
 
 @pytest.mark.parametrize("error", [0.0, 5e-4, 5e-3, 5e-2])
@@ -89,6 +90,37 @@ def test_a_case_of_ones_own_is_judged_by_nothing(own_case: Path, toys: Path) -> 
 def test_an_unknown_suite_is_bad_input(toys: Path) -> None:  # noqa: F811
     with pytest.raises(InputError, match="unknown suite"):
         questions(("tiys",))
+
+
+def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) -> None:  # noqa: F811
+    with (
+        pytest.raises(InputError, match="refused"),
+        begun("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=1), 60.0),
+    ):
+        raise InputError("settings are refused")  # as a check may
+    assert not store.read().records  # its one job was taken by the checks
+
+
+def test_runs_are_shown_in_order_when_somebody_looks() -> None:
+    seen: list[str] = []
+
+    class Looking:
+        def started(self, task: str) -> None:
+            seen.append(f"began {task}")
+
+        def progressed(self, task: str, progress: str) -> None:
+            seen.append(f"{task} {progress}")
+
+        def ended(self, outcome: str) -> None:
+            seen.append(f"ended {outcome}")
+
+    later: Any = Later()
+    later.started("one")
+    later.progressed("one", "half")
+    assert seen == []
+    later.show(Looking())
+    later.ended("one")
+    assert seen == ["began one", "one half", "ended one"]
 
 
 def test_the_quick_exam_is_part_of_the_whole_and_of_many_kinds() -> None:
