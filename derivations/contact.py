@@ -89,9 +89,9 @@ def hill(distance: float, radius: float, deep: float) -> Obstacle:
     return depth
 
 
-def _quartic(clamped: bool, a: float, f: float, slope: float) -> Array:
+def _quartic(clamped: bool, a: float, f: float, slope: float, load: float = LOAD) -> Array:
     """Return the coefficients of x^0 to x^4 of the deflection with f and its slope at a."""
-    q = LOAD / (24 * B)
+    q = load / (24 * B)
     powers = (2, 3) if clamped else (1, 3)
     matrix = np.array([[a**p for p in powers], [p * a ** (p - 1) for p in powers]])
     two = np.linalg.solve(matrix, [f - q * a**4, slope - 4 * q * a**3])
@@ -287,16 +287,58 @@ CLAMPED_PLATE = RoundPlate(poisson=0.25, inner=0.3, below=0.002, load=5.0, clamp
 
 
 def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
-    units = {"strain_energy": "J", "contact_force": "N", "hinge_force": "N", "rim_force": "N"}
+    units = {"strain_energy": "J"} | dict.fromkeys(
+        ("contact_force", "hinge_force", "rim_force", "contact_force_10", "hinge_force_10"), "N"
+    )
     return {
         name: Estimate(float(v), error * abs(float(v)) if v else 1e-12, units.get(name, "m"))
         for name, v in values.items()
     }
 
 
+def touch(load: float) -> tuple[float, float, float]:
+    """Return what a hinged strip does that touches the floor with its middle alone, by its quartic.
+
+    These are half of the line force of the floor, the force of a hinge, N/m, and the deflection halfway between, m. The
+    middle stays convex as long as load LENGTH^4 <= 384 B DEPTH.
+    """
+    w = np.polynomial.Polynomial(_quartic(False, LENGTH / 2, DEPTH, 0.0, load))
+    assert w.deriv(2)(LENGTH / 2) <= 0
+    return B * w.deriv(3)(LENGTH / 2), -B * w.deriv(3)(0.0), float(w(LENGTH / 4))
+
+
+def touch_by_superposition(load: float) -> tuple[float, float, float]:
+    """The same: a simply supported beam under the load, and under the force that lifts its middle back to the floor."""
+    span, x = LENGTH, LENGTH / 4
+    force = 48 * B / span**3 * (5 * load * span**4 / (384 * B) - DEPTH)
+    sunk = load * x * (span**3 - 2 * span * x**2 + x**3) / (24 * B)
+    lifted = force * x * (3 * span**2 - 4 * x**2) / (48 * B)
+    return force / 2, (load * span - force) / 2, sunk - lifted
+
+
+def _stages(
+    touched: Callable[[float], tuple[float, float, float]], of: Callable[[Obstacle, bool, float], Span], error: float
+) -> dict[str, Estimate]:
+    """Known values of half a strip under a tenth of the load, and under all of it."""
+    force, hinge, quarter = touched(LOAD / 10)
+    lies = of(floor, False, LENGTH / 2)
+    values = {
+        "contact_point_10": LENGTH / 2,
+        "contact_force_10": WIDTH * force,
+        "quarter_deflection_10": quarter,
+        "hinge_force_10": WIDTH * hinge,
+        "contact_point": lies.length,
+        "contact_force": WIDTH * (lies.line_force + LOAD * (LENGTH / 2 - lies.length)),
+        "penetration": 0.0,
+        "hinge_force": WIDTH * lies.reaction,
+    }
+    return _estimates(values, error)
+
+
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span, False), 10 * ROUNDING),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span, True), 10 * ROUNDING),
+    "contact_strip_stages": lambda: _stages(touch, span, 10 * ROUNDING),
     "contact_hill": lambda: _estimates(_on_hill(span), SMALL_SLOPES),
     "contact_plate": lambda: plate_on_floor(HINGED_PLATE),
     "contact_plate_clamped": lambda: plate_on_floor(CLAMPED_PLATE),
@@ -308,6 +350,7 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span_by_collocation, True), 1e4 * COLLOCATED),
+    "contact_strip_stages": lambda: _stages(touch_by_superposition, span_by_collocation, 1e4 * COLLOCATED),
     "contact_hill": lambda: _estimates(_on_hill(span_by_collocation), SMALL_SLOPES),
     "contact_plate": lambda: plate_on_floor_by_collocation(HINGED_PLATE),
     "contact_plate_clamped": lambda: plate_on_floor_by_collocation(CLAMPED_PLATE),

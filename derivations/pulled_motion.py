@@ -22,7 +22,7 @@ STRETCHING, DENSITY, PULL = 5000 * 0.01, 2.5, 1.5  # D, rho, and s = PULL t^2
 FRAME = np.array([[2.0, 1.0, 2.0], [-2.0, 2.0, 1.0]]) / 3
 ASKEW, ACROSS, AXIS = (np.array(v) / np.linalg.norm(v) for v in ([1.0, 3.0, -1.0], [1.0, 2.0, 0.0], [2.0, -1.0, 2.0]))
 CENTRE, PLACES = np.array([0.2, -0.5, 0.3]), np.array([0.7, 0.3])
-TIMES = (0.137, 0.2)
+TIMES = (0.01, 0.137, 0.2)
 BARS, TOLERANCE, INTEGRATED = 10, 1e-12, 1e-9
 """Bars of the chain, tolerance of the Runge-Kutta method, and what it leaves, relative."""
 
@@ -31,17 +31,17 @@ def _force(e: Array) -> Array:
     return np.asarray(STRETCHING * WIDTH * (1 + e) * (e + e**2 / 2))
 
 
-def _values(moved: Array, kinetic: Array, membrane: Array, pull: float, wall: float, lost: float, error: float) -> dict[str, Estimate]:  # fmt: skip
-    """Return what is asked from displacements along the pull and energies at both times, the ends' forces, N, and what is lost, J."""
+def _values(moved: Array, kinetic: Array, membrane: Array, pull: float, wall: float, lost: Array, error: float) -> dict[str, Estimate]:  # fmt: skip
+    """Return what is asked from displacements along the pull, energies and what is lost, J, at the times, and the ends' forces, N."""
     arm = (LOWER + WIDTH / 2) * FRAME[1] - CENTRE
     numbers = {"pull_137ms": (pull * float(FRAME[0] @ ACROSS), "N")}
-    numbers["energy_balance_200ms"] = (lost, "J")
+    numbers["energy_balance_10ms"], numbers["energy_balance_200ms"] = (lost[0], "J"), (lost[-1], "J")
     numbers["wall_moment_200ms"] = (wall * float(np.cross(arm, FRAME[0]) @ AXIS), "N m")
-    for k, label in enumerate(("137ms", "200ms")):
+    for k, label in enumerate(("137ms", "200ms"), start=1):
         numbers[f"mean_oblique_{label}"] = (float(moved[k].mean() * (FRAME[0] @ ASKEW)), "m")
         numbers[f"kinetic_energy_{label}"] = (float(kinetic[k]), "J")
         numbers[f"membrane_energy_{label}"] = (float(membrane[k]), "J")
-    scales = {"energy_balance_200ms": float(kinetic[1] + membrane[1])}
+    scales = {f"energy_balance_{label}": float(kinetic[k] + membrane[k]) for k, label in ((0, "10ms"), (2, "200ms"))}
     return {
         name: Estimate(value, error * scales.get(name, abs(value)), unit) for name, (value, unit) in numbers.items()
     }
@@ -54,7 +54,7 @@ def pulled_motion() -> dict[str, Estimate]:
     membrane = STRETCHING * LENGTH * WIDTH * (e + e**2 / 2) ** 2 / 2
     kinetic = DENSITY * WIDTH * LENGTH**3 / 6 * rate**2
     force = _force(e)
-    return _values(e[:, None] * PLACES, kinetic, membrane, float(force[0]), -float(force[1]), 0.0, 1e-12)
+    return _values(e[:, None] * PLACES, kinetic, membrane, float(force[1]), -float(force[2]), np.zeros(3), 1e-12)
 
 
 def pulled_motion_of_a_chain() -> dict[str, Estimate]:
@@ -85,8 +85,8 @@ def pulled_motion_of_a_chain() -> dict[str, Estimate]:
         pull = (mass @ [0.0, *a, acceleration] - forces - pulled(whole))[-1]
         return np.concatenate([v, a, [pull * speed + forces @ [0.0, *v, speed]]])  # the last one is power
 
-    found = solve_ivp(rates, (0, TIMES[1]), np.zeros(2 * BARS - 1), "DOP853", TIMES, rtol=TOLERANCE, atol=TOLERANCE)
-    moved, kinetic, membrane, ends = [], [], [], []
+    found = solve_ivp(rates, (0, TIMES[-1]), np.zeros(2 * BARS - 1), "DOP853", TIMES, rtol=TOLERANCE, atol=TOLERANCE)
+    moved, kinetic, membrane, lost, ends = [], [], [], [], []
     for t, state in zip(TIMES, found.y.T, strict=True):
         s, speed, acceleration = driven(t)
         parts, rate = np.split(state[:-1], 2)
@@ -96,6 +96,6 @@ def pulled_motion_of_a_chain() -> dict[str, Estimate]:
         moved.append(np.interp(PLACES, x, q))
         kinetic.append(v @ mass @ v / 2)
         membrane.append(STRETCHING * WIDTH * side * np.sum((strain + strain**2 / 2) ** 2) / 2)
+        lost.append(abs(kinetic[-1] + membrane[-1] - state[-1]))
         ends.append(mass @ a - forces - pulled(q))
-    lost = abs(float(kinetic[1] + membrane[1] - found.y[-1, -1]))
-    return _values(np.array(moved), np.array(kinetic), np.array(membrane), float(ends[0][-1]), float(ends[1][0]), lost, INTEGRATED)  # fmt: skip
+    return _values(np.array(moved), np.array(kinetic), np.array(membrane), float(ends[1][-1]), float(ends[2][0]), np.array(lost), INTEGRATED)  # fmt: skip

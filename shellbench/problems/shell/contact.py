@@ -204,6 +204,13 @@ def edge_of_contact(case: Any, touch: Touch, start: tuple[float, float], axis: i
     return float(ends[stop] - 2 * moment / (total + root))
 
 
+def line_length(case: Any, start: tuple[float, float], axis: int, forward: bool) -> float:
+    """Return how long a coordinate line is from a point to the end of the domain, m."""
+    domain = case.surface.domain
+    end = (domain.upper if forward else domain.lower)[axis]
+    return abs(float(_distances(case, start, axis)(np.array([end]))[0]))
+
+
 def _distances(case: Any, start: tuple[float, float], axis: int) -> Callable[[Array], Array]:
     """Return the signed distance along a coordinate line from a point, m, as a function of the coordinate (n,)."""
     domain = case.surface.domain

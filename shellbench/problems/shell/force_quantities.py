@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Literal
 
 from shellbench.model import Name, Vector
-from shellbench.problems.shell.contact import deepest, edge_of_contact
+from shellbench.problems.shell.contact import deepest, edge_of_contact, line_length
 from shellbench.problems.shell.displacement_quantities import Direction
 from shellbench.problems.shell.field import DisplacementField
 from shellbench.problems.shell.measure import unit
@@ -151,9 +151,16 @@ class ContactPoint(ContactQuantity):
         if not isinstance(shell.places[self.point], Point):
             raise ValueError(f"quantity '{self.name}' needs a point, but '{self.point}' is none")
 
+    def line(self, case: Any) -> tuple[tuple[float, float], int, bool]:
+        """Return where its line starts, the coordinate that changes, and whether it grows."""
+        place = case.places[self.point]
+        assert isinstance(place, Point)
+        return place.xi, int(self.along == "xi2"), self.toward == "max"
+
+    def length(self, case: Any) -> float:
+        """Return how long its line is, m."""
+        return line_length(case, *self.line(case))
+
     def measure(self, solution: DisplacementField) -> float:
         """Return the distance, m; ValueError if nothing is touched."""
-        place = solution.case.places[self.point]
-        assert isinstance(place, Point)
-        axis = int(self.along == "xi2")
-        return edge_of_contact(solution.case, solution.touch(self.at), place.xi, axis, self.toward == "max")
+        return edge_of_contact(solution.case, solution.touch(self.at), *self.line(solution.case))

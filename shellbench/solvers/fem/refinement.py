@@ -293,6 +293,11 @@ def levels(
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
         # Each is compared with a scale, as a value near zero has no relative error.
         errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities}
+        for q in case.quantities:
+            if isinstance(q, ContactPoint) and (left := q.length(case) - quantities[q.name]) < cell_along(solution, q):
+                # Contact at the very end of a line is taken by points within the last cell. It is never sure to less
+                # than they are away from the end, on any mesh: no reason to refine.
+                estimates[q.name] = replace(estimates[q.name], uncertainty=max(estimates[q.name].uncertainty, left))
         yield Level(equilibrium, quantities, estimates, errors, difference)
         before = solution
 
