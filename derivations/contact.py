@@ -100,27 +100,27 @@ def _quartic(clamped: bool, a: float, f: float, slope: float, load: float = LOAD
     return coefficients
 
 
-def span(obstacle: Obstacle, clamped: bool, longest: float) -> Span:
+def span(obstacle: Obstacle, clamped: bool, longest: float, load: float = LOAD) -> Span:
     """Return a span by its quartic."""
 
     def excess(a: float) -> float:
         f, slope, curvature, _ = obstacle(a)
-        return float(np.polynomial.Polynomial(_quartic(clamped, a, f, slope)).deriv(2)(a) - curvature)
+        return float(np.polynomial.Polynomial(_quartic(clamped, a, f, slope, load)).deriv(2)(a) - curvature)
 
     a = brentq(excess, 0.05, longest, xtol=1e-15, rtol=1e-14)
     f, slope, _, third = obstacle(a)
-    w = np.polynomial.Polynomial(_quartic(clamped, a, f, slope))
+    w = np.polynomial.Polynomial(_quartic(clamped, a, f, slope, load))
     bent = (w.deriv(2) ** 2).integ()
     turning = [x.real for x in w.deriv().roots() if abs(x.imag) < ROUNDING and 0 < x.real < a]
     deepest = max(float(w(x)) for x in (a, *turning))
     return Span(a, B * (w.deriv(3)(a) - third), -B * w.deriv(3)(0.0), B / 2 * float(bent(a) - bent(0.0)), deepest)
 
 
-def span_by_collocation(obstacle: Obstacle, clamped: bool, longest: float) -> Span:
+def span_by_collocation(obstacle: Obstacle, clamped: bool, longest: float, load: float = LOAD) -> Span:
     """Return a span by the equation of equilibrium on the unit interval, with its length among the unknowns."""
 
     def rates(s: Array, y: Array, p: Array) -> Array:
-        return p[0] * np.stack([y[1], y[2], y[3], np.full_like(s, LOAD / B)])
+        return p[0] * np.stack([y[1], y[2], y[3], np.full_like(s, load / B)])
 
     def ends(start: Array, end: Array, p: Array) -> Array:
         f = obstacle(float(p[0]))
@@ -288,7 +288,7 @@ CLAMPED_PLATE = RoundPlate(poisson=0.25, inner=0.3, below=0.002, load=5.0, clamp
 
 def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
     units = {"strain_energy": "J"} | dict.fromkeys(
-        ("contact_force", "hinge_force", "rim_force", "contact_force_10", "hinge_force_10"), "N"
+        ("contact_force", "hinge_force", "rim_force", "contact_force_10", "contact_force_50", "hinge_force_10"), "N"
     )
     return {
         name: Estimate(float(v), error * abs(float(v)) if v else 1e-12, units.get(name, "m"))
@@ -317,16 +317,17 @@ def touch_by_superposition(load: float) -> tuple[float, float, float]:
 
 
 def _stages(
-    touched: Callable[[float], tuple[float, float, float]], of: Callable[[Obstacle, bool, float], Span], error: float
+    touched: Callable[[float], tuple[float, float, float]], of: Callable[..., Span], error: float
 ) -> dict[str, Estimate]:
-    """Known values of half a strip under a tenth of the load, and under all of it."""
+    """Known values of half a strip under a tenth of the load, half of it, and all of it."""
     force, hinge, quarter = touched(LOAD / 10)
-    lies = of(floor, False, LENGTH / 2)
+    half, lies = (of(floor, False, LENGTH / 2, load) for load in (LOAD / 2, LOAD))
     values = {
         "contact_point_10": LENGTH / 2,
         "contact_force_10": WIDTH * force,
         "quarter_deflection_10": quarter,
         "hinge_force_10": WIDTH * hinge,
+        "contact_force_50": WIDTH * (half.line_force + LOAD / 2 * (LENGTH / 2 - half.length)),
         "contact_point": lies.length,
         "contact_force": WIDTH * (lies.line_force + LOAD * (LENGTH / 2 - lies.length)),
         "penetration": 0.0,
