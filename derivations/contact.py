@@ -332,6 +332,7 @@ def _stages(
         "contact_force": WIDTH * (lies.line_force + LOAD * (LENGTH / 2 - lies.length)),
         "penetration": 0.0,
         "hinge_force": WIDTH * lies.reaction,
+        "largest_displacement": lies.deepest,
     }
     return _estimates(values, error)
 
