@@ -417,8 +417,8 @@ Five of its survivors are red by now: three by questions that were made for them
 That is no part of its unseen score.
 Seed 11 was drawn by the same rules, after these questions had been made, and put to 89 cases by `fem` and 39 by `ndf-ritz`: those of seed 10,
 the new ones, and one of contact. One of its survivors is red by a case of the exam that had not been among these: no part of its unseen score.
-Seed 12 was drawn by the same rules, and put to 116 cases by `fem`: those of seed 11, two new ones, and 25 others of the exam. Five of its survivors
-are red by questions that were made for them: no part of its unseen score.
+Seed 12 was drawn by the same rules, and put to 116 cases by `fem`: those of seed 11, two new ones, and 25 others of the exam. Four of its survivors
+are red by questions that were made for them, and one by a case of the exam that had not been among these: no part of its unseen score.
 """
 
 
