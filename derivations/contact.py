@@ -311,6 +311,7 @@ def touch_by_superposition(load: float) -> tuple[float, float, float]:
     """The same: a simply supported beam under the load, and under the force that lifts its middle back to the floor."""
     span, x = LENGTH, LENGTH / 4
     force = 48 * B / span**3 * (5 * load * span**4 / (384 * B) - DEPTH)
+    assert load * span**2 / 8 >= force * span / 4  # the moment in the middle: it touches there alone
     sunk = load * x * (span**3 - 2 * span * x**2 + x**3) / (24 * B)
     lifted = force * x * (3 * span**2 - 4 * x**2) / (48 * B)
     return force / 2, (load * span - force) / 2, sunk - lifted
