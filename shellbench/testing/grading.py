@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from shellbench.bench import environment
+from shellbench.bench import catalog, environment
 from shellbench.bench.classes import CLASSES, strangers
 from shellbench.bench.display import display
 from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
@@ -49,8 +49,10 @@ class ExamOptions:
     quick: bool = False
 
     def asked_of(self, entry: SolverEntry) -> tuple[str, ...]:
-        """Return the suites that a solver is asked; InputError if it can't be imported."""
+        """Return the suites that a solver is asked; InputError if one is unknown, or the solver can't be imported."""
         if self.suites is not None:
+            for suite in self.suites:
+                catalog.find_suite(suite)  # said before any check is made
             return self.suites
         return suites_for(map(str, load_solver(entry).capabilities.theories), quick=self.quick)
 
@@ -178,7 +180,7 @@ def begun(
     Raises
     ------
     InputError
-        When the grade is waited for, if a suite is unknown, or the solver can't be imported.
+        When the grade is waited for, if the solver can't be imported.
     StoreError
         Then too, if the store can't be written.
     """

@@ -90,6 +90,8 @@ def test_a_case_of_ones_own_is_judged_by_nothing(own_case: Path, toys: Path) -> 
 def test_an_unknown_suite_is_bad_input(toys: Path) -> None:  # noqa: F811
     with pytest.raises(InputError, match="unknown suite"):
         questions(("tiys",))
+    with pytest.raises(InputError, match="unknown suite"):
+        suite.check_solver("toy", exam=ExamOptions(("tiys",), toys / "runs"))  # before any check
 
 
 def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) -> None:  # noqa: F811
