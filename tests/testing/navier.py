@@ -24,9 +24,9 @@ from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad
 
 LENGTH = 0.1  # m^2: of the fault that depends on the unit of length
+LONG = 300.0  # m: of another such fault, which states so large an uncertainty that nothing would be a fault
 SOLVES = itertools.count()
 GOLDEN = 0.5 * (5**0.5 - 1)  # fractions of its multiples lie apart: n in a row by more than 0.4 / n
-LONG = 300.0  # m: of another such fault, which states so large an uncertainty that nothing would be a fault
 FAULTS = {
     "name": "protocol",
     "two_refinements": "protocol",
