@@ -52,7 +52,8 @@ def suites_named_by(name: str) -> tuple[str, ...]:
 def has_case(name: str) -> bool:
     """Whether a name is one of the suite's own cases or a variant of one."""
     base, _, variant = name.partition(VARIANT)
-    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
+    named = Path(base).name == base and (data_folder("cases") / f"{base}.toml").is_file()
+    return named and (not variant or variant in find_kind(named_case(base).kind).variants)
 
 
 @cache

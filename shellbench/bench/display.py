@@ -13,6 +13,7 @@ from rich.table import Column
 from rich.text import Text
 
 from shellbench import problem
+from shellbench.bench.catalog import named_case
 from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.kinds import problem_of
 from shellbench.bench.record import NOT_SETTLED, Record
@@ -121,7 +122,8 @@ def _line(outcome: Outcome) -> str:
     if record is None:
         return f"[red]refused[/] {name}: {escape(outcome.refused or '')}"
     colour = COLOURS[record.status]
-    primary = problem_of(record.case).primary
+    case = problem_of(record.case) if record.own_case else named_case(record.case_name)  # the latter is at hand
+    primary = case.primary
     measured = record.values.get(primary.name)
     answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
     reason = f": {escape(record.reason)}" if record.reason else ""

@@ -70,7 +70,7 @@ def motions_of(arms: Array, translated: bool) -> Array:
 
 def free_motions(case: Shell) -> Array:
     """Return an orthonormal basis (6, n) of the rigid motions that no support resists, and at rest no spring."""
-    rows = [np.zeros((1, 6))]
+    rows = [np.zeros((6, 6))]
     for support, place in case.supported_places():
         if isinstance(place, Edge):
             points = place.samples(case.surface.domain, EDGE_SAMPLES)
@@ -95,7 +95,7 @@ def free_motions(case: Shell) -> Array:
         share = np.sqrt(stiffness / max(float(stiffness.max()), np.finfo(float).tiny))
         rows.append((share[..., None] * rigid_modes(case.surface, points)[0, 0]).reshape(-1, 6))
     matrix = np.concatenate(rows)
-    _, values, basis = np.linalg.svd(matrix, full_matrices=True)
+    _, values, basis = np.linalg.svd(matrix, full_matrices=False)  # of six rows at least, so that its basis is whole
     held = np.count_nonzero(values > RANK_TOLERANCE * max(1.0, values.max()))
     return basis[held:].T
 
