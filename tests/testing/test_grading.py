@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,20 @@ def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) ->
     ):
         raise InputError("settings are refused")  # as a check may
     assert not store.read().records  # its one job was taken by the checks
+
+
+def test_with_two_jobs_the_exam_goes_on_before_somebody_looks(toys: Path, store: Store) -> None:  # noqa: F811
+    out = Console(file=io.StringIO())
+    with begun("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=2), 60.0) as grade:
+        for _ in range(600):
+            if store.read().records:
+                break
+            time.sleep(0.1)
+        assert store.read().records  # by the job that the checks leave
+        found = grade(out)
+    assert found.sitting is not None
+    assert found.held is not None
+    assert found.sitting.records == len(store.read().records)
 
 
 def test_runs_are_shown_in_order_when_somebody_looks() -> None:

@@ -6,7 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shellbench.bench.catalog import named_case
+from shellbench.problems.shell.case import Case
 from shellbench.solvers.fem.refinement import ASYMPTOTIC, SAFETY, UNSEEN, estimate
+from shellbench.solvers.fem.solver import FemSettings, FemSolver
 
 RESOLUTIONS = (8.0, 11.0, 16.0)
 
@@ -96,3 +99,14 @@ def test_short_sequences_promise_nothing():
     assert math.isinf(estimate([1.0], RESOLUTIONS[:1]).uncertainty)
     assert estimate([1.0, 1.5], RESOLUTIONS[:2]).uncertainty == pytest.approx(0.5)
     assert estimate([2.0, 2.0, 2.0], RESOLUTIONS).uncertainty == 0.0
+
+
+def test_an_edge_of_contact_at_the_end_of_its_line_is_no_surer_than_it_is_far_from_there():
+    # pressed by a tenth of its load, the strip touches with its middle alone, the end of the line of 0.5 m
+    whole = named_case("contact_strip_stages").data()
+    (asked,) = (q for q in whole["quantities"] if q["name"] == "contact_point_10")
+    case = Case.model_validate({**whole, "quantities": [{**asked, "primary": True}]})
+    found = FemSolver().solve(case, FemSettings(tolerance=1e-2))
+    missing = 0.5 - case.primary.measure(found)
+    assert 1e-4 < missing < 5e-3
+    assert found.uncertainty["contact_point_10"] >= missing * (1 - 1e-9)
