@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -45,12 +46,15 @@ from shellbench.solvers.fem.solver import Method
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 
-REFINEMENTS = 2  # steps of iterative refinement after the first solve
+REFINEMENTS = 2  # steps of iterative refinement after the first solve, at most
 CAREFUL = 1e-7  # change of the answer by the last of them from which on the residual is formed by way of the strains
 CAREFUL_CELLS = 1e-9  # the same in degree 4 and 5: their K rounds more, of which a residual by K itself shows 1 to 15 %
-CAREFUL_REFINEMENTS = 8  # at most, then, as long as each is smaller than half the one before
-SETTLED = 1e-10  # change of the answer by one of these that ends them
+CAREFUL_REFINEMENTS = 4  # at most, then, as long as each is smaller than half the one before
+SETTLED = 1e-10  # change of the answer by a refinement that ends them
 ALIGNED = 0.5  # cosine between two such changes that are no rounding
+CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer
+CONJUGATE_PASSES = 2  # the change by the last one is what rounding leaves
+CONJUGATE_SHARE = 1e-3  # of all that they have changed: a step that ends them
 LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
 LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
 
@@ -86,12 +90,27 @@ class Answer:
     noise: float
 
 
+class Careful(NamedTuple):
+    """The system with less rounding than its matrix has, by way of strains.
+
+    Attributes
+    ----------
+    residual
+        f - K z of unknowns z (nodes, 12, n).
+    product
+        K z.
+    """
+
+    residual: Solve
+    product: Solve
+
+
 def solve_reduced(
     matrix: BlockMatrix | CellMatrices,
     right: Array,
     mesh: TensorMesh,
     method: Method,
-    residual: Solve | None = None,
+    careful: Careful | None = None,
 ) -> Answer:
     """Solve K z = f.
 
@@ -105,8 +124,8 @@ def solve_reduced(
         The mesh that the matrix belongs to.
     method
         Which direct solver.
-    residual
-        f - K z of z with less rounding than the matrix has itself, if that can be had.
+    careful
+        The same system with less rounding, if that can be had.
 
     Raises
     ------
@@ -126,7 +145,10 @@ def solve_reduced(
         #    times it, is the error that it makes of the answer. The residual's own size says nothing of that error.
         # 2. Where that is much, go on with a residual that does not come from K. The textbook forms one in higher
         #    precision; strains do as well, and mend the rounding of K besides.
+        # 3. Where K resists some motion by rounding alone, steps by its factor are far too long or too short. Conjugate
+        #    gradients take their lengths from the strains.
         backward = _FACTORISATIONS[method](matrix, mesh)
+        much = CAREFUL_CELLS if isinstance(matrix, CellMatrices) else CAREFUL
         unknowns = backward(right)
         correction = noise = 0.0
         for _ in range(REFINEMENTS):
@@ -134,15 +156,17 @@ def solve_reduced(
             change = backward(left)
             unknowns = unknowns + change
             correction, noise = _ratio(change, unknowns), _energy(left, change)
+            if correction <= SETTLED or (careful and correction > much):
+                break
         left = right - matrix @ unknowns
         magnitude = matrix.largest * float(np.abs(unknowns).max()) + float(np.abs(right).max())
         backward_error = float(np.abs(left).max()) / magnitude if magnitude else 0.0
         relative = _ratio(left, right)
-        stuck = False
-        if residual and correction > (CAREFUL_CELLS if isinstance(matrix, CellMatrices) else CAREFUL):
+        lost = False
+        if careful and correction > much:
             before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
             for _ in range(CAREFUL_REFINEMENTS):
-                left = residual(unknowns)
+                left = careful.residual(unknowns)
                 change = backward(left)
                 unknowns = unknowns + change
                 correction, noise = _ratio(change, unknowns), _energy(left, change)
@@ -150,9 +174,16 @@ def solve_reduced(
                     break
                 if not correction < before / 2:
                     # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
-                    stuck = not _cosine(change, last) < ALIGNED
+                    lost = not (correction <= LARGEST_CORRECTION and _cosine(change, last) < ALIGNED)
                     break
                 before, last = correction, change
+            else:
+                lost = True
+            for _ in range(CONJUGATE_PASSES if lost else 0):
+                left = careful.residual(unknowns)
+                change, settled = _conjugate(careful.product, backward, left)
+                unknowns = unknowns + change
+                correction, noise, lost = _ratio(change, unknowns), _energy(left, change), not settled
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -167,12 +198,34 @@ def solve_reduced(
             f"the direct solver failed on {_cells(mesh)} cells: its answer solves a system whose stiffness differs by"
             f" {answer.backward_error:.1e} (relative residual {answer.residual:.1e})"
         )
-    if stuck or not correction <= LARGEST_CORRECTION:
+    if lost or not correction <= LARGEST_CORRECTION:
         raise RoundingError(
             f"rounding moves the answer by {correction:.1e} of itself on {_cells(mesh)} cells: the shell resists some"
             " motion with too small a part of its stiffness, for its thickness or for what holds it"
         )
     return answer
+
+
+def _conjugate(product: Solve, backward: Solve, left: Array) -> tuple[Array, bool]:
+    """Solve K z = f for each column by conjugate gradients, `backward` being the preconditioner; whether they settled.
+
+    Hestenes & Stiefel (1952), Methods of conjugate gradients for solving linear systems, J. Res. NBS 49.
+    """
+    found, direction, before = np.zeros_like(left), np.zeros_like(left), np.ones(left.shape[-1])
+    for _ in range(CONJUGATE_STEPS):
+        near = backward(left)
+        work = np.sum(left * near, axis=(0, 1))
+        direction = near + _quotient(work, before) * direction
+        resisted = product(direction)
+        length = _quotient(work, np.sum(direction * resisted, axis=(0, 1)))
+        found, left, before = found + length * direction, left - length * resisted, work
+        if _ratio(length * direction, found) <= CONJUGATE_SHARE:
+            return found, True
+    return found, False
+
+
+def _quotient(above: Array, below: Array) -> Array:
+    return np.divide(above, below, out=np.zeros_like(above), where=below != 0)
 
 
 def _energy(forces: Array, change: Array) -> float:
@@ -323,16 +376,20 @@ def solve(
     def solved(system: BlockMatrix | CellMatrices, forces: Array, state: slice = slice(None)) -> tuple[Array, Answer]:
         particular = ties.particular[..., state]
 
-        def residual(unknowns: Array) -> Array:
+        def resisted(nodal: Array) -> Array:
             if not careful:
                 careful.append(InternalForces(mesh, quadrature, roots))
-            nodal = ties.to_nodal(unknowns) + particular
             held = system @ nodal - matrix @ nodal if system is not matrix else 0.0
-            return ties.to_free(forces - internal_forces(nodal) - held)
+            return internal_forces(nodal) + held
+
+        by_strains = Careful(
+            residual=lambda unknowns: ties.to_free(forces - resisted(ties.to_nodal(unknowns) + particular)),
+            product=lambda unknowns: ties.to_free(resisted(ties.to_nodal(unknowns))),
+        )
 
         right = ties.to_free(forces - system @ particular)
         reduced = ties.reduce_cells(system) if isinstance(system, CellMatrices) else ties.reduce(system)
-        answer = solve_reduced(reduced, right, mesh, method, residual)
+        answer = solve_reduced(reduced, right, mesh, method, by_strains)
         return ties.to_nodal(answer.unknowns) + particular, answer
 
     pushed: Array | float = 0.0

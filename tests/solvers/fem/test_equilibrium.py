@@ -69,3 +69,22 @@ def test_pardiso_is_asked_for_in_vain_where_it_is_missing(monkeypatch):
     matrix, right, mesh = problem()
     with pytest.raises(InputError, match="not installed"):
         equilibrium.solve_reduced(matrix, right, mesh, "pardiso")
+
+
+@pytest.mark.parametrize("stiffer", [0.1, 5.0])
+def test_what_rounding_makes_of_a_soft_motion_is_mended_by_the_strains(stiffer, monkeypatch):
+    # by its strains one motion is stiffer than by K, or softer: refinement by K goes ever farther, or creeps
+    monkeypatch.setattr(equilibrium, "CAREFUL", 0.0)
+    matrix, right, mesh = problem()
+    motion = np.random.default_rng(2).normal(size=right.shape[:2])
+    given = np.concatenate([right, np.zeros_like(right[..., :1])], axis=-1)  # of which one state has no loads
+    pushed = (matrix @ motion[..., None])[..., 0]
+    share = (stiffer - 1) / np.sum(motion * pushed)
+
+    def product(z):
+        return matrix @ z + share * pushed[..., None] * np.sum(pushed[..., None] * z, axis=(0, 1))
+
+    careful = equilibrium.Careful(lambda z: given - product(z), product)
+    answer = equilibrium.solve_reduced(matrix, given, mesh, "auto", careful)
+    assert np.allclose(product(answer.unknowns), given, atol=1e-9)
+    assert answer.correction < 1e-9
