@@ -16,7 +16,7 @@ from __future__ import annotations
 import ast
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import combinations
 from typing import NamedTuple
@@ -149,9 +149,14 @@ class Expression:
 
     def series(self, values: Mapping[str, Taylor], order: int) -> Taylor:
         """Return the Taylor series of the formula; variables without a value are an error."""
+        return self._series({**values, **self._known(order)}, order)
+
+    def _known(self, order: int) -> dict[str, Taylor]:
+        return {name: Taylor.constant(value, order) for name, value in self._constants.items()}
+
+    def _series(self, values: dict[str, Taylor], order: int) -> Taylor:
         with np.errstate(all="ignore"):
-            constants = {name: Taylor.constant(value, order) for name, value in self._constants.items()}
-            return self._evaluate({**values, **constants}, order)
+            return self._evaluate(values, order)
 
     def derivatives(self, points: ArrayLike, order: int, t: float = 1.0) -> dict[tuple[int, int], Array]:
         """Return all partial derivatives at the points.
@@ -170,25 +175,35 @@ class Expression:
         dict
             (i, j) -> (...) derivative i times in xi1 and j times in xi2.
         """
-        xi = np.asarray(points, dtype=float)
-        series = self.series(
-            {
-                "xi1": Taylor.variable(xi[..., 0], axis=0, order=order),
-                "xi2": Taylor.variable(xi[..., 1], axis=1, order=order),
-                "t": Taylor.constant(t, order),
-            },
-            order,
-        )
-        shape = xi.shape[:-1]
-        keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
-        found = {key: series.derivative(*key) for key in keys}
-        return {key: value if value.shape == shape else np.broadcast_to(value, shape) for key, value in found.items()}
+        (found,) = derivatives_of((self,), points, order, t)
+        return found
 
     def __reduce__(self) -> tuple[type[Expression], tuple[object, ...]]:
         return Expression, (self.text, self._variables, self._constants, self._piecewise)
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
+
+
+def derivatives_of(
+    formulas: Sequence[Expression], points: ArrayLike, order: int, t: float = 1.0
+) -> list[dict[tuple[int, int], Array]]:
+    """Return `Expression.derivatives` of formulas with the same constants: functions that they share are made once."""
+    xi = np.asarray(points, dtype=float)
+    values = {
+        "xi1": Taylor.variable(xi[..., 0], axis=0, order=order),
+        "xi2": Taylor.variable(xi[..., 1], axis=1, order=order),
+        "t": Taylor.constant(t, order),
+        **formulas[0]._known(order),
+    }
+    shape = xi.shape[:-1]
+    keys = [(i, total - i) for total in range(order + 1) for i in range(total, -1, -1)]
+    found = []
+    for formula in formulas:
+        series = formula._series(values, order)
+        each = {key: series.derivative(*key) for key in keys}
+        found.append({key: v if v.shape == shape else np.broadcast_to(v, shape) for key, v in each.items()})
+    return found
 
 
 class _Formula(NamedTuple):
@@ -200,8 +215,8 @@ class _Formula(NamedTuple):
     piecewise: bool
 
 
-Evaluation = Callable[[Mapping[str, Taylor], int], Taylor]
-"""Values of the names, and the order of the series -> the series of a formula."""
+Evaluation = Callable[[dict[str, Taylor], int], Taylor]
+"""Values of the names, and the order of the series -> the series of a formula; functions are kept among the values."""
 
 
 @lru_cache(maxsize=4096)
@@ -287,8 +302,15 @@ def _evaluation(node: ast.AST) -> Evaluation:
             operation, first, second = _OPERATORS[type(operator)], _evaluation(left), _evaluation(right)
             return lambda values, order: operation(first(values, order), second(values, order))
         case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
-            function, inner = FUNCTIONS[name], _evaluation(argument)
-            return lambda values, order: function(inner(values, order))
+            function, inner, words = FUNCTIONS[name], _evaluation(argument), ast.unparse(node)
+
+            def called(values: dict[str, Taylor], order: int) -> Taylor:
+                # where a coordinate is itself a formula, as in variants, it stands in many places: it is made once
+                if words not in values:
+                    values[words] = function(inner(values, order))
+                return values[words]
+
+            return called
         case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [comparison], [right]), given, otherwise]):
             compared = _COMPARISONS[type(comparison)]
             first, second, third, fourth = map(_evaluation, (left, right, given, otherwise))

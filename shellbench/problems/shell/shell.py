@@ -14,7 +14,7 @@ from pydantic import Field
 from shellbench.errors import InputError
 from shellbench.model import Finite, Model, Name
 from shellbench.problem import Problem, Quantity
-from shellbench.problems.expression import Expression
+from shellbench.problems.expression import Expression, derivatives_of
 from shellbench.problems.kinks import kink_lines
 from shellbench.problems.obstacle import Obstacle
 from shellbench.problems.shell.conditions import (
@@ -309,7 +309,7 @@ class Shell(Problem):
         dict
             (i, j) -> (..., 3), in the units of the formulas.
         """
-        components = [self.formula(text).derivatives(points, order, t) for text in vector]
+        components = derivatives_of([self.formula(text) for text in vector], points, order, t)
         return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
 
     def formula(self, text: Formula, variables: tuple[str, ...] = MOTION_VARIABLES) -> Expression:

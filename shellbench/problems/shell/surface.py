@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from shellbench.model import Finite, Model, Positive
-from shellbench.problems.expression import Expression
+from shellbench.problems.expression import Expression, derivatives_of
 
 Array = NDArray[np.float64]
 Coordinate = Literal["xi1", "xi2"]
@@ -169,7 +169,7 @@ class AnalyticSurface(Model):
         dict
             (i, j) -> (..., 3), metres per unit of xi1**i xi2**j; (0, 0) is the position.
         """
-        components = [expression.derivatives(points, order) for expression in self._expressions]
+        components = derivatives_of(self._expressions, points, order)
         return {key: np.stack([c[key] for c in components], axis=-1) for key in components[0]}
 
     def position(self, points: ArrayLike) -> Array:
