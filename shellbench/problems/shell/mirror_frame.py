@@ -44,7 +44,7 @@ def _rotation(case: Case) -> Array | None:
     # 1. The normals of the middle of an open coordinate, and of two lines a quarter of a turn apart of a closed one.
     # 2. An orthonormal basis that begins with them.
     # 3. Each axis is given the vector of the basis that is nearest to it, in its own sense.
-    domain, points = case.surface.domain, Sight.spread(case.surface.domain).points
+    domain, points = case.surface.domain, Sight.spread(case).points
     normals: list[Array] = []
     for axis in (0, 1):
         lower, size = domain.lower[axis], domain.size[axis]

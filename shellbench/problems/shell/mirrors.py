@@ -28,6 +28,7 @@ from shellbench.problems.shell.conditions import (
 from shellbench.problems.shell.directions import in_space
 from shellbench.problems.shell.measure import load_density
 from shellbench.problems.shell.places import SIDES, Edge, Place, Point, Whole
+from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import COORDINATES, Domain
 
 Array = NDArray[np.float64]
@@ -36,7 +37,9 @@ SAME = 1e-9  # of the domain's side: points that are no further apart are one
 GOLDEN, PLASTIC = 0.6180339887498949, 0.7548776662466927  # steps of sequences in no rhythm
 SAMPLES = 1009  # points of the shell; loads may act on a small part of it
 EDGE_SAMPLES = 61
+PANEL_SAMPLES = 13  # points between kinks: a load that begins and ends at them may act on next to nothing of the shell
 ROUNDING = 1e-9  # relative difference of two mirror images that is rounding, unless a solver knows better
+FIRST_LOOK = 64  # points at which a reflection is looked at first: most that are no symmetry show it there
 ON_THE_WAY = 0.37  # of a path's end: where loads and motions are looked at beside the states that a case asks for
 
 
@@ -62,12 +65,21 @@ class Sight:
     rounding: float = ROUNDING
 
     @classmethod
-    def spread(cls, domain: Domain) -> Sight:
-        """Return points over the whole rectangle in no rhythm that a formula might have."""
-        lower, size, number = np.asarray(domain.lower), np.asarray(domain.size), np.arange(1, SAMPLES + 1)
+    def spread(cls, case: Shell) -> Sight:
+        """Return points in no rhythm that a formula might have: over the whole rectangle, and between all kinks."""
+        domain, number = case.surface.domain, np.arange(1, SAMPLES + 1)
+        lower, size = np.asarray(domain.lower), np.asarray(domain.size)
         unit = np.stack([number * GOLDEN % 1, number * PLASTIC % 1], axis=-1)
         first, second = (low + side * unit[:EDGE_SAMPLES, 0] for low, side in zip(lower, size, strict=True))
-        return cls(lower + unit * size, (first, second))
+        ends = (
+            np.unique([low, *kinks, up]) for low, kinks, up in zip(domain.lower, case.kinks, domain.upper, strict=True)
+        )
+        starts, steps = (
+            np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+            for sides in zip(*((line[:-1], np.diff(line)) for line in ends), strict=True)
+        )
+        between = (starts + steps * unit[:PANEL_SAMPLES]).reshape(-1, 2)
+        return cls(np.concatenate([lower + unit * size, between]), (first, second))
 
     def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:
         """Whether two arrays differ by rounding only, relative to their largest magnitude unless it is given."""
@@ -126,15 +138,15 @@ def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
     """Return the mirror that leaves a coordinate line where it is, if the case has one."""
     if case.edge_parts:  # which are not looked at
         return None
-    domain = case.surface.domain
-    here, there = domain.wrap(sight.points), domain.wrap(Mirror(axis, at, 0).image(sight.points))
-    x, image = (case.surface.derivatives(points, sight.order) for points in (here, there))
-    gap = np.abs(image[0, 0] - x[0, 0]).max(axis=0)
-    normal = int(np.argmax(gap))  # images differ along the normal alone
-    twice = image[0, 0][:, normal] + x[0, 0][:, normal]
-    if not max(np.delete(gap, normal).max(), np.ptp(twice)) <= sight.rounding * gap[normal]:
+    chosen = (np.arange(FIRST_LOOK) * GOLDEN % 1 * len(sight.points)).astype(int)
+    if _reflected_in(*_seen(case, axis, at, sight.points[chosen], 0), 2 * sight.rounding) is None:
         return None
-    mirror = Mirror(axis, at, normal, float(twice.mean() / 2))
+    here, there = _wrapped(case, axis, at, sight.points)
+    x, image = _seen(case, axis, at, sight.points, sight.order)
+    plane = _reflected_in(x, image, sight.rounding)
+    if plane is None:
+        return None
+    mirror = Mirror(axis, at, *plane)
     for key in x.keys() - {(0, 0)}:
         if not sight.alike(image[key], (-1) ** key[axis] * mirror.signs * x[key]):
             return None
@@ -146,6 +158,31 @@ def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
         if not (_edge_loads_agree(case, mirror, sight, t) and _point_loads_agree(case, mirror, sight, t)):
             return None
     return mirror if _supports_agree(case, mirror, sight) else None
+
+
+Derivatives = dict[tuple[int, int], Array]
+
+
+def _wrapped(case: Case, axis: int, at: float, points: Array) -> tuple[Array, Array]:
+    """Return points (n, 2) and their images, within the domain."""
+    domain = case.surface.domain
+    return domain.wrap(points), domain.wrap(Mirror(axis, at, 0).image(points))
+
+
+def _seen(case: Case, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
+    """Return the surface's derivatives at points, and at their images."""
+    here, there = _wrapped(case, axis, at, points)
+    return case.surface.derivatives(here, order), case.surface.derivatives(there, order)
+
+
+def _reflected_in(x: Derivatives, image: Derivatives, rounding: float) -> tuple[int, float] | None:
+    """Return normal and offset of the plane in which positions are reflected into their images; None if in none."""
+    gap = np.abs(image[0, 0] - x[0, 0]).max(axis=0)
+    normal = int(np.argmax(gap))  # images differ along the normal alone
+    twice = image[0, 0][:, normal] + x[0, 0][:, normal]
+    if not max(np.delete(gap, normal).max(), np.ptp(twice)) <= rounding * gap[normal]:
+        return None
+    return normal, float(twice.mean() / 2)
 
 
 def _stiffness_agrees(case: Case, here: Array, there: Array, sight: Sight) -> bool:

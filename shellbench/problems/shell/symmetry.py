@@ -255,7 +255,7 @@ def whole_of(case: Case) -> Part:
 
 def part_of(case: Case) -> Part:
     """Return the smallest part of a case's shell that its planes of symmetry allow; the whole if it has none."""
-    domain, sight = case.surface.domain, Sight.spread(case.surface.domain)
+    domain, sight = case.surface.domain, Sight.spread(case)
     bounds: list[tuple[float, float]] = []
     ends: list[Ends] = []
     for axis in (0, 1):

@@ -139,7 +139,7 @@ def mirrors_of(case: Case) -> Mirrors:
     others = moments or case.focus or case.obstacles or case.dynamics or any(case.kinks)
     found: list[Mirror] = []
     if held and not others and case.linear and not case.modal:
-        sight = Sight.spread(domain)
+        sight = Sight.spread(case)
         for axis, (start, size) in enumerate(zip(domain.lower, domain.size, strict=True)):
             for at in (start, start + size / 4) if domain.periodic[axis] else (start + size / 2,):
                 mirror = mirror_of(case, axis, at, sight)
