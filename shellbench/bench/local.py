@@ -108,15 +108,27 @@ class _Runs:
     def make(self, tasks: Sequence[Task]) -> Iterator[Event]:
         # 1. Start one server for each solver, and wait until all have imported it.
         # 2. Fill the free places with runs.
-        # 3. Hear the servers until a run has ended, and fill its place.
+        # 3. Hear the servers until a run has ended, fill its place, and tell of it.
         # A pool of workers would share processes between runs. Each run here has its own, forked from an idle server.
         # Its memory is its own, its end harms no other, and the import is paid once.
         waiting = deque(tasks)
         self._warm_up(tasks)
         while waiting or self.running:
-            while waiting and len(self.running) < self.how.jobs - self.how.taken():
-                yield from self._start(waiting.popleft())
-            yield from self._wait()
+            yield from self._filled(waiting)
+            heard: list[Event] = []
+            started: list[Event] = []
+            try:
+                for event in self._wait():
+                    heard.append(event)
+                # Whoever keeps what has ended takes a moment for it: the next runs go on meanwhile.
+                started.extend(self._filled(waiting))
+            finally:
+                yield from heard  # nothing that has ended is lost, whatever happened since
+            yield from started
+
+    def _filled(self, waiting: deque[Task]) -> Iterator[Event]:
+        while waiting and len(self.running) < self.how.jobs - self.how.taken():
+            yield from self._start(waiting.popleft())
 
     def stop(self) -> None:
         """End all processes that are not to be kept, and leave nothing of the runs that went on."""
