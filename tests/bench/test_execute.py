@@ -277,6 +277,26 @@ def test_interrupt_stops_all_and_keeps_what_had_ended(store: Store) -> None:
     assert psutil.Process().children(recursive=True) == []
 
 
+def test_what_has_ended_is_kept_where_the_next_can_not_begin(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    tasks = [
+        task
+        for seed in (0, 1)
+        for task in make_plan(Request(("strip",), (), ("toy-noisy",), seeds=(seed,)), store.read()).tasks
+    ]
+    begin = Store.begin
+
+    def full(self: Store, run_id: str) -> Path:
+        if run_id == tasks[1].run_id:
+            raise StoreError("the disk is full")
+        return begin(self, run_id)
+
+    monkeypatch.setattr(Store, "begin", full)
+    with pytest.raises(StoreError, match="disk is full"):
+        execute(tasks, store, Silent(), LocalProcesses(1, 1, timeout=GUARD))
+    assert [record.run_id for record in store.read().records] == [tasks[0].run_id]
+    assert psutil.Process().children(recursive=True) == []
+
+
 def test_what_was_made_ready_and_is_not_needed_is_ended(store: Store) -> None:
     (task,) = make_plan(Request(("strip",), (), ("toy",)), store.read()).tasks
     with contextlib.closing(LocalProcesses(2, 1)) as executor:
