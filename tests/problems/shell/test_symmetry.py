@@ -132,6 +132,12 @@ def test_planes_exclude_the_motions_that_they_must(changes, held):
     assert {motion for motion in motions if part.holds(motion)} == held
 
 
+def test_a_load_on_next_to_nothing_of_the_shell_is_seen():
+    spot = "where(abs(xi1 - 0.3) < 1e-4, 1, 0)*where(abs(xi2 - 0.4) < 1e-4, 1, 0)"
+    loads = [{"kind": "area", "vector": [0, 0, spot]}]
+    assert part_of(plate()).copies > part_of(plate(loads=loads)).copies == 1
+
+
 @pytest.mark.parametrize("name", with_something_new(STATIC))
 def test_the_part_is_a_case_that_carries_its_share(name):
     """Its loads over the area are the whole's in magnitude; its planes, its supports and what is removed hold it."""
