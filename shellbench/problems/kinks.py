@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shellbench.errors import InputError
 from shellbench.problems.expression import Expression
 
-SAMPLES = 1009  # of a coordinate, between which a sign is taken to change once at most
+SAMPLES = 1009  # of a coordinate, between which, and kinks of parts, a sign is taken to change once at most
 GRID = 65  # points a side at which a difference that depends on both coordinates is looked at
 HALVINGS = 60  # of the interval in which a sign changes
 MOST = 32  # lines of one formula across a coordinate
@@ -31,7 +31,7 @@ def kink_lines(formula: Expression, bounds: Bounds) -> tuple[list[float], list[f
         If it changes over along other lines, at some time, or too often.
     """
     lines: tuple[list[float], list[float]] = [], []
-    for switch in formula.switches:
+    for switch in formula.switches[::-1]:  # what stands inside first: |x - a| - w is least at the kink of |.|
         if switch.depends_on("t"):
             raise InputError(f"'{formula.text}' changes over at some t, and formulas may only at coordinate lines")
         axes = [axis for axis, name in enumerate(NAMES) if switch.depends_on(name)]
@@ -44,21 +44,21 @@ def kink_lines(formula: Expression, bounds: Bounds) -> tuple[list[float], list[f
                 )
         elif axes:
             (axis,) = axes
-            lines[axis].extend(_changes(switch, axis, bounds[axis]))
+            lines[axis].extend(_changes(switch, axis, bounds[axis], lines[axis]))
             if len(lines[axis]) > MOST:
                 raise InputError(f"'{formula.text}' changes over at more than {MOST} values of {NAMES[axis]}")
     return lines
 
 
-def _changes(switch: Expression, axis: int, bounds: tuple[float, float]) -> list[float]:
-    """Return where within the bounds the sign of a function of one coordinate changes."""
+def _changes(switch: Expression, axis: int, bounds: tuple[float, float], known: list[float]) -> list[float]:
+    """Return where in the bounds the sign of a function of one coordinate changes; it may turn at `known` places."""
 
     def sign(at: Array) -> Array:
         points = np.zeros((len(at), 2))
         points[:, axis] = at
         return np.sign(switch.derivatives(points, 0)[0, 0])
 
-    at = np.linspace(*bounds, SAMPLES)
+    at = np.union1d(np.linspace(*bounds, SAMPLES), known)
     signs = sign(at)
     (changed,) = np.nonzero(signs[1:] != signs[:-1])
     low, high, before = at[changed], at[changed + 1], signs[changed]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from shellbench.errors import InputError
 from shellbench.problems.expression import FUNCTIONS, MAX_LENGTH, Expression
+from shellbench.problems.kinks import kink_lines
 
 # Coordinates in the interior of every function's domain.
 POINTS = np.array([[0.31, 0.57], [0.62, 0.41], [0.45, 0.73]])
@@ -142,3 +143,11 @@ def test_kinks_are_read_only_where_they_may_be(text):
     with pytest.raises(InputError, match="has kinks: it may stand in loads"):
         Expression(text)
     assert Expression(text, piecewise=True).switches
+
+
+@pytest.mark.parametrize("width", [0.1, 1e-4, 1e-7])
+@pytest.mark.parametrize("text", ["where(abs(xi1 - 0.3) < {w}, 1, 0)", "max(0, min(xi1 - 0.3 + {w}, 0.3 + {w} - xi1))"])
+def test_kinks_of_a_narrow_part_are_found_from_those_of_what_stands_inside(text, width):
+    first, second = kink_lines(Expression(text.format(w=width), piecewise=True), ((0.0, 1.0), (0.0, 1.0)))
+    assert sorted(first) == pytest.approx([0.3 - width, 0.3, 0.3 + width], abs=1e-14)
+    assert second == []
