@@ -317,8 +317,21 @@ def touch_by_superposition(load: float) -> tuple[float, float, float]:
     return force / 2, (load * span - force) / 2, sunk - lifted
 
 
+def _pressed(strip: Span, load: float) -> float:
+    """Return the force of the floor, N/m: that at the line where contact begins, and the load beyond."""
+    return strip.line_force + load * (LENGTH / 2 - strip.length)
+
+
+def _pressed_by_balance(strip: Span, load: float) -> float:
+    """Return the same: all of the load that the hinge does not carry."""
+    return load * LENGTH / 2 - strip.reaction
+
+
 def _stages(
-    touched: Callable[[float], tuple[float, float, float]], of: Callable[..., Span], error: float
+    touched: Callable[[float], tuple[float, float, float]],
+    of: Callable[..., Span],
+    pressed: Callable[[Span, float], float],
+    error: float,
 ) -> dict[str, Estimate]:
     """Known values of half a strip under a tenth of the load, half of it, and all of it."""
     force, hinge, quarter = touched(LOAD / 10)
@@ -328,9 +341,9 @@ def _stages(
         "contact_force_10": WIDTH * force,
         "quarter_deflection_10": quarter,
         "hinge_force_10": WIDTH * hinge,
-        "contact_force_50": WIDTH * (half.line_force + LOAD / 2 * (LENGTH / 2 - half.length)),
+        "contact_force_50": WIDTH * pressed(half, LOAD / 2),
         "contact_point": lies.length,
-        "contact_force": WIDTH * (lies.line_force + LOAD * (LENGTH / 2 - lies.length)),
+        "contact_force": WIDTH * pressed(lies, LOAD),
         "penetration": 0.0,
         "hinge_force": WIDTH * lies.reaction,
         "largest_displacement": lies.deepest,
@@ -341,7 +354,7 @@ def _stages(
 JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span, False), 10 * ROUNDING),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span, True), 10 * ROUNDING),
-    "contact_strip_stages": lambda: _stages(touch, span, 10 * ROUNDING),
+    "contact_strip_stages": lambda: _stages(touch, span, _pressed, 10 * ROUNDING),
     "contact_hill": lambda: _estimates(_on_hill(span), SMALL_SLOPES),
     "contact_plate": lambda: plate_on_floor(HINGED_PLATE),
     "contact_plate_clamped": lambda: plate_on_floor(CLAMPED_PLATE),
@@ -353,7 +366,9 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
 SECOND_FORMS: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_strip_hinged": lambda: _estimates(_on_floor(span_by_collocation, False), 1e4 * COLLOCATED),
     "contact_strip_clamped": lambda: _estimates(_on_floor(span_by_collocation, True), 1e4 * COLLOCATED),
-    "contact_strip_stages": lambda: _stages(touch_by_superposition, span_by_collocation, 1e4 * COLLOCATED),
+    "contact_strip_stages": lambda: _stages(
+        touch_by_superposition, span_by_collocation, _pressed_by_balance, 1e4 * COLLOCATED
+    ),
     "contact_hill": lambda: _estimates(_on_hill(span_by_collocation), SMALL_SLOPES),
     "contact_plate": lambda: plate_on_floor_by_collocation(HINGED_PLATE),
     "contact_plate_clamped": lambda: plate_on_floor_by_collocation(CLAMPED_PLATE),

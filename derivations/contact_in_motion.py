@@ -16,8 +16,8 @@ incline of the angle theta. Both parts of it go with it, so that
 with s0 = rho g / (k sin(theta)) and omega^2 = k sin(theta) (sin(theta) - mu cos(theta)) / rho. The patch is pressed as long as
 omega t < pi / 2.
 
-The second form integrates Newton's law of a point mass piece by piece, each until an event ends it (SciPy's DOP853). Forces of what slides
-or rests are statics in both forms.
+The second form integrates Newton's law of a point mass (SciPy's DOP853): piece by piece, each until an event ends it, and in space on the
+oblique incline. Forces of what slides or rests are statics in both forms.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ ALONG, ACROSS = 0.6 * GRAVITY, 0.8 * GRAVITY  # the incline
 HEIGHT, RISE = 0.3, 2.0  # m, and m/s^2
 SPRINGS, RUBBED = 6.0, 0.3  # N/m^3, and the coefficient of friction of the patch on springs
 STEEP, LEVEL = np.sqrt(13.0) / 7, 6 / 7  # sine and cosine of its incline, normal to (2, 3, 6)
-EXACT, INTEGRATED_TO = 1e-13, 1e-9
+EXACT, INTEGRATED_TO, NOTHING = 1e-13, 1e-9, 1e-12
 
 Array = NDArray[np.float64]
 State = tuple[float, float, float]
-"""Way, m, velocity, m/s, and force of friction uphill or of the floor, N."""
+"""Way, m, velocity, m/s, and force, N: of friction uphill, or of the floor, or the vertical one of the oblique incline."""
 
 
 def slide(t: float) -> State:
@@ -109,13 +109,22 @@ def sprung(t: float) -> State:
 
 
 def sprung_integrated(t: float) -> State:
-    """Return the same of Newton's law in space, with the force that keeps the patch on the incline."""
-    normal = np.array([2.0, 3.0, 6.0]) / 7
+    """Return the same of Newton's law in space."""
+    place, velocity, pressed = sprung_in_space(t)
+    return float(np.linalg.norm(place)), float(np.linalg.norm(velocity)), pressed / LEVEL
+
+
+INCLINE = np.array([2.0, 3.0, 6.0]) / 7
+SIDEWAYS = np.array([3.0, -2.0, 0.0]) / np.sqrt(13)
+
+
+def sprung_in_space(t: float) -> tuple[Array, Array, float]:
+    """Return place and velocity of the patch by Newton's law, with the force that keeps it on the incline."""
 
     def forces(place: Array, velocity: Array) -> tuple[Array, float]:
         given = np.array([0.0, 0.0, -MASS * GRAVITY - AREA * SPRINGS * place[2]])
-        pressed = -float(given @ normal)  # the patch has no acceleration across the incline
-        along = given + pressed * normal
+        pressed = -float(given @ INCLINE)  # the patch has no acceleration across the incline
+        along = given + pressed * INCLINE
         speed = float(np.linalg.norm(velocity))
         way = velocity / speed if speed > 0 else along / np.linalg.norm(along)
         return along - RUBBED * pressed * way, pressed
@@ -124,8 +133,7 @@ def sprung_integrated(t: float) -> State:
         return np.concatenate([y[3:], forces(y[:3], y[3:])[0] / MASS])
 
     end = solve_ivp(moved, (0.0, t), np.zeros(6), **_TIGHT).y[:, -1]
-    pressed = forces(end[:3], end[3:])[1]
-    return float(np.linalg.norm(end[:3])), float(np.linalg.norm(end[3:])), pressed / LEVEL
+    return end[:3], end[3:], forces(end[:3], end[3:])[1]
 
 
 _TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
@@ -174,10 +182,18 @@ def _sprung(at: Callable[[float], State]) -> dict[str, float]:
     }
 
 
+def _sprung_in_space() -> dict[str, float]:
+    place = sprung_in_space(0.35)[0]
+    across = {"sideways_350ms": float(place @ SIDEWAYS), "penetration_350ms": -float(place @ INCLINE)}
+    return _sprung(sprung_integrated) | across
+
+
 def _estimates(values: dict[str, float], error: float) -> dict[str, Estimate]:
     units = {"friction": "N", "normal": "N", "floor": "N", "kinetic": "J"}
     return {
-        name: Estimate(float(v), error * abs(float(v)) if v else 1e-12, units.get(name.split("_")[0], "m"))
+        name: Estimate(
+            float(v), error * abs(float(v)) if abs(v) > NOTHING else NOTHING, units.get(name.split("_")[0], "m")
+        )
         for name, v in values.items()
     }
 
@@ -190,5 +206,5 @@ JUDGES: dict[str, Callable[[], dict[str, Estimate]]] = {
 INTEGRATED: dict[str, Callable[[], dict[str, Estimate]]] = {
     "contact_patch_slides": lambda: _estimates(_slides(slide_integrated), INTEGRATED_TO),
     "contact_patch_falls": lambda: _estimates(_falls(fall_integrated), INTEGRATED_TO),
-    "contact_patch_sprung": lambda: _estimates(_sprung(sprung_integrated), INTEGRATED_TO),
+    "contact_patch_sprung": lambda: _estimates(_sprung_in_space(), INTEGRATED_TO),
 }

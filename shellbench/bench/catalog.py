@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -35,7 +36,9 @@ def shipped_baseline() -> Path:
 
 def case_names() -> list[str]:
     """Names of the suite's own cases."""
-    return sorted(path.stem for path in data_folder("cases").glob("*.toml"))
+    folder = data_folder("cases")
+    names = os.listdir(folder)  # noqa: PTH208 - a tenth of the time, and it is asked of every case
+    return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
 def suite_names() -> list[str]:
@@ -52,8 +55,7 @@ def suites_named_by(name: str) -> tuple[str, ...]:
 def has_case(name: str) -> bool:
     """Whether a name is one of the suite's own cases or a variant of one."""
     base, _, variant = name.partition(VARIANT)
-    named = Path(base).name == base and (data_folder("cases") / f"{base}.toml").is_file()
-    return named and (not variant or variant in find_kind(named_case(base).kind).variants)
+    return base in case_names() and (not variant or variant in find_kind(named_case(base).kind).variants)
 
 
 @cache

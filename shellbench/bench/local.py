@@ -120,14 +120,18 @@ class _Runs:
             try:
                 for event in self._wait():
                     heard.append(event)
-                # Whoever keeps what has ended takes a moment for it: the next runs go on meanwhile.
-                started.extend(self._filled(waiting))
+                # Whoever keeps what has ended takes a moment for it: the next runs go on meanwhile, where none waits.
+                for event in self._filled(waiting, at_once=True):
+                    started.append(event)
             finally:
                 yield from heard  # nothing that has ended is lost, whatever happened since
-            yield from started
+                yield from started
 
-    def _filled(self, waiting: deque[Task]) -> Iterator[Event]:
+    def _filled(self, waiting: deque[Task], at_once: bool = False) -> Iterator[Event]:
+        """Start runs in the free places; `at_once` those alone whose servers stand by."""
         while waiting and len(self.running) < self.how.jobs - self.how.taken():
+            if at_once and waiting[0].identity.solver not in {server.solver for server in self.idle}:
+                return
             yield from self._start(waiting.popleft())
 
     def stop(self) -> None:

@@ -188,7 +188,7 @@ class Expression:
 def derivatives_of(
     formulas: Sequence[Expression], points: ArrayLike, order: int, t: float = 1.0
 ) -> list[dict[tuple[int, int], Array]]:
-    """Return `Expression.derivatives` of formulas with the same constants: functions that they share are made once."""
+    """Return `Expression.derivatives` of formulas with the same constants: calls that they share are made once."""
     xi = np.asarray(points, dtype=float)
     values = {
         "xi1": Taylor.variable(xi[..., 0], axis=0, order=order),
@@ -227,11 +227,12 @@ def _read(
     if len(text) > MAX_LENGTH:
         raise InputError(f"a formula of {len(text)} characters is longer than the {MAX_LENGTH} allowed")
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        source = " ".join(text.split())  # one line
+        tree = ast.parse(source, mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"'{text}' is not a formula") from None
     _check(_Formula(text, variables, constants, piecewise), tree, depth=0)
-    return tree, _evaluation(tree)
+    return tree, _evaluation(tree, source.encode())
 
 
 def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
@@ -285,7 +286,7 @@ def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
             )
 
 
-def _evaluation(node: ast.AST) -> Evaluation:
+def _evaluation(node: ast.AST, source: bytes) -> Evaluation:
     """Return the function that evaluates a checked tree: the tree is walked once, and not at each evaluation."""
     match node:
         case ast.Constant(value=number):
@@ -294,30 +295,39 @@ def _evaluation(node: ast.AST) -> Evaluation:
         case ast.Name(id=name):
             return lambda values, _: values[name]
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = _evaluation(operand)
+            inner = _evaluation(operand, source)
             return lambda values, order: -inner(values, order)
         case ast.UnaryOp(operand=operand):
-            return _evaluation(operand)
+            return _evaluation(operand, source)
         case ast.BinOp(left=left, op=operator, right=right):
-            operation, first, second = _OPERATORS[type(operator)], _evaluation(left), _evaluation(right)
+            operation = _OPERATORS[type(operator)]
+            first, second = _evaluation(left, source), _evaluation(right, source)
             return lambda values, order: operation(first(values, order), second(values, order))
-        case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
-            function, inner, words = FUNCTIONS[name], _evaluation(argument), ast.unparse(node)
+        case ast.Call():
+            words, call = source[node.col_offset : node.end_col_offset].decode(), _call(node, source)
 
             def called(values: dict[str, Taylor], order: int) -> Taylor:
                 # where a coordinate is itself a formula, as in variants, it stands in many places: it is made once
                 if words not in values:
-                    values[words] = function(inner(values, order))
+                    values[words] = call(values, order)
                 return values[words]
 
             return called
+    raise AssertionError("unreachable: the tree was checked")
+
+
+def _call(node: ast.Call, source: bytes) -> Evaluation:
+    match node:
+        case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
+            function, inner = FUNCTIONS[name], _evaluation(argument, source)
+            return lambda values, order: function(inner(values, order))
         case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [comparison], [right]), given, otherwise]):
             compared = _COMPARISONS[type(comparison)]
-            first, second, third, fourth = map(_evaluation, (left, right, given, otherwise))
+            first, second, third, fourth = (_evaluation(part, source) for part in (left, right, given, otherwise))
             return lambda values, order: third(values, order).chosen(
                 fourth(values, order), compared(first(values, order).value, second(values, order).value)
             )
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            chosen, inners = PIECEWISE[name], [_evaluation(argument) for argument in arguments]
+            chosen, inners = PIECEWISE[name], [_evaluation(argument, source) for argument in arguments]
             return lambda values, order: chosen([inner(values, order) for inner in inners])
     raise AssertionError("unreachable: the tree was checked")

@@ -70,15 +70,19 @@ class Sight:
         domain, number = case.surface.domain, np.arange(1, SAMPLES + 1)
         lower, size = np.asarray(domain.lower), np.asarray(domain.size)
         unit = np.stack([number * GOLDEN % 1, number * PLASTIC % 1], axis=-1)
-        first, second = (low + side * unit[:EDGE_SAMPLES, 0] for low, side in zip(lower, size, strict=True))
-        ends = (
-            np.unique([low, *kinks, up]) for low, kinks, up in zip(domain.lower, case.kinks, domain.upper, strict=True)
-        )
+        bounds = zip(domain.lower, case.kinks, domain.upper, strict=True)
+        panels = [(ends[:-1], np.diff(ends)) for ends in (np.unique([low, *kinks, up]) for low, kinks, up in bounds)]
         starts, steps = (
             np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 1, 2)
-            for sides in zip(*((line[:-1], np.diff(line)) for line in ends), strict=True)
+            for sides in zip(*panels, strict=True)
         )
         between = (starts + steps * unit[:PANEL_SAMPLES]).reshape(-1, 2)
+        first, second = (
+            np.concatenate(
+                [low + side * unit[:EDGE_SAMPLES, 0], np.ravel(at[:, None] + step[:, None] * unit[:PANEL_SAMPLES, 0])]
+            )
+            for low, side, (at, step) in zip(lower, size, panels, strict=True)
+        )
         return cls(np.concatenate([lower + unit * size, between]), (first, second))
 
     def alike(self, one: Array, other: Array, scale: float | None = None) -> bool:

@@ -19,7 +19,8 @@ LOOKS = 10  # closer looks; each is (ZOOM - 1) / 2 times finer than the one befo
 def largest(domain: Domain, value: Callable[[Array], Array], starts: Array) -> float:
     """Return the largest value (n,) of a function of points (n, 2), which lie in the domain.
 
-    A peak that is narrower than a hundredth of a side is found beside an edge and beside one of `starts` (m, 2) alone.
+    It climbs from the best point of a grid and of `starts` (m, 2). A peak that is narrower than a hundredth of a side
+    is found only where one of these points is on it, and is the best of all.
     """
     # A regular grid and the starts, then ever closer looks around the best point so far.
     lower, upper = np.asarray(domain.lower), np.asarray(domain.upper)

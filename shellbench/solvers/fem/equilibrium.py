@@ -53,8 +53,8 @@ CAREFUL_REFINEMENTS = 4  # at most, then, as long as each is smaller than half t
 SETTLED = 1e-10  # change of the answer by a refinement that ends them
 ALIGNED = 0.5  # cosine between two such changes that are no rounding
 CONJUGATE_STEPS = 20  # at most, where such refinements do not lead to the answer
-CONJUGATE_PASSES = 2  # the change by the last one is what rounding leaves
-CONJUGATE_SHARE = 1e-3  # of all that they have changed: a step that ends them
+CONJUGATE_SHARE = 1e-3  # of all that they have changed: a step that ends a pass
+CONJUGATE_PASSES = 6  # at most, as long as each changes less than half of the one before: the rest is rounding
 LARGEST_BACKWARD_ERROR = 1e-10  # of a solve: rounding leaves 1e-15, and pivots that were perturbed leave far more
 LARGEST_CORRECTION = 1e-5  # relative change of the answer by the last refinement: what rounding may still hide
 
@@ -72,8 +72,8 @@ class Answer:
     unknowns
         (nodes, 12, n).
     residual
-        Largest |K z - f| over largest |f| after two refinements. On thin shells rounding alone makes it large: forces
-        of the membrane cancel that are (L/h)^2 times the loads.
+        Largest |K z - f| over largest |f| after refinement by K alone. On thin shells rounding alone makes it large:
+        forces of the membrane cancel that are (L/h)^2 times the loads.
     backward_error
         Largest |K z - f| then over the largest |K| times the largest |z| plus the largest |f|: the relative change of
         K and f by which z becomes exact (Rigal & Gaches 1967), but for the number of terms in a row.
@@ -178,12 +178,16 @@ def solve_reduced(
                     break
                 before, last = correction, change
             else:
-                lost = True
+                lost = correction > much
+            before = math.inf
             for _ in range(CONJUGATE_PASSES if lost else 0):
                 left = careful.residual(unknowns)
                 change, settled = _conjugate(careful.product, backward, left)
                 unknowns = unknowns + change
                 correction, noise, lost = _ratio(change, unknowns), _energy(left, change), not settled
+                if lost or correction <= SETTLED or not correction < before / 2:
+                    break
+                before = correction
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -218,8 +222,9 @@ def _conjugate(product: Solve, backward: Solve, left: Array) -> tuple[Array, boo
         direction = near + _quotient(work, before) * direction
         resisted = product(direction)
         length = _quotient(work, np.sum(direction * resisted, axis=(0, 1)))
-        found, left, before = found + length * direction, left - length * resisted, work
-        if _ratio(length * direction, found) <= CONJUGATE_SHARE:
+        step = length * direction
+        found, left, before = found + step, left - length * resisted, work
+        if _quotient(*(np.abs(part).max(axis=(0, 1)) for part in (step, found))).max() <= CONJUGATE_SHARE:
             return found, True
     return found, False
 

@@ -295,8 +295,8 @@ def levels(
         errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities}
         for q in case.quantities:
             if isinstance(q, ContactPoint) and (left := q.length(case) - quantities[q.name]) < cell_along(solution, q):
-                # Contact at the very end of a line is taken by points within the last cell. It is never sure to less
-                # than they are away from the end, on any mesh: no reason to refine.
+                # Contact at the very end of a line is taken by points within the last cell, and is never sure to less
+                # than they are away from the end. That falls with the cell alone: it is no reason to refine.
                 estimates[q.name] = replace(estimates[q.name], uncertainty=max(estimates[q.name].uncertainty, left))
         yield Level(equilibrium, quantities, estimates, errors, difference)
         before = solution

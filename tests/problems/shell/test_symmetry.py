@@ -136,6 +136,9 @@ def test_a_load_on_next_to_nothing_of_the_shell_is_seen():
     spot = "where(abs(xi1 - 0.3) < 1e-4, 1, 0)*where(abs(xi2 - 0.4) < 1e-4, 1, 0)"
     loads = [{"kind": "area", "vector": [0, 0, spot]}]
     assert part_of(plate()).copies > part_of(plate(loads=loads)).copies == 1
+    spot = "where(abs(xi1 - 0.3) < 1e-4, 1, 0)"
+    loads = [{"kind": "edge", "on": ["xi2_max", "xi2_min"], "vector": [0, 0, spot]}]
+    assert part_of(plate(loads=loads)).copies == 2
 
 
 @pytest.mark.parametrize("name", with_something_new(STATIC))
