@@ -126,7 +126,7 @@ KINDS: tuple[tuple[str, str, str, str], ...] = (
     ("fem.eigenpairs", r".*", EQUATION, "a block Lanczos method"),
     (
         "fem.equilibrium",
-        r"solve_reduced|_conjugate|_quotient|_cosine|_ratio|_dissection|_superlu|_pardiso|factorised",
+        r"solve_reduced|_mended|_conjugate|_quotient|_cosine|_ratio|_dissection|_superlu|_pardiso|factorised",
         EQUATION,
         "iterative refinement, and factorisations",
     ),

@@ -164,30 +164,7 @@ def solve_reduced(
         relative = _ratio(left, right)
         lost = False
         if careful and correction > much:
-            before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
-            for _ in range(CAREFUL_REFINEMENTS):
-                left = careful.residual(unknowns)
-                change = backward(left)
-                unknowns = unknowns + change
-                correction, noise = _ratio(change, unknowns), _energy(left, change)
-                if correction <= SETTLED:
-                    break
-                if not correction < before / 2:
-                    # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
-                    lost = not (correction <= LARGEST_CORRECTION and _cosine(change, last) < ALIGNED)
-                    break
-                before, last = correction, change
-            else:
-                lost = correction > much
-            before = math.inf
-            for _ in range(CONJUGATE_PASSES if lost else 0):
-                left = careful.residual(unknowns)
-                change, settled = _conjugate(careful.product, backward, left)
-                unknowns = unknowns + change
-                correction, noise, lost = _ratio(change, unknowns), _energy(left, change), not settled
-                if lost or correction <= SETTLED or not correction < before / 2:
-                    break
-                before = correction
+            unknowns, correction, noise, lost = _mended(careful, backward, unknowns, much)
     except MemoryError:
         raise SolveFailure(f"the factorisation of {right[..., 0].size} unknowns does not fit into memory") from None
     except NotPositiveDefiniteError:
@@ -208,6 +185,37 @@ def solve_reduced(
             " motion with too small a part of its stiffness, for its thickness or for what holds it"
         )
     return answer
+
+
+def _mended(careful: Careful, backward: Solve, unknowns: Array, much: float) -> tuple[Array, float, float, bool]:
+    """Return the answer refined by way of strains, its last correction, the energy of that, and whether it is lost."""
+    before, last = math.inf, np.zeros_like(unknowns)  # the first step mends K: it may exceed the last one by K
+    for _ in range(CAREFUL_REFINEMENTS):
+        left = careful.residual(unknowns)
+        change = backward(left)
+        unknowns = unknowns + change
+        correction, noise = _ratio(change, unknowns), _energy(left, change)
+        if correction <= SETTLED:
+            return unknowns, correction, noise, False
+        if not correction < before / 2:
+            # Rounding goes anywhere. Steps that all go one way approach an answer that K knows nothing of.
+            if correction <= LARGEST_CORRECTION and _cosine(change, last) < ALIGNED:
+                return unknowns, correction, noise, False
+            break
+        before, last = correction, change
+    else:
+        if correction <= much:
+            return unknowns, correction, noise, False
+    before, settled = math.inf, True
+    for _ in range(CONJUGATE_PASSES):
+        left = careful.residual(unknowns)
+        change, settled = _conjugate(careful.product, backward, left)
+        unknowns = unknowns + change
+        correction, noise = _ratio(change, unknowns), _energy(left, change)
+        if not settled or correction <= SETTLED or not correction < before / 2:
+            break
+        before = correction
+    return unknowns, correction, noise, not settled
 
 
 def _conjugate(product: Solve, backward: Solve, left: Array) -> tuple[Array, bool]:
