@@ -256,9 +256,9 @@ def test_accuracy_on_the_obstacle_course(name, seed):
     for quantity in case.quantities:
         if allowed := catalog.tolerance(name, quantity.name, "ndf"):
             known = catalog.known_values(name).judge(quantity.name, case.theory)
-            error = abs(values[quantity.name] - known.value)
-            assert error <= 2 * (solution.uncertainty[quantity.name] + known.uncertainty)
-            assert values[quantity.name] == pytest.approx(known.value, rel=allowed.relative)
+            value, uncertainty = (quantity.factor * said[quantity.name] for said in (values, solution.uncertainty))
+            assert abs(value - known.value) <= 2 * (uncertainty + known.uncertainty)
+            assert value == pytest.approx(known.value, rel=allowed.relative)
 
 
 def test_a_motion_refuses_a_start():
