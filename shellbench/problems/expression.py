@@ -227,12 +227,11 @@ def _read(
     if len(text) > MAX_LENGTH:
         raise InputError(f"a formula of {len(text)} characters is longer than the {MAX_LENGTH} allowed")
     try:
-        source = " ".join(text.split())  # one line
-        tree = ast.parse(source, mode="eval").body
+        tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"'{text}' is not a formula") from None
     _check(_Formula(text, variables, constants, piecewise), tree, depth=0)
-    return tree, _evaluation(tree, source.encode())
+    return tree, _evaluation(tree, tuple(text.strip().encode().splitlines(keepends=True)))
 
 
 def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
@@ -286,7 +285,7 @@ def _check(formula: _Formula, node: ast.AST, depth: int) -> None:
             )
 
 
-def _evaluation(node: ast.AST, source: bytes) -> Evaluation:
+def _evaluation(node: ast.AST, lines: tuple[bytes, ...]) -> Evaluation:
     """Return the function that evaluates a checked tree: the tree is walked once, and not at each evaluation."""
     match node:
         case ast.Constant(value=number):
@@ -295,16 +294,16 @@ def _evaluation(node: ast.AST, source: bytes) -> Evaluation:
         case ast.Name(id=name):
             return lambda values, _: values[name]
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            inner = _evaluation(operand, source)
+            inner = _evaluation(operand, lines)
             return lambda values, order: -inner(values, order)
         case ast.UnaryOp(operand=operand):
-            return _evaluation(operand, source)
+            return _evaluation(operand, lines)
         case ast.BinOp(left=left, op=operator, right=right):
             operation = _OPERATORS[type(operator)]
-            first, second = _evaluation(left, source), _evaluation(right, source)
+            first, second = _evaluation(left, lines), _evaluation(right, lines)
             return lambda values, order: operation(first(values, order), second(values, order))
         case ast.Call():
-            words, call = source[node.col_offset : node.end_col_offset].decode(), _call(node, source)
+            words, call = _words(node, lines), _call(node, lines)
 
             def called(values: dict[str, Taylor], order: int) -> Taylor:
                 # where a coordinate is itself a formula, as in variants, it stands in many places: it is made once
@@ -316,18 +315,26 @@ def _evaluation(node: ast.AST, source: bytes) -> Evaluation:
     raise AssertionError("unreachable: the tree was checked")
 
 
-def _call(node: ast.Call, source: bytes) -> Evaluation:
+def _words(node: ast.expr, lines: tuple[bytes, ...]) -> str:
+    """Return the text of a part; to unparse what stands in a nest would take the square of its depth."""
+    rows = [*lines[node.lineno - 1 : node.end_lineno]]
+    rows[-1] = rows[-1][: node.end_col_offset]
+    rows[0] = rows[0][node.col_offset :]
+    return b"".join(rows).decode()
+
+
+def _call(node: ast.Call, lines: tuple[bytes, ...]) -> Evaluation:
     match node:
         case ast.Call(func=ast.Name(id=name), args=[argument]) if name in FUNCTIONS:
-            function, inner = FUNCTIONS[name], _evaluation(argument, source)
+            function, inner = FUNCTIONS[name], _evaluation(argument, lines)
             return lambda values, order: function(inner(values, order))
         case ast.Call(func=ast.Name(id="where"), args=[ast.Compare(left, [comparison], [right]), given, otherwise]):
             compared = _COMPARISONS[type(comparison)]
-            first, second, third, fourth = (_evaluation(part, source) for part in (left, right, given, otherwise))
+            first, second, third, fourth = (_evaluation(part, lines) for part in (left, right, given, otherwise))
             return lambda values, order: third(values, order).chosen(
                 fourth(values, order), compared(first(values, order).value, second(values, order).value)
             )
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            chosen, inners = PIECEWISE[name], [_evaluation(argument, source) for argument in arguments]
+            chosen, inners = PIECEWISE[name], [_evaluation(argument, lines) for argument in arguments]
             return lambda values, order: chosen([inner(values, order) for inner in inners])
     raise AssertionError("unreachable: the tree was checked")

@@ -151,3 +151,11 @@ def test_kinks_of_a_narrow_part_are_found_from_those_of_what_stands_inside(text,
     first, second = kink_lines(Expression(text.format(w=width), piecewise=True), ((0.0, 1.0), (0.0, 1.0)))
     assert sorted(first) == pytest.approx([0.3 - width, 0.3, 0.3 + width], abs=1e-14)
     assert second == []
+
+
+def test_a_formula_of_many_lines_is_what_it_says():
+    text = "(sin(xi1) # once\n + sin(xi1) +\n cos(xi2 *\n xi1) - cos(xi2 *\n  xi1))"
+    assert Expression(text).derivatives(np.array([0.3, 0.7]), order=0)[0, 0] == pytest.approx(2 * math.sin(0.3))
+    for broken in ("1 # one\n + 2", "1\n + 2"):
+        with pytest.raises(InputError, match="is not a formula"):
+            Expression(broken)

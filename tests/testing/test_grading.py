@@ -22,6 +22,7 @@ from shellbench.testing.grading import ExamOptions, Graded, Later, begun
 from tests.bench.conftest import full, made_once, own_case, plugin, store, toys  # noqa: F401 - fixtures
 from tests.bench.test_classes import strangers  # noqa: F401 - a fixture
 from tests.bench.test_gate import scaled
+from tests.patience import GUARD
 
 
 def held(store: Store, solver: str = "toy-noisy", **more: object) -> Graded:  # noqa: F811
@@ -107,11 +108,10 @@ def test_who_leaves_before_the_grade_stops_the_exam(toys: Path, store: Store) ->
 def test_with_two_jobs_the_exam_goes_on_before_somebody_looks(toys: Path, store: Store) -> None:  # noqa: F811
     out = Console(file=io.StringIO())
     with begun("toy", (), ("toys",), ExamOptions(("toys",), store.folder, jobs=2), 60.0) as grade:
-        for _ in range(600):
-            if store.read().records:
-                break
+        last = time.monotonic() + GUARD
+        while not store.read().records:  # by the job that the checks leave
+            assert time.monotonic() < last
             time.sleep(0.1)
-        assert store.read().records  # by the job that the checks leave
         found = grade(out)
     assert found.sitting is not None
     assert found.held is not None
