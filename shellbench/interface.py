@@ -38,7 +38,7 @@ from shellbench.bench.row import Row
 from shellbench.bench.store import Store
 from shellbench.errors import InputError
 from shellbench.model import one_sentence
-from shellbench.problem import Problem, Solution
+from shellbench.problem import Problem, Solution, answerable, why_declined
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -144,9 +144,9 @@ def solve(case: str | Path | Problem, solver: str = "fem", **settings: Any) -> S
         chosen = found.settings_type.model_validate(settings)
     except ValidationError as error:
         raise InputError(f"settings of '{solver}': {one_sentence(error, settings)}") from None
-    if (why := found.declines(asked)) is not None:
+    if (why := why_declined(found, asked)) is not None:
         raise InputError(f"{solver} can't take {asked.name}: {why}")
-    return found.solve(asked, chosen)
+    return found.solve(answerable(found, asked)[0], chosen)
 
 
 @dataclass(frozen=True)

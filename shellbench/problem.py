@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, Self, get_args
@@ -222,6 +222,14 @@ class Problem(Model):
         text = json.dumps(self.physics(), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def without(self, names: Collection[str]) -> Self:
+        """Return the same question without some of its quantities, of which none is the headline."""
+        data = self.data()
+        for part, key in (("quantities", "name"), ("known", "quantity")):
+            if part in data:
+                data[part] = [one for one in data[part] if one[key] not in names]
+        return type(self).model_validate(data)
+
     def asked_as_well(self) -> Self | None:
         """Return the same question with data that say as much; None if its data leave no choice.
 
@@ -409,7 +417,12 @@ class Solver(Protocol):
     settings_type: ClassVar[type[Settings]]
 
     def declines(self, case: Any) -> str | None:
-        """Return why the solver can't take this problem, as one clause, or None if it can."""
+        """Return why the solver can't take this problem, as one clause, or None if it can.
+
+        A solver that takes the problem but can't give one of its quantities has the optional method
+        ``declines_quantity(case, quantity) -> str | None``, which returns why not. The quantity is recorded as
+        declined, and all others are asked; see `answerable`.
+        """
         ...
 
     def solve(
@@ -457,6 +470,25 @@ class Variant:
 
     words: str
     make: Callable[[Any], dict[str, Any]]
+
+
+def declined_quantities(solver: object, case: Problem) -> dict[str, str]:
+    """Return why a solver can't give each quantity of a case that it declines, by name; empty if it gives all."""
+    ask = getattr(solver, "declines_quantity", None)
+    if ask is None:
+        return {}
+    return {q.name: why for q in case.quantities if (why := ask(case, q)) is not None}
+
+
+def why_declined(solver: Solver, case: Problem) -> str | None:
+    """Return why a solver can't take a case, as one clause: the case itself, or its headline; None if it can."""
+    return solver.declines(case) or declined_quantities(solver, case).get(case.primary.name)
+
+
+def answerable(solver: Solver, case: Problem) -> tuple[Problem, dict[str, str]]:
+    """Return a case without the quantities that a solver declines, and why it declines each, by name."""
+    declined = declined_quantities(solver, case)
+    return (case.without(declined) if declined else case), declined
 
 
 @dataclass(frozen=True)

@@ -260,6 +260,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
     record = run.record
     measured = record.values.get(quantity.name)
     gap = record.diagnostics.get("energy_gap")
+    declined = record.declined.get(quantity.name)
     row = Row(
         **_about_quantity(run.case, quantity) | _about_run(record, run.case, run.declared_by),
         value=measured.value if measured else None,
@@ -268,8 +269,8 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         extrapolated=measured.extrapolated if measured else None,
         converged=record.converged(quantity.name),
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
-        status=record.status,
-        reason=record.reason,
+        status="declined" if declined else record.status,
+        reason=f"the solver declines the quantity: {declined}" if declined else record.reason,
         remark="; ".join(one.words for one in record.self_intersection if one.words),
         seconds=record.seconds,
         peak_memory_bytes=record.peak_memory_bytes,

@@ -127,4 +127,5 @@ def _line(outcome: Outcome) -> str:
     measured = record.values.get(primary.name)
     answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
     reason = f": {escape(record.reason)}" if record.reason else ""
-    return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{reason}"
+    declined = "".join(f"; declines {name}: {escape(why)}" for name, why in record.declined.items())
+    return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{reason}{declined}"

@@ -27,7 +27,7 @@ from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
 from shellbench.errors import InputError
-from shellbench.problem import Problem, SeededSettings, Solver
+from shellbench.problem import Problem, SeededSettings, Solver, why_declined
 
 DEFAULT_SUITE = "obstacle_course"
 FIRST_SEED = 0
@@ -222,7 +222,7 @@ def declines(solver: Solver, case: Problem) -> str | None:
     """Return why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
-    return solver.declines(case)
+    return why_declined(solver, case)
 
 
 def _check_start(start: Earlier | None, solvers: Mapping[str, Solver]) -> None:

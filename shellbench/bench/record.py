@@ -158,6 +158,8 @@ class Record(Model):
         solver's reason.
     values
         By name of quantity; empty for a failed run that left nothing.
+    declined
+        By name of quantity that the solver can't give of this case: why not, as a clause.
     energies
         Of each kept state of a non-linear case, in the order of its marks; a failed run may lack the last ones.
     series
@@ -196,6 +198,7 @@ class Record(Model):
     parameters: Count | None = None
     storage_bytes: Count | None = None
     values: dict[str, Measured] = Field(default_factory=dict)
+    declined: dict[str, Annotated[str, Field(max_length=LONGEST_REASON)]] = Field(default_factory=dict)
     diagnostics: Plain = Field(default_factory=dict)
     history: tuple[HistoryStep, ...] = ()
     resolution: tuple[ResolutionStep, ...] = ()

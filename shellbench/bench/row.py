@@ -56,8 +56,9 @@ class Row(Model):
     passed
         None where nothing is gated, and for an expected failure (`open_finding` says which).
     status
-        Of the run; ``missing`` and ``declined`` only where rows were asked for that have no record. An answer that is
-        ``not settled`` has its value and uncertainty, and has not passed.
+        Of the run; ``missing`` only where rows were asked for that have no record, ``declined`` there and where the
+        solver declines the quantity. An answer that is ``not settled`` has its value and uncertainty, and has not
+        passed.
     seconds, peak_memory_bytes, parameters, storage_bytes
         Cost of the run: wall time of the solve, largest resident memory, free parameters or degrees of
         freedom, bytes that keep the solution.

@@ -27,12 +27,12 @@ from pydantic import ValidationError
 from shellbench.account import MOST, HistoryStep, finite
 from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import find_kind, kind_name, problem_of
-from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, document, readable
+from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, document, readable, shortened
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
-from shellbench.problem import Problem, Progress, Settings, Solution, Solver
+from shellbench.problem import Problem, Progress, Settings, Solution, Solver, answerable
 
 FIELDS = "fields.npz"
 SOLUTION = "solution"
@@ -236,11 +236,13 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
     start = time.perf_counter()
     solution: Solution | None = None
     reason: str | None = None
+    declined: dict[str, str] = {}
     try:
         solver = load_solver(SolverEntry(task.identity.solver, task.target, "", ""))
         settings = solver.settings_type.model_validate(with_checkpoints(task, solver, folder))
         start = time.perf_counter()
         earlier = {} if task.start is None else {"start": Path(task.start)}
+        case, declined = answerable(solver, case)
         solution = solver.solve(case, settings, progress=tell, **earlier)
     except SolveFailure as failure:
         reason, solution = str(failure), failure.partial
@@ -258,6 +260,7 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)
     result: dict[str, Any] = {
         "seconds": seconds,
+        "declined": {name: shortened(why) for name, why in declined.items()},
         "idle_memory_bytes": idle,
         "peak_memory_bytes": peak_memory(idle),
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from shellbench.errors import InputError
-from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution
+from shellbench.problem import Capabilities, Progress, ProgressCallback, Settings, Solution, declined_quantities
 
 
 def silent(progress: Progress) -> None:
@@ -31,6 +31,14 @@ class CheckedSolver(ABC):
     @abstractmethod
     def declines(self, case: Any) -> str | None:
         """Return why it can't take a problem, as one clause, or None if it can."""
+
+    def declines_quantity(self, case: Any, quantity: Any) -> str | None:
+        """Return why it can't give a quantity of a problem that it takes, as one clause, or None if it can."""
+        return None
+
+    def refusal(self, case: Any) -> str | None:
+        """Return why it can't give all that a problem asks, as one clause, or None if it can."""
+        return self.declines(case) or next(iter(declined_quantities(self, case).values()), None)
 
     def declines_with(self, case: Any, settings: Any) -> str | None:
         """Return why it can't take a problem with settings; what `declines` says unless settings matter."""
@@ -56,8 +64,10 @@ class CheckedSolver(ABC):
         chosen = settings if isinstance(settings, kind) else kind.model_validate(settings or {})
         if start is not None and not self.uses_start:
             raise InputError(f"{self.name} can't go on from an earlier solution: it solves every case from rest")
-        if refusal := self.declines_with(case, chosen):
-            raise InputError(f"{self.name} can't take {case.name}: {refusal}")
+        if reason := self.declines_with(case, chosen):
+            raise InputError(f"{self.name} can't take {case.name}: {reason}")
+        for name, reason in declined_quantities(self, case).items():
+            raise InputError(f"{self.name} can't give {name} of {case.name}: {reason}")
         return self.answer_from(start, case, chosen, progress or silent)
 
     @abstractmethod

@@ -21,7 +21,17 @@ from shellbench.bench.kinds import find_kind, kind_targets, problem_of
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
-from shellbench.problem import Capabilities, Device, Progress, SeededSettings, Settings, Solution, Solver
+from shellbench.problem import (
+    Capabilities,
+    Device,
+    Progress,
+    SeededSettings,
+    Settings,
+    Solution,
+    Solver,
+    answerable,
+    why_declined,
+)
 
 DEVICES: tuple[str, ...] = get_args(Device)
 METHODS = {"shell": ("displacement", "velocity", "evaluate", "energies", "reaction"), "rope": ("state",)}
@@ -146,7 +156,7 @@ class Child:
             case = problem_of(data)
             start = _worked()
             try:
-                kind, answer = "ok", self.solver.declines(case)
+                kind, answer = "ok", why_declined(self.solver, case)
                 if not isinstance(answer, str | None):
                     kind, answer = "raised", f"returned {type(answer).__name__}, not a text or None"
             except Exception as error:
@@ -171,7 +181,7 @@ class Child:
                 words.append((progress.step, progress.total, progress.message))
 
         settings = self.solver.settings_type.model_validate(dict(given))
-        case = problem_of(data)
+        case, _ = answerable(self.solver, problem_of(data))
         start = time.perf_counter()
         self.solutions[key] = self.solver.solve(case, settings, progress=tell)
         return {**facts(self.solutions[key], case.kind), "progress": words, "took": time.perf_counter() - start}

@@ -52,6 +52,16 @@ def test_all_good_records_are_green(full: Store) -> None:
     assert verdict.good()
 
 
+def test_a_gated_quantity_that_is_declined_is_red(full: Store) -> None:
+    for record in full.read().records:
+        values = {name: m for name, m in record.values.items() if name != "centre"}
+        changed(full, record, values=values, declined={"centre": "it knows no centre"})
+    verdict = gate(full, None, Scope())
+    found = {f.row.quantity: (f.colour, f.row.status, f.row.reason) for f in verdict.accuracy}
+    assert found["centre"] == ("red", "declined", "the solver declines the quantity: it knows no centre")
+    assert found["membrane"][0] == "green"
+
+
 TOYS = Scope(suites=("toys",))
 
 

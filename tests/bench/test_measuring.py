@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from shellbench.account import HistoryStep, ResolutionStep
+from shellbench.bench import worker
 from shellbench.bench.environment import environment
 from shellbench.bench.record import LARGEST_RECORD, LONGEST_REASON, Identity, Record, read_document
 from shellbench.bench.store import Store
@@ -104,6 +105,17 @@ def test_a_broken_path_keeps_what_it_reached_and_says_why(tmp_path: Path) -> Non
     with np.load(tmp_path / str(record.fields_file)) as fields:
         assert list(fields["marks"]) == [0.25, 0.5]
     assert (tmp_path / str(record.solution_file)).is_file()
+
+
+def test_a_quantity_that_is_declined_is_named_with_its_reason_and_costs_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "same_source", lambda task: True)
+    record = run(task_of(spring.loaded_case(), "tests.bench.spring:DecliningSolver"), tmp_path, lambda progress: None)
+    assert (record.status, record.reason) == ("ok", None)
+    assert record.declined == dict.fromkeys(("bending", "energy"), "springs have one energy")
+    assert {name: m.value for name, m in record.values.items()} == {"half": 0.25, "full": 1.0}
+    assert Record.model_validate_json(record.model_dump_json()) == record
 
 
 def test_a_path_that_broke_behind_its_first_limit_point_keeps_it(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ class EditingSolver(FreshSolver):
         if not isinstance(case, EditingCase):
             return "it solves problems of kind 'editing' only"
         solver = self.shells()
-        return solver.declines(case.original) or solver.declines(case.edited) or self.goes_on(case)
+        return solver.refusal(case.original) or solver.refusal(case.edited) or self.goes_on(case)
 
     def goes_on(self, case: EditingCase) -> str | None:
         """Return why it has no use for an earlier solution of a case's shell, or None if it has."""

@@ -375,6 +375,12 @@ class ShellSolver(CheckedSolver):
             return f"it does not solve the theory {case.theory}"
         return why_not_plain(case, self.takes)
 
+    def declines_quantity(self, case: Case, quantity: Any) -> str | None:
+        """Return why the solver can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        if isinstance(quantity, ResultantQuantity) and "resultants" not in self.takes:
+            return "this solver states no stress resultants"
+        return None
+
     def answer_from(
         self, start: Solution | Path | None, case: Case, settings: Any, progress: ProgressCallback
     ) -> Solution:
@@ -423,8 +429,6 @@ def _beyond_plain(case: Case) -> Iterator[tuple[Beyond, str]]:
         yield "contact", "it touches obstacles, which this solver does not take"
     if case.modal:
         yield "modes", "it asks for modes, and this solver finds none"
-    if any(isinstance(q, ResultantQuantity) for q in case.quantities):
-        yield "resultants", "it asks for stress resultants, and this solver states none"
 
 
 def why_not_by_load(case: Case, removed: Iterable[str]) -> str | None:

@@ -42,7 +42,7 @@ class FemRepeatedSolver(ConditionedSolver):
 
     def refuses(self, case: ConditionedCase) -> str | None:
         """Return why `fem` can't take the shell."""
-        return FemSolver().declines(case.shell_of(case.middle))
+        return FemSolver().refusal(case.shell_of(case.middle))
 
     def answer(self, case: ConditionedCase, settings: RepeatedSettings, progress: ProgressCallback) -> RepeatedSolution:
         """Solve for each held-out material; InputError and SolveFailure are those of `fem`."""

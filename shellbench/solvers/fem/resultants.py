@@ -41,20 +41,19 @@ AT_ONCE = 64  # points whose patches are sampled together
 HALF = np.array([1.0, 1.0, 0.5])  # H counts the component 12 twice, for itself and for 21
 
 
-def why_infinite(case: Case) -> str | None:
-    """Return why a resultant that a case asks for has no value, as one clause, or None if all have one."""
-    for quantity in case.quantities:
-        corner = quantity.corner_of(case) if isinstance(quantity, ResultantQuantity) else None
-        if corner is None:
-            continue
-        name, (first, second) = corner
-        exponent = corner_exponents(case).get((SIDES[first], SIDES[second]))
-        if exponent is not None:
-            return (
-                f"forces or moments grow without bound toward the corner '{name}', as r^{exponent - 1:.2g} with the"
-                f" distance r, and quantity '{quantity.name}' asks for one there"
-            )
-    return None
+def why_infinite(case: Case, quantity: ResultantQuantity) -> str | None:
+    """Return why a resultant that a case asks for has no value, as one clause, or None if it has one."""
+    corner = quantity.corner_of(case)
+    if corner is None:
+        return None
+    name, (first, second) = corner
+    exponent = corner_exponents(case).get((SIDES[first], SIDES[second]))
+    if exponent is None:
+        return None
+    return (
+        f"forces or moments grow without bound toward the corner '{name}', as r^{exponent - 1:.2g} with the distance r,"
+        f" and quantity '{quantity.name}' asks for one there"
+    )
 
 
 def resultants(solution: FemSolution, name: str, points: Array, at: float | None) -> Array:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 from pydantic import Field, PositiveInt
 
 from shellbench.errors import InputError
-from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
+from shellbench.problem import Capabilities, ProgressCallback, Quantity, Settings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
 from shellbench.problems.shell.places import Edge
+from shellbench.problems.shell.quantities import ResultantQuantity
 from shellbench.problems.shell.solution import Beyond, ShellSolver
 
 if TYPE_CHECKING:
@@ -94,12 +95,18 @@ class FemSolver(ShellSolver):
 
             return motion.declined(case)
         if case.linear:
-            from shellbench.solvers.fem.resultants import why_infinite
-
-            return why_infinite(case)
+            return None
         from shellbench.solvers.fem import large_displacement
 
         return large_displacement.declined(case)
+
+    def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
+        """Return why a quantity of a case that it takes has no value, or None."""
+        if not (case.linear and isinstance(quantity, ResultantQuantity)):
+            return None
+        from shellbench.solvers.fem.resultants import why_infinite
+
+        return why_infinite(case, quantity)
 
     def declines_with(self, case: Case, settings: FemSettings) -> str | None:
         """Return why the solver can't take this case with these settings, or None."""

@@ -63,10 +63,14 @@ class VertexMeshSolver(FieldSolver):
     settings_type: ClassVar[type[MeshSettings]] = MeshSettings
 
     def refuses(self, case: FieldCase) -> str | None:
-        """Return why it can't take a case: a network is asked for, or derivatives."""
+        """Return why it can't take a case: a network is asked for."""
         if case.network is not None:
             return f"the case asks for the network '{case.network}'"
-        if any(q.kind == "value" and sum(q.orders) for q in case.quantities):
+        return None
+
+    def declines_quantity(self, case: FieldCase, quantity: Any) -> str | None:
+        """Return why it can't give a quantity: derivatives are asked for."""
+        if quantity.kind == "value" and sum(quantity.orders):
             return "a mesh of flat triangles has no derivatives at points"
         return None
 

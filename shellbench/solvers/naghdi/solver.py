@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 
 from pydantic import Field
 
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
+from shellbench.problem import Capabilities, ProgressCallback, Quantity, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import AreaLoad, GravityLoad, PressureLoad
 from shellbench.problems.shell.places import Edge
@@ -75,6 +75,12 @@ class NaghdiSolver(ShellSolver):
         """Return why the solver can't take this case, as one clause, or None if it can."""
         return super().declines(case) or _beyond(case)
 
+    def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
+        """Return why the network can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        if isinstance(quantity, SupportQuantity):
+            return "this solver computes no reactions"
+        return super().declines_quantity(case, quantity)
+
     def answer(
         self, case: Case, settings: NaghdiSettings, start: Solution | Path | None, progress: ProgressCallback
     ) -> NaghdiSolution:
@@ -110,6 +116,4 @@ def _beyond(case: Case) -> str | None:
         return "its supports move, and this network holds them at rest"
     if any(name.startswith("rotation") for name in case.remove_rigid_motions):
         return "it removes rotations, and this solver removes translations only"
-    if any(isinstance(quantity, SupportQuantity) for quantity in case.quantities):
-        return "it asks for reactions, which this solver does not compute"
     return None

@@ -10,7 +10,8 @@ from pydantic import Field
 from shellbench.model import Finite
 from shellbench.problem import Capabilities, ProgressCallback, Settings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond, ShellSolver
+from shellbench.problems.shell.solution import Beyond
+from shellbench.solvers.ndf.given import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.bspline_solution import SplineSolution
@@ -33,7 +34,7 @@ class SplineSettings(Settings):
     )
 
 
-class SplineSolver(ShellSolver):
+class SplineSolver(FieldSolver):
     """Cubic B-splines with solved coefficients; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "bspline-ritz"

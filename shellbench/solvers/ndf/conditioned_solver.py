@@ -55,7 +55,7 @@ class ConditionedFieldSolver(ConditionedSolver):
             return "its modulus or thickness varies, or it rests on springs: its energy is not two stiffnesses alone"
         if any(support.motion is not None for support in shell.supports):
             return "a support is moved: the field answers for loads alone"
-        return RitzSolver().declines(shell)
+        return RitzSolver().refusal(shell)
 
     def answer(
         self, case: ConditionedCase, settings: ConditionedSettings, progress: ProgressCallback

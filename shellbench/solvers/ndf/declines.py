@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from shellbench.problem import Quantity
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad, Rotation, Value
 from shellbench.problems.shell.quantities import ReactionQuantity, ResultantQuantity, TorqueQuantity
@@ -34,13 +35,6 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
         return reason
     if case.linear and not case.modal and len(case.states) > 1 and not is_path(case):
         return "it answers a linear case at its last state alone"
-    for quantity in case.quantities:
-        if isinstance(quantity, ReactionQuantity | TorqueQuantity):
-            asked = next(s for s in case.supports if s.name == quantity.support)
-            if reason := Virtual.from_support(case, asked).why_not_told(case, quantity):
-                return reason
-        if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):
-            return f"its powers about corners have no second derivatives at the corner '{corner[0]}'"
     if spec is not None and spec.supports == "soft":
         return why_not_soft(case)
     probe = _probe(case, spec or FieldSpec())
@@ -53,6 +47,16 @@ def why_declined(case: Case, spec: FieldSpec | None = None) -> str | None:
             return f"its boundary factors can't hold the slope on '{support.edge.name}' of this surface"
         if support.free and not by_rows and _slides(case, support):
             return f"it holds the slope on '{support.edge.name}', which slides, by features that take no shear there"
+    return None
+
+
+def why_not_given(case: Case, quantity: Quantity) -> str | None:
+    """Return why a field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+    if isinstance(quantity, ReactionQuantity | TorqueQuantity):
+        support = next(s for s in case.supports if s.name == quantity.support)
+        return Virtual.from_support(case, support).why_not_told(quantity)
+    if isinstance(quantity, ResultantQuantity) and (corner := quantity.corner_of(case)) and held_corners(case):
+        return f"its powers about corners have no second derivatives at the corner '{corner[0]}'"
     return None
 
 

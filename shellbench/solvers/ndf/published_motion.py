@@ -47,8 +47,6 @@ from shellbench.problems.shell.quantities import (
     CentreOfMass,
     DisplacementQuantity,
     PositionQuantity,
-    ReactionQuantity,
-    TorqueQuantity,
 )
 from shellbench.solvers.ndf.checkpoint import Checkpoint
 from shellbench.solvers.ndf.choices import StrainName
@@ -240,9 +238,6 @@ BATCH_TIMES = 4  # of them that are evaluated at once
 
 def why_no_motion(case: Case) -> str | None:
     """Return why the published functions can't hold or load a case in motion, as one clause; None if they can."""
-    for quantity in case.quantities:
-        if isinstance(quantity, ReactionQuantity | TorqueQuantity) and len(case.supports) > 1:
-            return f"it can't tell the reaction of support '{quantity.support}' from that of others"
     return Ansatz.from_case(case, "both").supports.why_not_held() or why_not_sampled(case)
 
 

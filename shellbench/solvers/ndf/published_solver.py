@@ -10,10 +10,11 @@ from typing import ClassVar, Literal
 from pydantic import Field as PydanticField
 
 from shellbench.model import Positive
-from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
+from shellbench.problem import Capabilities, ProgressCallback, Quantity, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import ShellSolver
+from shellbench.problems.shell.quantities import SupportQuantity
 from shellbench.solvers.ndf.choices import Components, PeriodicInput, Pins, StrainName
+from shellbench.solvers.ndf.given import FieldSolver
 
 NOT_OF_THE_TRAINING = {"device", "checkpoint", "checkpoint_every"}
 OF_FIXED_LENGTH = "cosine"  # a schedule whose steps depend on the iterations asked for
@@ -90,7 +91,7 @@ def own_checkpoint(case: Case, settings: PublishedSettings) -> Path | None:
     return Path(settings.checkpoint) / f"{case.name}-{training_key(case, settings)[:16]}.safetensors"
 
 
-class PublishedSolver(ShellSolver):
+class PublishedSolver(FieldSolver):
     """The paper's training; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf-published"
@@ -107,6 +108,12 @@ class PublishedSolver(ShellSolver):
         from shellbench.solvers.ndf import published
 
         return published.why_not(case)
+
+    def declines_quantity(self, case: Case, quantity: Quantity) -> str | None:
+        """Return why the field can't give a quantity of a case that it takes, as one clause, or None if it can."""
+        if case.dynamics is not None and isinstance(quantity, SupportQuantity) and len(case.supports) > 1:
+            return f"it can't tell the reaction of support '{quantity.support}' from that of others"
+        return super().declines_quantity(case, quantity)
 
     def load(self, path: Path) -> Solution:
         """Read a solution of this recipe; InputError in one sentence if it is none."""

@@ -176,14 +176,14 @@ class Virtual:
                 elif holder is not None or turns:
                     others.add(s.edge)
             if own and _meet(own | others | mirrors) and (others or mirrors):
-                told[c] = not others
+                told[c] = not (others and _meet(own | others))
                 turning = False
             else:
                 others |= mirrors
             edges.append((own, others))
         return cls((edges[0], edges[1], edges[2]), (told[0], told[1], told[2]), turning and all(told))
 
-    def why_not_told(self, case: Case, quantity: ReactionQuantity | TorqueQuantity) -> str | None:
+    def why_not_told(self, quantity: ReactionQuantity | TorqueQuantity) -> str | None:
         """Return why a quantity can't be told, as one clause, or None if it can."""
         if isinstance(quantity, ReactionQuantity):
             known = all(told or not part for told, part in zip(self.told, quantity.direction, strict=True))
@@ -192,8 +192,8 @@ class Virtual:
         if known:
             return None
         return (
-            f"case '{case.name}': the reaction of support '{quantity.support}' can't be told from that of another"
-            " support which it meets at a corner"
+            f"the reaction of support '{quantity.support}' can't be told from that of another support which it meets at"
+            " a corner"
         )
 
 

@@ -10,7 +10,7 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond, ShellSolver, why_not_plain
+from shellbench.problems.shell.solution import Beyond, why_not_plain
 from shellbench.solvers.ndf.choices import (
     LARGEST_GAP,
     LAYER,
@@ -20,6 +20,7 @@ from shellbench.solvers.ndf.choices import (
     StrainName,
     Supports,
 )
+from shellbench.solvers.ndf.given import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution
@@ -67,7 +68,7 @@ class RitzSettings(SeededSettings):
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
-class RitzSolver(ShellSolver):
+class RitzSolver(FieldSolver):
     """Random features with a solved output layer; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf-ritz"

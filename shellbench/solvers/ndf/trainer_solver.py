@@ -10,8 +10,9 @@ from pydantic import Field as PydanticField
 from shellbench.model import Positive
 from shellbench.problem import Capabilities, ProgressCallback, SeededSettings, Solution
 from shellbench.problems.shell.case import Case
-from shellbench.problems.shell.solution import Beyond, ShellSolver, why_not_plain
+from shellbench.problems.shell.solution import Beyond, why_not_plain
 from shellbench.solvers.ndf.choices import LARGEST_GAP, Components, PeriodicInput, StrainName
+from shellbench.solvers.ndf.given import FieldSolver
 
 if TYPE_CHECKING:
     from shellbench.solvers.ndf.motion_solution import MotionSolution
@@ -60,7 +61,7 @@ class TrainerSettings(SeededSettings):
     strain: StrainName | None = PydanticField(None, description="strain measure; exact in the non-linear theory")
 
 
-class NdfSolver(ShellSolver):
+class NdfSolver(FieldSolver):
     """The trainer; see `shellbench.problem.Solver`."""
 
     name: ClassVar[str] = "ndf"

@@ -127,9 +127,11 @@ class PbdSolver(RopeSolver):
         """Return why it can't take a problem, as one clause, or None if it can."""
         if not isinstance(case, RopeCase) or not case.moving:
             return "it solves ropes and loose masses in motion only"
-        if case.states[0] == 0:
-            return "it knows a link's pull after a step only, and figures at the start are asked for"
         return None
+
+    def declines_quantity(self, case: Any, quantity: Any) -> str | None:
+        """Return why it can't give a quantity, as one clause, or None if it can."""
+        return "it knows a link's pull after a step only, and the start is asked for" if quantity.at == 0 else None
 
     def answer(self, case: RopeCase, settings: Any, progress: ProgressCallback) -> RopeMotion:
         """Follow the motion with three steps in time."""

@@ -151,14 +151,6 @@ def test_a_rigid_motion_of_all_supports_is_lifted_as_a_rigid_motion():
             "can't move 'xi1_min'|can't move 'xi2_min'",  # contradiction along a whole edge: motions differ at the corner
             shell("plane", supports=[support("a", "xi1_min", motion=SHIFT), support("b", "xi2_min")]),
         ),
-        (
-            "meets at a corner",
-            shell(
-                "plane",
-                supports=[support("a", "xi1_min"), support("b", "xi2_min")],
-                quantities=[{"name": "r", "kind": "reaction", "support": "a", "direction": [1, 0, 0], "primary": True}],
-            ),
-        ),
     ],
 )
 def test_what_the_factors_cannot_hold_is_declined(reason, case):

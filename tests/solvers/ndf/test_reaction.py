@@ -7,12 +7,15 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from shellbench.errors import InputError
+from shellbench.problem import answerable, declined_quantities
 from shellbench.solvers.ndf.build import FieldSpec, build_ansatz, build_features, build_inputs
 from shellbench.solvers.ndf.energy import mirrored
 from shellbench.solvers.ndf.field import random_features
 from shellbench.solvers.ndf.jets import Placement, from_derivatives
 from shellbench.solvers.ndf.quadrature import RuleSpec
 from shellbench.solvers.ndf.reaction import edge_moments
+from shellbench.solvers.ndf.ritz_solver import RitzSettings, RitzSolver
 from tests.solvers.ndf.shells import shell, support
 
 PLACEMENT = Placement()
@@ -168,3 +171,42 @@ def test_angles_are_carried_over_to_a_finer_rule():
     turn = Rotation.from_rotvec(7.0 * AXIS)
     found = fine.angles(turned_gradients(fine, turn), near)
     torch.testing.assert_close(found, torch.full_like(found, 7.0), rtol=1e-11, atol=0)
+
+
+@pytest.mark.parametrize(("along", "across", "normal"), [("xi1", "xi2", "y"), ("xi2", "xi1", "x")])
+def test_mirrors_that_meet_a_support_leave_its_force_determinate(along, across, normal):
+    # a strip on two supports, mirrors on its sides: each support bears half of the load, whatever the plate does
+    tangent = {"x": "y", "y": "x"}[normal]
+    case = shell(
+        supports=[
+            support("near", f"{along}_min", components=[tangent, "z"]),
+            support("far", f"{along}_max", components=["z"]),
+            support("mirrors", f"{across}_min", f"{across}_max", symmetry=normal),
+        ],
+        loads=[{"kind": "area", "vector": [0, 0, -3.0]}],
+        quantities=[
+            {"name": "largest", "kind": "largest_displacement", "primary": True},
+            {"name": "force", "kind": "reaction", "support": "near", "direction": [0, 0, 1]},
+        ],
+    )
+    assert declined_quantities(RitzSolver(), case) == {}
+    answer = RitzSolver().solve(case, RitzSettings(neurons=60))
+    assert case.quantity("force").measure(answer) == pytest.approx(3.0 * 4 / 2, rel=1e-5)
+
+
+def test_a_force_that_two_supports_share_at_a_corner_is_declined_and_costs_no_other_quantity():
+    case = shell(
+        supports=[support("left", "xi1_min"), support("rest", "xi1_max", "xi2_min", "xi2_max", components=["z"])],
+        loads=[{"kind": "area", "vector": [0, 0, -3.0]}],
+        quantities=[
+            {"name": "largest", "kind": "largest_displacement", "primary": True},
+            {"name": "force", "kind": "reaction", "support": "left", "direction": [0, 0, 1]},
+        ],
+    )
+    solver = RitzSolver()
+    assert solver.declines(case) is None
+    taken, declined = answerable(solver, case)
+    assert [quantity.name for quantity in taken.quantities] == ["largest"]
+    assert "meets at a corner" in declined["force"]
+    with pytest.raises(InputError, match="force of test: the reaction of support 'left'"):
+        solver.solve(case, RitzSettings(neurons=20))

@@ -5,6 +5,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.errors import SolveFailure
+from shellbench.problem import why_declined
 from shellbench.problems.rope.case import RopeCase
 from shellbench.solvers.pbd.solver import PbdSolver, XpbdSolver, put_right
 
@@ -132,7 +133,7 @@ def test_a_chain_is_laid_over_a_ball():
     [("hanging_chain", "in motion only"), ("rope_static", "after a step only"), ("square_plate", "in motion only")],
 )  # fmt: skip
 def test_it_declines(name, words):
-    assert words in PbdSolver().declines(catalog.named_case(name))
+    assert words in why_declined(PbdSolver(), catalog.named_case(name))
 
 
 def test_a_motion_that_diverges_keeps_what_came_before():
