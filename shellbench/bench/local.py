@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import selectors
 import signal
+import stat
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -14,8 +15,8 @@ from typing import Any
 
 from shellbench.bench.execute import Ended, Event, Progressed, Started
 from shellbench.bench.process import ServerProcess, is_overdue
-from shellbench.bench.record import Record, read_document
-from shellbench.bench.store import Store, StoreError
+from shellbench.bench.record import LARGEST_RECORD, Record, read_document
+from shellbench.bench.store import Store, StoreError, said_plainly
 from shellbench.bench.task import Task
 from shellbench.bench.worker import DISK_FULL, RECORD, REFUSED
 from shellbench.errors import InputError
@@ -91,6 +92,7 @@ class _Running:
     server: ServerProcess
     began: float
     timed_out: bool = False
+    garbled: bool = False
 
 
 @dataclass
@@ -217,6 +219,9 @@ class _Runs:
                 yield Progressed(run.task, Progress(event["step"], event["total"], event["message"]))
             case "ended":
                 yield from self._end(run, event["status"])
+            case "garbled":
+                run.garbled = True
+                yield from self._end(run, None)
             case "died":
                 yield from self._end(run, None)
 
@@ -236,23 +241,52 @@ class _Runs:
         yield self._left(run, status)
 
     def _left(self, run: _Running, status: int | None) -> Ended:
-        with contextlib.suppress(OSError):
-            return Ended(run.task, run.folder, refused=(run.folder / REFUSED).read_text(encoding="utf-8"))
         # A whole record counts even if its process died after. Else the manner of death makes the record.
-        record = _left_record(run.folder)
+        broken = _what_it_broke(run)
+        if broken is None and (refused := _written(run.folder / REFUSED)) is not None:
+            return Ended(run.task, run.folder, refused=" ".join(refused.decode(errors="replace").split()))
+        record = None if broken else _left_record(run)
         if record is None:
             seconds = time.monotonic() - run.began
             kind = "timeout" if run.timed_out else "failed"
-            reason = f"stopped after {self.how.timeout:g} s" if run.timed_out else _cause_of_death(run, status)
+            reason = f"stopped after {self.how.timeout:g} s" if run.timed_out else broken or _cause_of_death(run, status)
             record = run.task.record(status=kind, reason=reason, seconds=seconds)
         return Ended(run.task, run.folder, record)
 
 
-def _left_record(folder: Path) -> Record | None:
+def _what_it_broke(run: _Running) -> str | None:
+    """Return what a run did to what it was lent, in a clause; its folder is there again, with nothing in it."""
+    folder = run.folder
+    if folder.is_dir() and not folder.is_symlink():
+        with contextlib.suppress(OSError):
+            folder.chmod(0o700)
+        return "the run wrote to the stream by which its server speaks to shellbench" if run.garbled else None
+    with contextlib.suppress(OSError):
+        folder.unlink()
+    with said_plainly(folder.parent):
+        folder.mkdir(parents=True)
+    return "the run removed the folder in which it worked"
+
+
+def _written(path: Path) -> bytes | None:
+    """Return what a run wrote into a file; None if it is no regular file of a size that can be."""
     try:
-        return read_document((folder / RECORD).read_bytes())
-    except (OSError, InputError):
+        found = path.lstat()
+        return path.read_bytes() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST_RECORD else None
+    except OSError:
         return None
+
+
+def _left_record(run: _Running) -> Record | None:
+    """Return the record that a run has left; None if there is none, or it says that it is of another run."""
+    written, task = _written(run.folder / RECORD), run.task
+    try:
+        record = None if written is None else read_document(written)
+    except InputError:
+        return None
+    if record is None or (record.run_id, record.identity, record.case) != (task.run_id, task.identity, task.case):
+        return None
+    return record if (record.case_name, record.own_case) == (task.case_name, task.own_case) else None
 
 
 def _cause_of_death(run: _Running, status: int | None) -> str:

@@ -23,6 +23,9 @@ COMPUTES = 0.05  # share of one processor from which a process counts as computi
 # What the C library (glibc; others ignore it) keeps of memory that is freed, bytes: arrays come and go, and a tenth of
 # a large solve would pass in having the same pages cleared again. The most memory that is in use stays what it is.
 KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
+PATIENCE = 15.0  # seconds in which a keeper ends its program, before it is killed itself
+MOST_KEPT = 65536  # bytes of what a process wrote, in which its last line is looked for
+LONGEST_EVENT = 65536  # bytes
 MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
 
 
@@ -52,10 +55,14 @@ def is_overdue(limit: float, waited: float, had: float) -> bool:
 
 @dataclass
 class SolverProcess:
-    """A program of ours in a Python of its own, which an interrupt from the terminal does not reach."""
+    """A program of ours in a Python of its own, which an interrupt from the terminal does not reach.
+
+    Its process is that of the program's keeper (`shellbench.bench.keeper`), which lives no longer than `lifeline`.
+    """
 
     process: subprocess.Popen[bytes]
     errors: IO[bytes]
+    lifeline: int
 
     @classmethod
     def start(cls, module: str, *arguments: str, threads: int, **streams: Any) -> SolverProcess:
@@ -64,21 +71,31 @@ class SolverProcess:
         waiting = {"OMP_WAIT_POLICY": "passive"}  # threads that spin would slow the runs beside them
         path = os.pathsep.join(p or os.curdir for p in sys.path)
         errors = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
-        process = subprocess.Popen(
-            [sys.executable, "-m", module, *arguments],
-            stdout=streams.pop("stdout", errors),
-            stderr=errors,
-            env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
-            start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
-            **streams,
-        )
-        return cls(process, errors)
+        held, lifeline = os.pipe()
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "shellbench.bench.keeper", str(held), module, *arguments],
+                stdout=streams.pop("stdout", errors),
+                stderr=errors,
+                env={**KEPT_MEMORY, **os.environ, **limits, **waiting, "PYTHONPATH": path},
+                start_new_session=True,  # an interrupt from the terminal is for us; we end it ourselves
+                pass_fds=(held, *streams.pop("pass_fds", ())),
+                **streams,
+            )
+        finally:
+            os.close(held)
+        return cls(process, errors, lifeline)
 
     def end(self) -> None:
         """Kill it and all that it has started."""
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
+        if self.lifeline >= 0:
+            os.close(self.lifeline)
+            self.lifeline = -1
+        try:
+            self.process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:  # somebody has stopped the keeper
+            self.process.kill()
+            self.process.wait()
         for stream in (self.process.stdin, self.process.stdout, self.errors):
             if stream is not None:
                 with contextlib.suppress(OSError):
@@ -87,10 +104,31 @@ class SolverProcess:
     def last_words(self) -> str:
         """Return the last line that it wrote to standard error."""
         with contextlib.suppress(OSError, ValueError):
-            self.errors.seek(0)
+            self.errors.seek(max(0, self.errors.seek(0, os.SEEK_END) - MOST_KEPT))
             lines = self.errors.read().decode(errors="replace").strip().splitlines()
             return lines[-1].strip() if lines else ""
         return ""
+
+
+GARBLED = {"event": "garbled"}
+
+
+def event_of(line: bytes) -> dict[str, Any]:
+    """Return an event of a server (see `shellbench.bench.server`), or `GARBLED`."""
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError):
+        return GARBLED
+    match event:
+        case (
+            {"event": "ready"}
+            | {"event": "started", "pid": int()}
+            | {"event": "progress", "step": int(), "total": int() | None, "message": str()}
+            | {"event": "ended", "status": int()}
+        ):
+            found: dict[str, Any] = event
+            return found
+    return GARBLED
 
 
 @dataclass
@@ -147,13 +185,21 @@ class ServerProcess:
         return True
 
     def hear(self) -> list[dict[str, Any]]:
-        """Return the events that have come in; one ``{"event": "died"}`` if the server is no more."""
+        """Return the events that have come in; one ``{"event": "died"}`` if the server is no more.
+
+        The run that goes on has the stream, too. Where it wrote anything else to it, the last event is "garbled": after
+        that nothing that the server says can be told from what the run does.
+        """
         try:
             chunk = os.read(self.fileno(), READ)
         except BlockingIOError:
             return []
         *lines, self._unread = (self._unread + chunk).split(b"\n")
-        events: list[dict[str, Any]] = [json.loads(line) for line in lines]
+        events = [event_of(line) for line in lines]
+        if len(self._unread) > LONGEST_EVENT:
+            events.append(GARBLED)
+        if GARBLED in events:
+            return events[: events.index(GARBLED) + 1]
         for event in events:
             if event["event"] == "started":
                 self.run_pid = event["pid"]

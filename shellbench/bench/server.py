@@ -30,6 +30,7 @@ from typing import Any, NoReturn
 
 from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
+from shellbench.bench.keeper import adopt, descendants, end_descendants
 from shellbench.bench.kinds import DEFAULT, find_kind, module_of
 from shellbench.bench.source import import_closure, remember, source_digest
 from shellbench.bench.store import LOG
@@ -49,6 +50,7 @@ def main(target: str, seen: int) -> None:
         remember(file.read())
     events = os.dup(1)
     os.dup2(2, 1)  # whatever an import prints is no event
+    adopt()  # what a run leaves behind
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
     module = target.partition(":")[0]
     with contextlib.suppress(Exception):  # the run will say what is wrong with it
@@ -80,6 +82,7 @@ def say(events: int, **event: Any) -> None:
 
 def serve(folder: Path, events: int) -> None:
     """Fork a process for one run, and wait for its end or for that of standard input."""
+    spared = descendants()  # what an import has started
     alive, held = os.pipe()
     serving, ours = os.pipe()
     pid = os.fork()
@@ -100,7 +103,8 @@ def serve(folder: Path, events: int) -> None:
         ended, status = os.waitpid(pid, 0 if ready else os.WNOHANG)
     os.close(alive)
     os.close(ours)
-    kill(pid)  # whatever the run left behind
+    kill(pid)  # whatever the run left behind, in its session
+    end_descendants(spared)  # or in others
     say(events, event="ended", status=os.waitstatus_to_exitcode(status))
 
 

@@ -118,8 +118,8 @@ def misbehave(behaviour: Behaviour, case: Case) -> None:
             file.write_text(file.read_text(encoding="utf-8") + "\nEDITED = True\n", encoding="utf-8")
         case "allocate":
             np.ones(25_000_000)
-        case "kill_worker":  # of a cluster: the parent of the server that has forked this process
-            os.kill(psutil.Process(os.getppid()).ppid(), signal.SIGKILL)
+        case "kill_worker":  # of a cluster: the parent of the keeper of the server that has forked this process
+            os.kill(psutil.Process(os.getppid()).parent().ppid(), signal.SIGKILL)
         case "disk_full":
             raise OSError(28, "No space left on device")
 

@@ -1,0 +1,116 @@
+"""The parent of a program that runs code of others: it ends with the program, and no process of it outlives either.
+
+It forks. The child becomes the program, in a session of its own, so that what the program does to its process group
+or to its parent does not reach shellbench. The parent keeps it: processes that the program's own processes leave
+behind become the keeper's (on Linux, as a subreaper), whatever sessions they have opened. The keeper kills them all
+as soon as the program has ended, or nobody holds the other end of its lifeline any more, and ends as the program did.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import runpy
+import select
+import signal
+import sys
+import time
+
+SUBREAPER, DEATH_SIGNAL = 36, 1  # of prctl
+PATIENCE = 10.0  # seconds in which all processes of a tree can be killed, however fast they fork
+PAUSE = 0.005  # seconds between two looks at what is left
+LOOK = 1.0  # seconds between two looks at a program that may have ended without a word
+DEAF_TO = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGALRM, signal.SIGPIPE)
+
+
+def control(option: int, value: int) -> None:
+    """Call Linux's prctl; do nothing on other systems."""
+    if sys.platform == "linux":
+        import ctypes
+
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(option, value, 0, 0, 0)
+
+
+def adopt() -> None:
+    """Have orphans among the descendants of this process become its children."""
+    control(SUBREAPER, 1)
+
+
+def descendants() -> set[int]:
+    """Return the ids of the processes below this one; quickly, where there are none."""
+    try:
+        os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+    except ChildProcessError:
+        return set()
+    import psutil
+
+    return {process.pid for process in psutil.Process().children(recursive=True)}
+
+
+def end_descendants(spared: frozenset[int] | set[int] = frozenset()) -> None:
+    """Kill all processes below this one but for `spared`, until there are none."""
+    began = time.monotonic()
+    while (left := descendants() - spared) and time.monotonic() - began < PATIENCE:
+        for number in (signal.SIGSTOP, signal.SIGKILL):  # what is stopped forks no more
+            for pid in left:
+                with contextlib.suppress(OSError):
+                    os.kill(pid, number)
+        for pid in left:
+            with contextlib.suppress(OSError):  # not our own child, yet
+                os.waitpid(pid, os.WNOHANG)
+        time.sleep(PAUSE)
+
+
+def main() -> None:
+    """Run a module, the third argument and on, as a program that is kept; the second is the lifeline's descriptor."""
+    lifeline = int(sys.argv[1])
+    adopt()
+    program = os.fork()
+    if program:
+        keep(program, lifeline)
+    os.close(lifeline)
+    os.setsid()
+    control(DEATH_SIGNAL, signal.SIGKILL)  # if the keeper is killed
+    sys.argv = sys.argv[2:]
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+
+
+def keep(program: int, lifeline: int) -> None:
+    """Wait until a program has ended or the lifeline is cut, kill what is left, and end as the program did."""
+    woken, wake = os.pipe()
+    os.set_blocking(wake, False)
+    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    for number in DEAF_TO:
+        signal.signal(number, signal.SIG_IGN)
+    kept = sorted({lifeline, woken, wake})
+    for first, last in zip([-1, *kept], [*kept, os.sysconf("SC_OPEN_MAX")], strict=True):
+        os.closerange(first + 1, last)  # the streams are the program's: who reads them hears when it has closed them
+    status = None
+    while True:
+        with contextlib.suppress(ChildProcessError):
+            while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+                status = ended[1] if ended[0] == program else status
+        if status is not None:
+            break
+        ready, _, _ = select.select([lifeline, woken], [], [], LOOK)
+        if lifeline in ready:
+            break
+        if woken in ready:
+            os.read(woken, 4096)
+    end_descendants()
+    if status is not None and os.WIFSIGNALED(status):
+        with contextlib.suppress(ImportError, OSError, ValueError):
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        number = os.WTERMSIG(status)
+        with contextlib.suppress(OSError, ValueError):
+            signal.signal(number, signal.SIG_DFL)
+        os.kill(os.getpid(), number)
+    os._exit(1 if status is None else os.waitstatus_to_exitcode(status) & 255)
+
+
+if __name__ == "__main__":
+    main()
