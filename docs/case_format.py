@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shellbench.bench.listing import attributes
+from shellbench.bench.facts import attributes
 from shellbench.model import Model
 from shellbench.problem import Problem
 from shellbench.problems import obstacle

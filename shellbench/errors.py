@@ -17,6 +17,10 @@ class InputError(ShellbenchError, ValueError):
     exit_code = 2
 
 
+class PluginError(ShellbenchError):
+    """Code of somebody else ended, hung or talked nonsense where it was loaded or asked."""
+
+
 class SolveFailure(ShellbenchError):
     """A solve that ended without a trustworthy answer.
 

@@ -11,9 +11,10 @@ from shellbench.bench import catalog
 from shellbench.bench.compare import gated_quantities
 from shellbench.bench.kinds import find_kind
 from shellbench.bench.listing import list_solver, list_suite, run_words
+from shellbench.bench.outside import asked, described
 from shellbench.bench.plan import declines
 from shellbench.bench.reference import KnownValue, Tolerance, claimed
-from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
+from shellbench.bench.registry import SolverEntry, solver_entries
 from shellbench.errors import InputError
 from shellbench.nearest import nearest
 from shellbench.problem import VARIANT, Problem, Quantity
@@ -137,6 +138,8 @@ def about_suite(name: str) -> Data:
 
 def about_solver(entry: SolverEntry) -> Data:
     """Return all about a solver: settings, what it declines of the suite's cases, and how closely it must answer."""
+    if not entry.own:
+        described(entry)  # a plug-in that does not answer is bad input here
     data = {"what": "solver", **list_solver(entry)}
     runs = [name for name in catalog.suite_names() if entry.name in {r.solver for r in catalog.find_suite(name).runs}]
     data |= {
@@ -155,13 +158,13 @@ def _dumped(held: Mapping[str, Mapping[str, Tolerance]]) -> Data:
 
 def _declined(entry: SolverEntry) -> dict[str, str]:
     """Return why a solver declines cases, by case."""
-    solver = load_solver(entry)
+    solver = asked(entry)
     found = {}
     for name in catalog.case_names():
         try:
             reason = declines(solver, catalog.named_case(name))
-        except Exception as error:  # a plug-in can raise anything
-            reason = f"it raised {type(error).__name__} when it was asked: {' '.join(str(error).split())}"
+        except InputError as error:
+            reason = str(error)
         if reason is not None:
             found[name] = reason
     return found

@@ -13,8 +13,9 @@ from shellbench.bench import catalog
 from shellbench.bench.classes import judged_by_class, judged_quantities
 from shellbench.bench.compare import gated_quantities, row_of, without_record
 from shellbench.bench.current import CurrentRun, CurrentRuns
+from shellbench.bench.outside import asked
 from shellbench.bench.plan import FIRST_SEED, declines
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.registry import find_solver
 from shellbench.bench.row import Row
 from shellbench.errors import InputError
 from shellbench.problem import Problem
@@ -136,7 +137,7 @@ def _suites_that_compare() -> list[str]:
 def _lack(current: CurrentRuns, case: Problem, solver: str, seed: int) -> Lack:
     """Say why there is no record that counts; only now is the solver imported, to hear whether it declines."""
     try:
-        reason = declines(load_solver(find_solver(solver)), case)
+        reason = declines(asked(find_solver(solver)), case)
     except InputError as error:
         return "missing", f"no record: {error}"
     if reason is not None:

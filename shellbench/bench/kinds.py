@@ -9,13 +9,13 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, lru_cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from shellbench.bench.record import Record
+from shellbench.bench.registry import SolverEntry, registered
 from shellbench.errors import InputError
 from shellbench.model import read_toml
 from shellbench.portrait import Portrait
@@ -26,31 +26,52 @@ DEFAULT = "shell"
 
 
 @cache  # as `find_kind`: what is installed is looked for once
-def kind_targets() -> dict[str, str]:
-    """Return where the kinds are, ``module:attribute``, by name."""
-    return {point.name: point.value for point in sorted(entry_points(group=GROUP))}
+def kind_entries() -> dict[str, SolverEntry]:
+    """Return where the kinds are, by name."""
+    return registered(GROUP, "kind of problem")
+
+
+def load_here() -> None:
+    """Have this process load kinds of other packages: one that runs their solvers, and judges nothing."""
+    _LOADED_HERE.append(True)
+
+
+_LOADED_HERE: list[bool] = []
 
 
 @cache
 def find_kind(name: str) -> Kind:
-    """Return a kind of problem; InputError, naming the known ones, if there is none, or it can't be imported."""
-    targets = kind_targets()
-    if name not in targets:
-        raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, targets))}")
-    module, _, attribute = targets[name].partition(":")
+    """Return a kind of problem; a stand-in (`shellbench.bench.foreign`) for one of another package.
+
+    Raises
+    ------
+    InputError
+        If there is none, or it can't be imported.
+    """
+    entries = kind_entries()
+    if name not in entries:
+        raise InputError(f"field 'kind': found {name!r}, but it must be {' or '.join(map(repr, entries))}")
+    if not entries[name].own and not _LOADED_HERE:
+        # By a name that is put together: what stands in for a kind measures nothing, and is no part of its digest.
+        stand_in: Kind = import_module(f"{__package__}.foreign").kind(entries[name])
+        return stand_in
+    module, _, attribute = entries[name].target.partition(":")
     try:
         kind = getattr(import_module(module), attribute)
     except Exception as error:  # a plug-in's import can raise anything
         raise InputError(f"problems of kind '{name}' can't be used: {' '.join(str(error).split())}") from error
     if not isinstance(kind, Kind):
-        raise InputError(f"problems of kind '{name}' can't be used: {targets[name]} is no Kind")
+        raise InputError(f"problems of kind '{name}' can't be used: {entries[name].target} is no Kind")
     return kind
 
 
 def kinds_of_theories(theories: Iterable[str]) -> tuple[str, ...]:
     """Return the names of the kinds whose problems can ask for one of these theories; the default's if none can."""
-    asked = set(theories)
-    return tuple(name for name in kind_targets() if asked & set(find_kind(name).theories)) or (DEFAULT,)
+    asked, entries = set(theories), kind_entries()
+    ours = {theory for name, entry in entries.items() if entry.own for theory in find_kind(name).theories}
+    # a kind of another package is looked into only for theories that none of ours has
+    looked_into = [name for name, entry in entries.items() if entry.own or asked - ours]
+    return tuple(name for name in looked_into if asked & set(find_kind(name).theories)) or (DEFAULT,)
 
 
 def headline_of(name: str, unit: str) -> str:
@@ -74,7 +95,8 @@ def kind_of(data: Mapping[str, Any]) -> Kind:
 
 def module_of(kind: str) -> str:
     """Return the module of a kind: what it imports decides what a record keeps of a solution."""
-    return kind_targets().get(kind, "").partition(":")[0]
+    entry = kind_entries().get(kind)
+    return entry.module if entry else ""
 
 
 def read_problem(path: Path) -> Problem:

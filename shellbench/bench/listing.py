@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
 import json
-import re
 from io import StringIO
 from typing import Any
 
@@ -13,10 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from shellbench.bench import catalog
-from shellbench.bench.registry import SolverEntry, load_solver, solver_entries
-from shellbench.engine import ENGINE
-from shellbench.errors import InputError
-from shellbench.problem import SeededSettings, Settings
+from shellbench.bench.outside import described
+from shellbench.bench.registry import SolverEntry, solver_entries
+from shellbench.errors import InputError, ShellbenchError
 
 WIDTH = 110  # characters
 
@@ -77,50 +74,10 @@ def list_solver(entry: SolverEntry) -> dict[str, Any]:
     """Return what is listed of a solver as JSON data; why, if it can't be imported."""
     origin = {"name": entry.name, "package": entry.distribution, "version": entry.version}
     try:
-        solver = load_solver(entry)
-    except InputError as error:
+        facts = described(entry)
+    except ShellbenchError as error:
         return origin | {"available": False, "reason": str(error)}
-    return origin | {
-        "available": True,
-        "reason": None,
-        "label": solver.capabilities.label,
-        "engine": _engine(solver.settings_type),
-        "theories": list(solver.capabilities.theories),
-        "devices": list(solver.capabilities.devices),
-        "seeded": issubclass(solver.settings_type, SeededSettings),
-        "settings": _settings(solver.settings_type),
-    }
-
-
-def _engine(settings: type[Settings]) -> str | None:
-    """Return name and version of the engine that a solver stands on, the default of its setting; None if on none."""
-    field = settings.model_fields.get(ENGINE)
-    found = field.get_default(call_default_factory=True, validated_data={}) if field else None
-    return found if isinstance(found, str) else None
-
-
-def _settings(settings: type[Settings]) -> list[dict[str, Any]]:
-    properties: dict[str, Any] = settings.model_json_schema().get("properties", {})
-    return [
-        {
-            "name": name,
-            "default": _engine(settings) if name == ENGINE else schema.get("default"),
-            "description": schema.get("description") or attributes(settings).get(name, ""),
-        }
-        for name, schema in properties.items()
-        if name not in {"seed", "device"}
-    ]
-
-
-def attributes(cls: type) -> dict[str, str]:
-    """Return by field what the section "Attributes" of a class and of those above it says; its own words win."""
-    found: dict[str, str] = {}
-    for one in reversed(cls.__mro__):
-        text = inspect.cleandoc(one.__dict__.get("__doc__") or "")
-        section = re.search(r"^Attributes\n-+\n(.*?)(?=^\w+\n-+\n|\Z)", text, re.MULTILINE | re.DOTALL)
-        for names, words in re.findall(r"^(\S.*)\n((?:(?: +.*)?\n?)+)", section[1] if section else "", re.MULTILINE):
-            found |= dict.fromkeys(names.split(", "), " ".join(words.split()))
-    return found
+    return origin | {"available": True, "reason": None} | facts
 
 
 def as_json() -> str:

@@ -249,7 +249,9 @@ class _Runs:
         if record is None:
             seconds = time.monotonic() - run.began
             kind = "timeout" if run.timed_out else "failed"
-            reason = f"stopped after {self.how.timeout:g} s" if run.timed_out else broken or _cause_of_death(run, status)
+            reason = (
+                f"stopped after {self.how.timeout:g} s" if run.timed_out else broken or _cause_of_death(run, status)
+            )
             record = run.task.record(status=kind, reason=reason, seconds=seconds)
         return Ended(run.task, run.folder, record)
 

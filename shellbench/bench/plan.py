@@ -20,9 +20,10 @@ from shellbench.bench import catalog
 from shellbench.bench.current import newest, run_key
 from shellbench.bench.earlier import START, Earlier
 from shellbench.bench.environment import engine_distribution, environment
-from shellbench.bench.identity import dump_settings, make_identity, make_settings
+from shellbench.bench.identity import dump_settings, make_identity
+from shellbench.bench.outside import AskedSolver, asked, settings_of
 from shellbench.bench.record import ANSWERED, NOT_SETTLED, Environment, Record
-from shellbench.bench.registry import SolverEntry, find_solver, load_solver
+from shellbench.bench.registry import SolverEntry, find_solver
 from shellbench.bench.store import Contents
 from shellbench.bench.suite import SuiteRun
 from shellbench.bench.task import Task, case_data, new_run_id
@@ -177,7 +178,9 @@ def make_plan(
     Raises
     ------
     InputError
-        If a name is unknown, a setting does not fit, a solver can't be imported, or a device is not offered.
+        If a name is unknown, a setting does not fit, a solver of ours can't be imported, or a device is not offered.
+    PluginError
+        If a solver of another package does not answer what it is asked.
     """
     wanted = list(wanted_runs(request))
     names = dict.fromkeys(run.solver for _, run in wanted)
@@ -186,7 +189,7 @@ def make_plan(
         find_solver(name)
         if name not in names:
             raise InputError(f"--set {name}.{next(iter(request.settings[name]))}: solver '{name}' is not to be run")
-    solvers = {name: load_solver(entry) for name, entry in entries.items()}
+    solvers = {name: asked(entry) for name, entry in entries.items()}
     _check_start(request.start, solvers)
     notes = _check_device(request, solvers)
     answered = {} if force else {key: r for key, r in newest(contents).items() if r.status in ANSWERED}
@@ -218,14 +221,14 @@ def make_plan(
     )
 
 
-def declines(solver: Solver, case: Problem) -> str | None:
+def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
     """Return why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
     return why_declined(solver, case)
 
 
-def _check_start(start: Earlier | None, solvers: Mapping[str, Solver]) -> None:
+def _check_start(start: Earlier | None, solvers: Mapping[str, Solver | AskedSolver]) -> None:
     if start is None:
         return
     for name, solver in solvers.items():
@@ -235,7 +238,7 @@ def _check_start(start: Earlier | None, solvers: Mapping[str, Solver]) -> None:
             raise InputError(f"--start: solver '{name}' can't go on from an earlier solution")
 
 
-def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str, ...]:
+def _check_device(request: Request, solvers: Mapping[str, Solver | AskedSolver]) -> tuple[str, ...]:
     without = [name for name, solver in solvers.items() if request.device not in solver.capabilities.devices]
     if without and (set(without) == set(solvers) or set(without) & set(request.solvers)):
         offered = ", ".join(solvers[without[0]].capabilities.devices)
@@ -246,7 +249,7 @@ def _check_device(request: Request, solvers: Mapping[str, Solver]) -> tuple[str,
 def _task(
     case: Problem,
     entry: SolverEntry,
-    solver: Solver,
+    solver: Solver | AskedSolver,
     run: SuiteRun,
     request: Request,
     seed: int,
@@ -255,10 +258,10 @@ def _task(
 ) -> Task:
     device = request.device if request.device in solver.capabilities.devices else "cpu"
     overrides = {**run.settings, **request.settings.get(run.solver, {})}
-    settings = make_settings(solver, overrides, seed, device)
+    settings = settings_of(solver, overrides, seed, device)
     defaults: dict[str, Any] = {}
     with contextlib.suppress(InputError):  # a plug-in may have settings without a default
-        defaults = dump_settings(make_settings(solver, {}, seed, device))
+        defaults = dump_settings(settings_of(solver, {}, seed, device))
     identity = make_identity(case, entry, settings)
     if request.start is not None:
         identity = identity.model_copy(update={"settings": {**identity.settings, START: request.start.run_id}})

@@ -18,6 +18,7 @@ from shellbench.nearest import did_you_mean
 from shellbench.problem import Solver
 
 GROUP = "shellbench.solvers"
+OWN = "shellbench"  # our package and our distribution
 PARTS = ("name", "capabilities", "settings_type", "declines", "solve", "load")
 
 
@@ -48,7 +49,7 @@ class SolverEntry:
     @property
     def own(self) -> bool:
         """Whether it is one of ours, and no plug-in."""
-        return self.module.partition(".")[0] == "shellbench"
+        return self.module.partition(".")[0] == OWN and self.distribution in ("", OWN)
 
 
 def solver_entries() -> dict[str, SolverEntry]:
@@ -59,16 +60,21 @@ def solver_entries() -> dict[str, SolverEntry]:
     InputError
         If two packages register different solvers under one name.
     """
+    return registered(GROUP, "solver")
+
+
+def registered(group: str, what: str) -> dict[str, SolverEntry]:
+    """Return all that is registered in a group of entry points, by name; InputError as `solver_entries`."""
     entries: dict[str, SolverEntry] = {}
     named: dict[Distribution | None, tuple[str, str]] = {}  # each question reads the package's metadata anew
-    for point in entry_points(group=GROUP):
+    for point in entry_points(group=group):
         if point.dist not in named:
-            named[point.dist] = (point.dist.name, point.dist.version) if point.dist else ("", "")
+            named[point.dist] = (str(point.dist.name), str(point.dist.version)) if point.dist else ("", "")
         entry = SolverEntry(point.name, point.value, *named[point.dist])
         known = entries.setdefault(entry.name, entry)
         if known.target != entry.target:
             raise InputError(
-                f"two installed packages call a solver '{entry.name}': {known.distribution} and {entry.distribution}"
+                f"two installed packages call a {what} '{entry.name}': {known.distribution} and {entry.distribution}"
             )
     return dict(sorted(entries.items()))
 
@@ -80,6 +86,11 @@ def find_solver(name: str) -> SolverEntry:
         hint = did_you_mean(name, entries)
         raise InputError(f"unknown solver '{name}'{hint}: solvers are {', '.join(entries) or 'not installed'}")
     return entries[name]
+
+
+def loads_here(entry: SolverEntry) -> bool:
+    """Whether a solver is loaded by the process that judges: only what comes with shellbench is."""
+    return entry.own
 
 
 def load_solver(entry: SolverEntry) -> Solver:

@@ -46,7 +46,7 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
     if what in _DIGESTS and _DIGESTS[what].holds:
         return _DIGESTS[what].digest
     closure = import_closure(*modules)
-    places = {place: _look_up(place) for path in closure.values() for place in (path, path.parent)}
+    places = {place: look_up(place) for path in closure.values() for place in (path, path.parent)}
     statements = {text for name, path in closure.items() for text in _looked_at(path, _package(name, path)).statements}
     lengths_and_texts = (f"{len(text)}\n{text}" for text in sorted(statements))
     digest = hashlib.sha256("\n".join([*lengths_and_texts, *more]).encode("utf-8", "surrogatepass")).hexdigest()
@@ -57,7 +57,7 @@ def source_digest(modules: Iterable[str], *more: str) -> str:
 Look = tuple[int, int, int, int]  # number of a file or folder, changes in ns, and bytes
 
 
-def _look_up(path: Path) -> Look | None:
+def look_up(path: Path) -> Look | None:
     """Return what changes as soon as a file, or what a folder holds, does; None if it is not there."""
     try:
         status = path.stat()
@@ -76,7 +76,7 @@ class _Digest:
     @property
     def holds(self) -> bool:
         """Whether no file has changed, come or gone since."""
-        return all(_look_up(path) == seen for path, seen in self.places.items())
+        return all(look_up(path) == seen for path, seen in self.places.items())
 
 
 _DIGESTS: dict[tuple[object, ...], _Digest] = {}  # by modules, where they are, and any more text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -25,6 +26,7 @@ from shellbench.cli.options import (
     text_width,
     warn,
 )
+from shellbench.errors import InputError, PluginError
 
 if TYPE_CHECKING:
     from shellbench.bench.execute import Executor, Outcome
@@ -58,10 +60,20 @@ def list_command(
     """
     from shellbench.bench import about, listing
 
-    if name is None:
-        typer.echo(listing.as_json() if json else listing.as_text(text_width(wide)))
-    else:
-        typer.echo(about.as_json(name) if json else about.as_text(name))
+    with plugins_are_input():
+        if name is None:
+            typer.echo(listing.as_json() if json else listing.as_text(text_width(wide)))
+        else:
+            typer.echo(about.as_json(name) if json else about.as_text(name))
+
+
+@contextlib.contextmanager
+def plugins_are_input() -> Iterator[None]:
+    """Take a plug-in that does not answer for bad input: the commands here are about plug-ins."""
+    try:
+        yield
+    except PluginError as error:
+        raise InputError(str(error)) from error
 
 
 def run(
@@ -318,9 +330,10 @@ def check_solver_command(
     own = () if cases and not quick else None
     exam = ExamOptions(tuple(dict.fromkeys(suite)) if suite else own, store, jobs, quick)
     try:
-        code = check_solver(
-            solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam
-        )
+        with plugins_are_input():
+            code = check_solver(
+                solver, cases or (), settings or (), refine=refine, seconds=timeout, as_json=json, exam=exam
+            )
     except KeyboardInterrupt:
         say("interrupted: what had ended is kept, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None

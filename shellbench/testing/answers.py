@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from shellbench.bench.subject import Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName
 from shellbench.bench.task import case_data
 from shellbench.engine import ENGINE
 from shellbench.problem import FIELDS, Problem
@@ -30,7 +31,7 @@ from shellbench.testing.examination import (
     scattered,
     seed_difference,
 )
-from shellbench.testing.subject import Answer, Lost, NoAnswer, Raised, Refused, SolveFailed, UnknownName, solve_in
+from shellbench.testing.subject import Answer, solve_in
 
 SLOW = 10.0  # seconds of processor time to decline a case: it is asked of every pair of a table
 LONGEST_CLAUSE = 300  # characters: it stands in a line of a list

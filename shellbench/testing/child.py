@@ -5,21 +5,20 @@ from __future__ import annotations
 import json
 import math
 import os
-import socket
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
-from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
 
-from shellbench.bench.kinds import find_kind, kind_targets, problem_of
+from shellbench.bench.inside import said, serve
+from shellbench.bench.kinds import find_kind, kind_entries, problem_of
 from shellbench.bench.registry import SolverEntry, load_solver
-from shellbench.errors import InputError, SolveFailure
+from shellbench.errors import InputError
 from shellbench.model import one_sentence
 from shellbench.problem import (
     Capabilities,
@@ -84,7 +83,10 @@ def capability_faults(capabilities: Any) -> list[str]:
     if not isinstance(capabilities, Capabilities):
         return [f"capabilities is a {type(capabilities).__name__}, not a Capabilities"]
     faults = []
-    theories = [theory for kind in kind_targets() for theory in find_kind(kind).theories]
+    theories: list[str] = []
+    for name, entry in sorted(kind_entries().items(), key=lambda item: not item[1].own):
+        if entry.own or not set(capabilities.theories) <= set(theories):  # others' kinds only where they are needed
+            theories += find_kind(name).theories
     if not capabilities.theories or not set(capabilities.theories) <= set(theories):
         faults.append(f"its theories are {list(capabilities.theories)}, but must be among {', '.join(theories)}")
     if not capabilities.devices or not set(capabilities.devices) <= set(DEVICES):
@@ -236,45 +238,10 @@ def _number(value: Any) -> Any:
     return int(value) if isinstance(value, int | np.integer) and not isinstance(value, bool) else repr(value)
 
 
-def said(error: BaseException) -> str:
-    """Say what was raised on one line."""
-    words = " ".join(str(error).split())
-    return f"{type(error).__name__}: {words}"[:300] if words else type(error).__name__
-
-
-def main() -> None:
+def main(descriptor: str, name: str, target: str) -> None:
     """Serve one solver until the other end hangs up."""
-    line = Connection(socket.socket(fileno=int(sys.argv[1])).detach())
-    try:
-        child = Child(load_solver(SolverEntry(sys.argv[2], sys.argv[3], "", "")))
-        line.send(("ok", None))
-    except InputError as error:
-        line.send(("refused", str(error)))
-        return
-    except BaseException as error:
-        line.send(("raised", said(error)))
-        return
-    while True:
-        try:
-            operation, arguments = line.recv()
-        except EOFError:
-            return
-        line.send(answer(getattr(child, operation), arguments))
-
-
-def answer(operation: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[str, Any]:
-    """Do one thing and return how it ended."""
-    try:
-        return "ok", operation(*arguments)
-    except InputError as error:
-        return "refused", " ".join(str(error).split())
-    except SolveFailure as error:
-        return "failed", " ".join(str(error).split())
-    except KeyError as error:
-        return "unknown", said(error)
-    except Exception as error:
-        return "raised", said(error)
+    serve(descriptor, lambda: Child(load_solver(SolverEntry(name, target, "", ""))))
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

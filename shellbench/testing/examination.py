@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from shellbench.bench import catalog
 from shellbench.bench.kinds import kinds_of_theories
 from shellbench.bench.registry import SolverEntry
+from shellbench.bench.subject import NoAnswer, Respondent
 from shellbench.bench.task import case_data
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
-from shellbench.testing.subject import Answer, NoAnswer, Respondent, solve_in
+from shellbench.testing.subject import Answer, solve_in
 
 Array = NDArray[np.float64]
 Setting = Mapping[str, Any]

@@ -18,8 +18,9 @@ from shellbench.bench.display import display
 from shellbench.bench.exam import Sitting, is_judged, missed_words, plan_of, questions, sit, suites_for
 from shellbench.bench.execute import Observer, Outcome
 from shellbench.bench.local import LocalProcesses
+from shellbench.bench.outside import asked
 from shellbench.bench.plan import Plan
-from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.registry import SolverEntry
 from shellbench.bench.store import Store
 from shellbench.bench.task import Task
 from shellbench.problem import Problem, Progress
@@ -54,7 +55,7 @@ class ExamOptions:
             for suite in self.suites:
                 catalog.find_suite(suite)  # said before any check is made
             return self.suites
-        return suites_for(map(str, load_solver(entry).capabilities.theories), quick=self.quick)
+        return suites_for(map(str, asked(entry).capabilities.theories), quick=self.quick)
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.bench.subject import Lost, NoAnswer, Respondent
 from shellbench.problem import Problem
 from shellbench.problems.shell.case import Case
 from shellbench.testing.convergence import refinements
 from shellbench.testing.examination import Examination, Findings, Verdict, apart, grid, not_shown, scattered
-from shellbench.testing.subject import Answer, Lost, NoAnswer, Respondent, load_in
+from shellbench.testing.subject import Answer, load_in
 
 PICKLE, PROTOCOLS = 0x80, range(2, 6)  # first byte of a pickle, and the second, which names its protocol
 SAFETENSORS = {

@@ -14,11 +14,12 @@ from typing import Any
 import pytest
 
 from shellbench.bench import catalog
-from shellbench.bench.identity import make_settings, parse_setting
+from shellbench.bench.identity import parse_setting
+from shellbench.bench.outside import asked, settings_of
 from shellbench.bench.plan import FIRST_SEED
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.registry import find_solver
 from shellbench.bench.store import Store
-from shellbench.errors import InputError
+from shellbench.errors import InputError, ShellbenchError
 from shellbench.testing.pytest_judging import Answers, Judgement, Question, Tolerances, positive, questions, table
 
 ROOT = "shellbench"  # first part of the names of all items
@@ -76,7 +77,7 @@ class GateOptions:
             for name in solvers:
                 entry = find_solver(name)
                 if not hasattr(config, "workerinput"):  # the process that started this one has tried it
-                    make_settings(load_solver(entry), given.get(name, {}), FIRST_SEED, "cpu")
+                    settings_of(asked(entry), given.get(name, {}), FIRST_SEED, "cpu")
             return cls(
                 suites=tuple(suites),
                 solvers=tuple(solvers),
@@ -85,7 +86,7 @@ class GateOptions:
                 store=_folder(config, store),
                 timeout=None if timeout is None else positive(timeout, f"--shellbench-timeout={timeout}"),
             )
-        except InputError as error:
+        except ShellbenchError as error:
             raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
 
     def headline(self, root: Path) -> str:
@@ -181,7 +182,7 @@ class Gate:
         known = getattr(config, "workerinput", {}).get(BEGAN)  # by pytest-xdist, when the session began
         try:
             self.began: int = store.last_number() if known is None else known
-        except InputError as error:
+        except ShellbenchError as error:
             raise pytest.UsageError(" ".join(f"shellbench: {error}".split())) from None
         self.answers = Answers(store, self.began, options.settings, options.timeout)
         self.found: list[Judgement] = []

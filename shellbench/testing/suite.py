@@ -22,6 +22,7 @@ from shellbench.bench.catalog import find_case
 from shellbench.bench.identity import parse_setting
 from shellbench.bench.kinds import DEFAULT
 from shellbench.bench.registry import SolverEntry, find_solver
+from shellbench.bench.subject import NoAnswer, Refused, Respondent
 from shellbench.errors import InputError
 from shellbench.problem import Problem
 from shellbench.problems.rope.case import RopeCase
@@ -39,7 +40,7 @@ from shellbench.testing.examination import (
 )
 from shellbench.testing.grading import ExamOptions, Graded, begun
 from shellbench.testing.made_cases import CLOSED, MOVING, STATIC, short_motion
-from shellbench.testing.subject import NoAnswer, Refused, Respondent, Subject
+from shellbench.testing.subject import subject_of
 
 Ask = Callable[[Examination], Verdict]
 AskOfProblem = Callable[[Examination, Problem], Verdict]
@@ -143,7 +144,7 @@ def examine(
     """
     with tempfile.TemporaryDirectory(prefix="shellbench-") as folder:
         tell("import")
-        exam = _begun(entry, options, Path(folder), start or (lambda: Subject.start(entry, options.seconds)))
+        exam = _begun(entry, options, Path(folder), start or (lambda: subject_of(entry, options.seconds)))
         try:
             for name, ask in OF_SOLVER.items():
                 if _wanted(options, name):

@@ -4,9 +4,10 @@ import pytest
 
 from shellbench.bench.catalog import named_case
 from shellbench.bench.registry import SolverEntry
+from shellbench.bench.subject import Lost, NoAnswer
 from shellbench.errors import InputError
 from shellbench.testing.child import solution_faults
-from shellbench.testing.subject import Lost, NoAnswer, Subject, solve_in
+from shellbench.testing.subject import solve_in, subject_of
 from shellbench.testing.suite import CheckOptions, examine
 from tests.patience import GUARD
 from tests.testing.navier import NavierSolver
@@ -27,14 +28,14 @@ def entry_of(attribute, module="tests.testing.naughty"):
     ],
 )
 def test_a_solve_that_does_not_answer_says_how_it_ended(attribute, words):
-    subject = Subject.start(entry_of(attribute), seconds=GUARD)
+    subject = subject_of(entry_of(attribute), seconds=GUARD)
     with pytest.raises(NoAnswer, match=words):
         solve_in(subject, "plate", PLATE, {})
     subject.stop()
 
 
 def test_a_solve_that_hangs_is_ended():
-    subject = Subject.start(entry_of("HANG"), seconds=GUARD)
+    subject = subject_of(entry_of("HANG"), seconds=GUARD)
     subject.seconds = 0.5  # from now on: the import may take longer
     with pytest.raises(Lost, match=r"did not end within 0\.5 s"):
         solve_in(subject, "plate", PLATE, {})
@@ -52,7 +53,7 @@ def test_what_has_not_settled_is_said_in_one_clause(said, good):
 
 
 def test_what_a_solver_prints_does_not_disturb_its_answers():
-    subject = Subject.start(entry_of("PRINT"), seconds=GUARD)
+    subject = subject_of(entry_of("PRINT"), seconds=GUARD)
     answer = solve_in(subject, "plate", PLATE, {})
     assert answer.displacement([[50.0, 50.0]])[0, 2] == pytest.approx(-0.487482, rel=1e-4)
     subject.stop()

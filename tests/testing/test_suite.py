@@ -7,10 +7,11 @@ import pytest
 
 from shellbench.bench import kinds
 from shellbench.bench.catalog import named_case
+from shellbench.bench.inside import answer
 from shellbench.bench.registry import SolverEntry, load_solver
+from shellbench.bench.subject import outcome
 from shellbench.testing import child
-from shellbench.testing.child import Child, answer
-from shellbench.testing.subject import outcome
+from shellbench.testing.child import Child
 from shellbench.testing.suite import OF_CASE, OF_SOLVER, CheckOptions, examine
 from tests.testing import falling
 from tests.testing.navier import FAULTS

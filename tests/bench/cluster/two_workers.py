@@ -74,7 +74,7 @@ class Cluster:
             return dict(client.nthreads())
 
     def runs(self) -> list[psutil.Process]:
-        """Processes of runs that go on: children of fork servers."""
+        """Processes of runs that go on: children of fork servers, which are children of their keepers."""
         return [p for nanny in self.nannies for p in descendants(nanny.pid) if is_run(p)]
 
     def kill_worker_of_a_run(self) -> None:
@@ -124,8 +124,8 @@ def descendants(pid: int) -> list[psutil.Process]:
 
 def is_run(process: psutil.Process) -> bool:
     with contextlib.suppress(psutil.Error):
-        parent = process.parent()
-        return parent is not None and SERVER in command(process) and SERVER in command(parent)
+        parents = process.parents()[:2]
+        return len(parents) == 2 and all(SERVER in command(one) for one in (process, *parents))
     return False
 
 
