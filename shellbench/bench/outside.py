@@ -1,8 +1,9 @@
 """Solvers and kinds of problem of other packages, asked in a process of their own; ours are asked in this one.
 
 What loads them here could end this process, hang it, or change how it judges. So a child loads them
-(`shellbench.bench.inside`), with a limit, and answers in JSON. Its answers are kept, as long as the files of the package, those that
-the child has imported, and the folders that Python looks into stay what they are. Failures are not kept.
+(`shellbench.bench.inside`), with a limit, and answers in JSON. Its answers are kept, as long as the files of the
+package, those that the child has imported, and the folders that Python looks into stay what they are. Failures are not
+kept.
 """
 
 from __future__ import annotations
@@ -143,9 +144,8 @@ class Outsider:
                 "shellbench.bench.inside", self.what, entry.name, entry.target, seconds=SECONDS, memory=memory
             )
         except Refused as refusal:  # it says itself what can't be used
-            raise self._failed(
-                str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
-            ) from None
+            words = str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
+            raise self._failed(words) from None
         imported = subject.greeting if isinstance(subject.greeting, list) else []
         self.places |= looks(map(str, imported[:MOST_FILES]))
         return subject

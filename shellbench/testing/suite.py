@@ -163,7 +163,8 @@ def _begun(entry: SolverEntry, options: CheckOptions, folder: Path, start: Start
     try:
         subject = start()
     except NoAnswer as trouble:
-        raise InputError(str(trouble).removeprefix("the import refused: ")) from None
+        words, named = str(trouble).removeprefix("the import refused: "), f"solver '{entry.name}' can't be used: "
+        raise InputError(named + words.removeprefix(named)) from None
     exam = Examination(entry, start, {}, dict(options.settings or {}), folder, options.refinements, subject)
     try:
         exam.facts = subject.call("describe")

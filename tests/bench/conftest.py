@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from shellbench.bench import catalog
+from shellbench.bench import catalog, registry
 from shellbench.bench.lock import write_lock
 from shellbench.bench.store import Store
 from tests.bench import strip
@@ -27,6 +27,7 @@ def with_plugin(folder: Path) -> Iterator[Path]:
     shutil.copytree(PLUGIN, folder, ignore=shutil.ignore_patterns("__pycache__"))
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
+        patch.setattr(registry, "loads_here", lambda entry: True)  # a process for each copy would take most of the time
         yield folder
     for name in [name for name in sys.modules if name.partition(".")[0] == "toy_shells"]:
         del sys.modules[name]

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 from pydantic import Field
 
-from shellbench.bench import listing
+from shellbench.bench import listing, outside, registry
 from shellbench.bench.registry import SolverEntry
 from shellbench.engine import engine_version, need
 from shellbench.errors import InputError
@@ -37,7 +37,8 @@ def installed(monkeypatch):
 
     entries = {name: SolverEntry(name, f"{name}:S", "package", "1.0") for name in ("guest", "plain", "stranger")}
     monkeypatch.setattr(listing, "solver_entries", lambda: entries)
-    monkeypatch.setattr(listing, "load_solver", load)
+    monkeypatch.setattr(outside, "load_solver", load)
+    monkeypatch.setattr(registry, "loads_here", lambda entry: True)
     monkeypatch.setattr(listing.catalog, "case_names", tuple)
     monkeypatch.setattr(listing.catalog, "suite_names", tuple)
 
