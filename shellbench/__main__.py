@@ -1,13 +1,24 @@
 """The program ``shellbench``; ``python -m shellbench`` is the same."""
 
+import signal
 import sys
+from types import FrameType
 
-INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended
+INTERRUPTED = 130  # what shells say of a program that Ctrl-C has ended; here of one that was told to end otherwise, too
+TOLD_TO_END = (signal.SIGTERM, signal.SIGHUP)
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Take a signal for Ctrl-C."""
+    raise KeyboardInterrupt
 
 
 def main() -> None:
-    """Run the command line; Ctrl-C is a sentence at any time, while modules are imported too."""
+    """Run the command line; Ctrl-C, SIGTERM and SIGHUP are a sentence at any time, while modules are imported too."""
     try:
+        for number in TOLD_TO_END:
+            if signal.getsignal(number) is signal.SIG_DFL:  # a hang-up that is ignored stays so: nohup asks for it
+                signal.signal(number, interrupt)
         from shellbench.cli import main as run
 
         run()

@@ -94,11 +94,12 @@ def run(
     with closing(runs) as executor:
         plan = make_plan(request, where.read(), force, executor.expect)
         _warn(*plan.notes, *(f"{one.case} {one.solver}: not applicable: {one.reason}" for one in plan.declined))
+        since = None if force else plan.seen
         if quiet:
-            execute(plan.tasks, where, Silent(), executor)
+            execute(plan.tasks, where, Silent(), executor, since)
         else:
             with display(Console(), len(plan.tasks)) as observer:
-                execute(plan.tasks, where, observer, executor)
+                execute(plan.tasks, where, observer, executor, since)
     rows, notes = rows_and_notes(where, suites, named)
     _warn(*notes)
     return _frame([row for row in rows if not solvers or row.solver in solvers])

@@ -83,7 +83,7 @@ def sit(
     """
     # Suites go from cheap to dear. From their end on, no long run is left over for one core while the others wait.
     with contextlib.closing(executor):
-        outcomes = execute(plan.tasks[::-1], store, observer, executor)
+        outcomes = execute(plan.tasks[::-1], store, observer, executor, plan.seen)
     current = current_runs(store.read())
     expected = (expected_of_stranger("", case, solver, FIRST_SEED, current) for case in cases)
     rows = [row for one in expected for row in one.rows()]

@@ -9,17 +9,22 @@ comes as a folder of files with its record, and `shellbench.bench.execute` does 
 from __future__ import annotations
 
 import contextlib
+import time
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from shellbench.bench.claims import Claims
+from shellbench.bench.current import newest, run_key
 from shellbench.bench.planned import note_ended, note_planned
 from shellbench.bench.record import Record
-from shellbench.bench.store import Store
+from shellbench.bench.store import Say, Store, silent
 from shellbench.bench.task import Task
 from shellbench.errors import InputError
 from shellbench.problem import Progress
+
+LOOK = 0.2  # seconds between two looks at what other commands do
 
 
 @dataclass(frozen=True)
@@ -94,11 +99,14 @@ class Outcome:
         What was kept; None if the input was refused.
     refused
         Why the solver refused its input, in one sentence.
+    taken
+        Whether another command has made the run meanwhile.
     """
 
     task: Task
     record: Record | None = None
     refused: str | None = None
+    taken: bool = False
 
 
 class Observer(Protocol):
@@ -117,13 +125,25 @@ class Observer(Protocol):
         ...
 
 
-def execute(tasks: Sequence[Task], store: Store, observer: Observer, executor: Executor) -> list[Outcome]:
+def execute(
+    tasks: Sequence[Task],
+    store: Store,
+    observer: Observer,
+    executor: Executor,
+    seen: int | None = None,
+    say: Say = silent,
+) -> list[Outcome]:
     """Make runs, and keep each in the store as soon as it has ended; until then the store says that it is planned.
 
     Parameters
     ----------
     tasks
         In the order in which to start them.
+    seen
+        Number of the newest record that was known when the runs were planned. Runs that other commands make at the same
+        time are waited for, and their records taken. None: all runs are made here.
+    say
+        Takes a sentence about what is waited for.
 
     Returns
     -------
@@ -142,25 +162,64 @@ def execute(tasks: Sequence[Task], store: Store, observer: Observer, executor: E
     outcomes: list[Outcome] = []
     if not tasks:
         return outcomes
-    with store.at_work():
-        note_planned(tasks, store)
-        try:
-            with contextlib.closing(executor.run(tasks, store)) as events:
-                for event in events:
-                    match event:
-                        case Started(task):
-                            observer.started(task)
-                        case Progressed(task, progress):
-                            observer.progressed(task, progress)
-                        case Ended():
-                            outcomes.append(kept(event, store))
-                            note_ended(event.task, store)
-                            observer.ended(outcomes[-1])
-        except InputError:  # what can't be begun at all is bad input, and no plan
-            for task in tasks:
-                note_ended(task, store)
-            raise
+    with store.at_work(), Claims(store.folder) as claims:
+        waiting, said = list(tasks), False
+        while waiting:
+            claimed = {task.run_id: task for task in waiting if seen is None or claims.take(run_key(task))}
+            made = {} if seen is None else _made_since(seen, store)
+            here: list[Task] = []
+            for task in claimed.values():
+                if run_key(task) not in made:
+                    here.append(task)
+                    continue
+                outcomes.append(Outcome(task, made[run_key(task)], taken=True))
+                claims.drop(run_key(task))
+                observer.ended(outcomes[-1])
+            with contextlib.closing(_executed(here, store, observer, executor)) as ended:
+                for outcome in ended:
+                    outcomes.append(outcome)
+                    claims.drop(run_key(outcome.task))
+                    observer.ended(outcome)
+            waiting = [task for task in waiting if task.run_id not in claimed]
+            if waiting and not said:
+                runs = "1 run is" if len(waiting) == 1 else f"{len(waiting)} runs are"
+                say(f"{runs} being made by another command: waiting for the answer")
+                said = True
+            if waiting and not claimed:
+                time.sleep(LOOK)
     return outcomes
+
+
+def _made_since(seen: int, store: Store) -> dict[str, Record]:
+    """Return the newest records of runs with a number larger than `seen`, by the run's key."""
+    if store.last_number() <= seen:
+        return {}
+    return {key: record for key, record in newest(store.read()).items() if (record.sequence or 0) > seen}
+
+
+def _executed(
+    tasks: Sequence[Task], store: Store, observer: Observer, executor: Executor
+) -> Generator[Outcome, None, None]:
+    """Make runs that nobody else makes."""
+    if not tasks:
+        return
+    note_planned(tasks, store)
+    try:
+        with contextlib.closing(executor.run(tasks, store)) as events:
+            for event in events:
+                match event:
+                    case Started(task):
+                        observer.started(task)
+                    case Progressed(task, progress):
+                        observer.progressed(task, progress)
+                    case Ended():
+                        outcome = kept(event, store)
+                        note_ended(event.task, store)
+                        yield outcome
+    except InputError:  # what can't be begun at all is bad input, and no plan
+        for task in tasks:
+            note_ended(task, store)
+        raise
 
 
 def kept(ended: Ended, store: Store) -> Outcome:

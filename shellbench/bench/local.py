@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from shellbench.bench.execute import Ended, Event, Progressed, Started
-from shellbench.bench.process import ServerProcess, is_overdue
+from shellbench.bench.process import GARBLED, STARTING, ServerProcess, is_overdue, worked
 from shellbench.bench.record import LARGEST_RECORD, Record, read_document
 from shellbench.bench.store import Store, StoreError, said_plainly
 from shellbench.bench.task import Task
@@ -155,8 +155,14 @@ class _Runs:
         """Wait until a server has imported its solver (or died, which its first run will say)."""
         with selectors.DefaultSelector() as selector:
             selector.register(server.fileno(), selectors.EVENT_READ)
-            while not server.ready and {"event": "died"} not in server.hear():
+            began = time.monotonic()
+            while not server.ready and {"event": "died"} not in (heard := server.hear()):
                 self._stop_if_unwanted()
+                waited = time.monotonic() - began
+                if GARBLED in heard or (waited > STARTING and is_overdue(STARTING, waited, worked(server.process.pid))):
+                    server.hung = True
+                    server.end()
+                    return
                 selector.select(LONGEST_WAIT)
 
     def _stop_if_unwanted(self) -> None:
@@ -292,6 +298,8 @@ def _left_record(run: _Running) -> Record | None:
 
 
 def _cause_of_death(run: _Running, status: int | None) -> str:
+    if run.server.hung:
+        return "the solver's process hung, or talked nonsense, where it imported the solver"
     if status is None:
         said = run.server.last_words()
         return f"the solver's process could not be started or was killed{f' ({said})' if said else ''}"

@@ -79,6 +79,8 @@ class Plan:
         What does not apply.
     notes
         What else the user should know, one sentence each.
+    seen
+        Number of the newest record that was looked at.
     """
 
     tasks: tuple[Task, ...]
@@ -86,6 +88,7 @@ class Plan:
     unsettled: tuple[Record, ...]
     declined: tuple[Declined, ...]
     notes: tuple[str, ...]
+    seen: int = 0
 
 
 def wanted_runs(request: Request) -> Iterator[tuple[Problem, SuiteRun]]:
@@ -218,6 +221,7 @@ def make_plan(
         unsettled=tuple(record for record in kept.values() if record.status == NOT_SETTLED),
         declined=tuple(declined.values()),
         notes=notes,
+        seen=max((record.sequence or 0 for record in contents.records), default=0),
     )
 
 

@@ -24,6 +24,7 @@ COMPUTES = 0.05  # share of one processor from which a process counts as computi
 # a large solve would pass in having the same pages cleared again. The most memory that is in use stays what it is.
 KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(32 << 20), "MALLOC_TRIM_THRESHOLD_": str(256 << 20)}
 PATIENCE = 15.0  # seconds in which a keeper ends its program, before it is killed itself
+STARTING = 120.0  # seconds in which a server has imported its solver
 MOST_KEPT = 65536  # bytes of what a process wrote, in which its last line is looked for
 LONGEST_EVENT = 65536  # bytes
 MOST_WAITED = 20.0  # times the limit by the clock, that a process may compute for on the busiest machine
@@ -143,12 +144,15 @@ class ServerProcess:
         Process of the run that goes on; None between runs.
     ready
         Whether it has imported its solver.
+    hung
+        Whether it was ended, as it did not do so in time, or talked nonsense meanwhile.
     """
 
     solver: str
     server: SolverProcess
     run_pid: int | None = None
     ready: bool = False
+    hung: bool = False
     _unread: bytes = field(default=b"", repr=False)
 
     @classmethod
@@ -180,7 +184,7 @@ class ServerProcess:
         try:
             self.process.stdin.write(json.dumps(str(folder.resolve())).encode() + b"\n")
             self.process.stdin.flush()
-        except OSError:
+        except (OSError, ValueError):  # ValueError: it was ended
             return False
         return True
 

@@ -207,7 +207,7 @@ def carry_out(request: Request, where: Store, executor: Executor, *, force: bool
             for declined in plan.declined:
                 say(f"{declined.case} {declined.solver}: not applicable: {declined.reason}")
             with display(Console(), len(plan.tasks), verbose) as observer:
-                outcomes = execute(plan.tasks, where, observer, executor)
+                outcomes = execute(plan.tasks, where, observer, executor, None if force else plan.seen, say)
     except KeyboardInterrupt:
         say("interrupted: what had ended is kept, and the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
@@ -253,10 +253,12 @@ def _summary(plan: Plan, outcomes: list[Outcome]) -> int:
         say(f"{run_name(outcome.task)}: refused: {outcome.refused}")
     for record in (*bad, *plan.unsettled):
         say(f"{run_name(record)}: {record.status}: {record.reason}")
+    taken = sum(outcome.taken and outcome.record not in bad for outcome in outcomes)
     moving = sum(record.status == NOT_SETTLED for record in bad)
     kept = f"kept from before{f' ({len(plan.unsettled)} of them {NOT_SETTLED})' if plan.unsettled else ''}"
     counts = [
-        (len(outcomes) - len(bad) - len(refused), "solved"),
+        (len(outcomes) - len(bad) - len(refused) - taken, "solved"),
+        (taken, "taken from another command"),
         (moving, NOT_SETTLED),
         (len(bad) - moving, "failed"),
         (len(refused), "refused"),
