@@ -48,6 +48,69 @@ def shim(folder: Path, name: str, script: str) -> None:
     path.chmod(0o755)
 
 
+def outcome(folder: Path, **codes: int) -> tuple[list[str], int]:
+    """Go through the steps as GitHub does, where commands of shellbench end with such codes; what ran, and the job's code."""
+    shim(folder, "python", "exit 0")
+    shim(
+        folder,
+        "shellbench",
+        "\n".join(f'test "$1" = {name} && exit {code}' for name, code in codes.items()) + "\nexit 0",
+    )
+    (folder / "out").mkdir()
+    files = {"GITHUB_STEP_SUMMARY": str(folder / "summary.md"), "GITHUB_OUTPUT": str(folder / "outputs")}
+    ran, failed = [], 0
+    for step in STEPS:
+        if failed and "cancelled()" not in step.get("if", ""):
+            continue
+        written = (folder / "outputs").read_text() if (folder / "outputs").exists() else ""
+        status = re.search(r"status=(\d+)", written)
+        given = (
+            VARIABLES | files | {"FOLDER": ".", "BEFORE": ".", "INSTALL": ".", "STATUS": status[1] if status else ""}
+        )
+        call = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
+        environment = {**os.environ, "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}", **given}
+        done = subprocess.run(call, cwd=folder, env=environment, capture_output=True, check=False)
+        ran.append(step["name"])
+        failed = failed or done.returncode
+    return ran, failed
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="steps are for bash")
+@pytest.mark.parametrize(
+    ("codes", "good"),
+    [({}, True), ({"compare": 1}, False), ({"compare": 2}, False), ({"pack": 2}, False), ({"gate": 1}, False)],
+)
+def test_the_job_is_green_only_if_all_is_and_the_verdict_comes_before_the_pack(
+    tmp_path: Path, codes: dict[str, int], good: bool
+) -> None:
+    ran, failed = outcome(tmp_path, **codes)
+    assert (failed == 0) == good
+    assert ran.index("Judge") < ran.index("Write the page and the pack")
+
+
+USES = re.compile(r"uses: +([\w./-]+)@(\S+)(.*)")
+GIVEN_TO_USERS = ("examples/solver_template/.github/workflows/shellbench.yml", "docs/pytest.md")
+
+
+@pytest.mark.parametrize(
+    "path", [*(str(p.relative_to(ROOT)) for p in ROOT.glob(".github/workflows/*")), *GIVEN_TO_USERS]
+)
+def test_actions_of_others_are_pinned_by_digest(path: str) -> None:
+    found = USES.findall((ROOT / path).read_text(encoding="utf-8"))
+    assert found
+    for name, ref, comment in found:
+        assert re.fullmatch(r"[0-9a-f]{40}", ref), name
+        assert re.fullmatch(r" # v\d+\.\d+\.\d+", comment), name
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob(".github/workflows/*")), ids=lambda path: path.name)
+def test_no_check_out_leaves_a_token(path: Path) -> None:
+    jobs = yaml.safe_load(path.read_text(encoding="utf-8"))["jobs"].values()
+    steps = [step for job in jobs for step in job["steps"] if "actions/checkout" in step.get("uses", "")]
+    assert steps
+    assert all(step["with"]["persist-credentials"] is False for step in steps)
+
+
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="steps are for bash")
 def test_the_steps_solve_compare_pack_and_judge(tmp_path: Path) -> None:
@@ -59,7 +122,9 @@ def test_the_steps_solve_compare_pack_and_judge(tmp_path: Path) -> None:
     given = {"SOLVER": "fem", "SUITE": "obstacle_course", "CASES": "square_plate", "INSTALL": ".", "THRESHOLD": "1e-4"}
     given |= {"FOLDER": ".", "BEFORE": ".", "OUT": "out", "PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
     given |= {"GITHUB_STEP_SUMMARY": str(tmp_path / "summary.md"), "GITHUB_OUTPUT": str(tmp_path / "outputs")}
-    for step in STEPS[:-1]:
+    for step in STEPS:
+        if step["name"] == "Nothing may be lost":
+            given["STATUS"] = "0"
         call = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
         environment = {**os.environ, "PATH": f"{tools}{os.pathsep}{os.environ['PATH']}", **given}
         done = subprocess.run(call, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
