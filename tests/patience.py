@@ -4,7 +4,7 @@ import time
 
 COMMAND_LINE = """
 import signal
-from shellbench.cli import main
+from shellbench.__main__ import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
 main()
 """

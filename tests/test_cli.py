@@ -339,14 +339,15 @@ def test_version_and_help(shellbench) -> None:
         assert "Usage" in out
 
 
-def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store) -> None:  # noqa: F811
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_interrupt_exits_130_with_a_sentence(own_case: Path, plugin: Path, store: Store, number: int) -> None:  # noqa: F811
     command = [sys.executable, "-c", COMMAND_LINE, "run", str(own_case), "--store", str(store.folder)]
     command += ["--solver", "toy", "--set", "toy.behaviour=hang"]
     environment = os.environ | {"PYTHONPATH": str(plugin)}
     process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until(lambda: list(store.folder.glob(".*.partial/log.txt")) or process.poll() is not None)
     assert process.poll() is None
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=GUARD)
     assert process.returncode == cli.INTERRUPTED
     assert out == ""

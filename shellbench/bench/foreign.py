@@ -57,7 +57,12 @@ class ForeignQuantity(Quantity):
 
     kind: str = ""
     stated_mark: float | None = None
-    is_an_error: bool = False  # type: ignore[misc] # of each, for there is one class for all
+    stated_error: bool = False
+
+    @property
+    def is_an_error(self) -> bool:  # type: ignore[override] # of each quantity, for there is one class for all
+        """Whether its value is an error already."""
+        return self.stated_error
 
     @property
     def mark(self) -> float | None:
@@ -90,8 +95,8 @@ class ForeignProblem(Problem):
     def _of(cls, told: Told, name: str, data: Mapping[str, Any], where: str) -> Self:
         # What judges is taken from the file itself: names of the case and known values.
         quantities = [
-            {key: value for key, value in one.items() if key != "mark"} | {"stated_mark": one.get("mark")}
-            for one in told.quantities
+            one | {"stated_mark": one.pop("mark", None), "stated_error": one.pop("is_an_error", False)}
+            for one in map(dict, told.quantities)
         ]
         own = {"name": name, "kind": cls.entry.name, "known": data.get("known", ()), "quantities": quantities}
         try:

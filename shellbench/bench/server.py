@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 from shellbench.bench import worker
 from shellbench.bench.identity import MEASURING
 from shellbench.bench.keeper import adopt, descendants, end_descendants
-from shellbench.bench.kinds import DEFAULT, find_kind, module_of
+from shellbench.bench.kinds import DEFAULT, find_kind, load_here, module_of
 from shellbench.bench.source import import_closure, remember, source_digest
 from shellbench.bench.store import LOG
 from shellbench.problem import Progress
@@ -50,6 +50,7 @@ def main(target: str, seen: int) -> None:
         remember(file.read())
     events = os.dup(1)
     os.dup2(2, 1)  # whatever an import prints is no event
+    load_here()
     adopt()  # what a run leaves behind
     warnings.filterwarnings("ignore", message=".*multi-threaded, use of fork.*", category=DeprecationWarning)
     module = target.partition(":")[0]

@@ -41,7 +41,19 @@ class Behaved:
 def behaved(tmp_path_factory: pytest.TempPathFactory) -> Behaved:
     """Runs that one server has made one after another: most of the time goes into starting it."""
     folder = tmp_path_factory.mktemp("behaved")
-    ways = ("exact", "allocate", "fail", "raise", "exit", "crash", "nan", "fail_with_partial", "unsettled")
+    ways = (
+        "exact",
+        "garble",
+        "remove_folder",
+        "allocate",
+        "fail",
+        "raise",
+        "exit",
+        "crash",
+        "nan",
+        "fail_with_partial",
+        "unsettled",
+    )
     with with_plugin(folder / "plugin"), with_toys(folder / "catalog"):
         store = Store(folder / "runs")
         requests = [Request(("strip",), (), ("toy",), {"toy": {"behaviour": way}}) for way in ways]
@@ -53,7 +65,7 @@ def behaved(tmp_path_factory: pytest.TempPathFactory) -> Behaved:
 def test_all_that_behaved_are_kept(behaved: Behaved) -> None:
     kept = {record.run_id: record for record in behaved.store.read().records}
     assert kept == {record.run_id: record for record in behaved.records.values()}
-    assert len(kept) == 9
+    assert len(kept) == 11
 
 
 def test_a_good_run_leaves_a_whole_record(behaved: Behaved) -> None:
@@ -109,6 +121,8 @@ def test_peak_memory_is_that_of_the_solve(behaved: Behaved) -> None:
         ("raise", "ZeroDivisionError: a bug in the solver"),
         ("exit", "exit status 1"),
         ("crash", "SIGSEGV"),
+        ("garble", "wrote to the stream by which its server speaks"),
+        ("remove_folder", "removed the folder in which it worked"),
     ],
 )
 def test_failures_become_records_with_one_sentence(behaved: Behaved, behaviour: str, said: str) -> None:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import inspect
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,7 +25,7 @@ from toy_shells import strip
 
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",
-    "disk_full", "allocate", "resumed", "edit_source", "kill_worker", "unsettled",
+    "disk_full", "allocate", "resumed", "edit_source", "kill_worker", "unsettled", "garble", "remove_folder",
 ]  # fmt: skip
 
 
@@ -112,7 +115,16 @@ def misbehave(behaviour: Behaviour, case: Case) -> None:
             print("chatter on standard output")
             print("chatter on standard error", file=sys.stderr)
         case "leave_child":
-            subprocess.Popen([sys.executable, "-c", "import time; time.sleep(3600)"])
+            for apart in (False, True):
+                sleep = [sys.executable, "-c", "import time; time.sleep(3600)"]
+                subprocess.Popen(sleep, start_new_session=apart, env={})
+        case "garble":  # all streams that this process has, that on which its server speaks among them
+            for number in range(3, 64):
+                with contextlib.suppress(OSError):
+                    os.write(number, b'{"event": "ended"}\n')
+        case "remove_folder":
+            places = [frame.frame.f_locals.get("folder") for frame in inspect.stack()]
+            shutil.rmtree(next(place for place in places if place is not None))
         case "edit_source":
             file = Path(strip.__file__)
             file.write_text(file.read_text(encoding="utf-8") + "\nEDITED = True\n", encoding="utf-8")
