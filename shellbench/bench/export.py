@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from shellbench.bench import catalog
 from shellbench.bench.current import CurrentRun, current_runs
 from shellbench.bench.kinds import find_kind
+from shellbench.bench.outside import AskedSolver, asked
 from shellbench.bench.record import ANSWERED
-from shellbench.bench.registry import find_solver, load_solver
+from shellbench.bench.registry import find_solver
 from shellbench.bench.store import Say, Store, said_plainly, silent
 from shellbench.errors import InputError, ShellbenchError
 from shellbench.sample import Sample
@@ -176,19 +177,22 @@ def samples(store: Store, run: CurrentRun, resolution: int, marks: Sequence[floa
         raise InputError(f"{run.case.name}: solutions of the kind '{run.case.kind}' are no surfaces to export")
     record = run.record
     path = store.file(record.solution_file)
-    solver = load_solver(find_solver(record.identity.solver))
+    solver = asked(find_solver(record.identity.solver))
     try:
         if path is None:
             raise FileNotFoundError("it is gone")
-        solution = solver.load(path)
+        solution = None if isinstance(solver, AskedSolver) else solver.load(path)
     except ShellbenchError:
         raise
-    except Exception as error:  # a plug-in's reader can raise anything
+    except Exception as error:  # a reader can raise anything
         raise ShellbenchError(f"the solution of {record.run_id} can't be read: {error}") from error
     for at in marks:
         state = "" if at is None else f" at {run.case.mark_words(at)}"
         title = f"{run.case.name} by {record.identity.solver} ({record.run_id}){state}, {run.case.units} units"
-        yield kind.sample(solution, resolution, at, title)
+        if isinstance(solver, AskedSolver):
+            yield solver.sample(run.case.kind, path, resolution, at, title)
+        else:
+            yield kind.sample(solution, resolution, at, title)
 
 
 def export(sampled: Sample, path: Path, scale: float = 1.0) -> None:

@@ -14,9 +14,10 @@ from pydantic import BaseModel, ConfigDict, PrivateAttr, ValidationError, create
 
 from shellbench.bench.outside import outsider
 from shellbench.bench.registry import SolverEntry
-from shellbench.errors import PluginError
+from shellbench.errors import InputError, PluginError
 from shellbench.model import one_sentence
 from shellbench.problem import Kind, Problem, Quantity, Variant
+from shellbench.sample import Sample
 
 
 class Described(BaseModel):
@@ -28,6 +29,7 @@ class Described(BaseModel):
     variants: dict[str, str]
     headline: str
     headlines: dict[str, str]
+    samples: bool
     exam: list[str]
     quick: list[str]
 
@@ -138,11 +140,17 @@ def kind(entry: SolverEntry) -> Kind:
         problem=problem,
         keep=lambda solution, case: None,
         variants={name: Variant(words, variant(entry, name)) for name, words in found.variants.items()},
+        sample=sample if found.samples else None,
         headline=found.headline,
         headlines=found.headlines,
         exam=tuple(found.exam),
         quick=tuple(found.quick),
     )
+
+
+def sample(solution: Any, resolution: int, at: float | None, title: str) -> Sample:
+    """Refuse to sample a solution: where it can be loaded, `shellbench.bench.outside.AskedSolver.sample` does."""
+    raise InputError(f"{title}: only a solver of another package answers this kind of problem")
 
 
 def variant(entry: SolverEntry, name: str) -> Callable[[Problem], dict[str, Any]]:

@@ -3,7 +3,7 @@
 It answers on a line (`shellbench.bench.line`) until the other end hangs up. What it is asked of a solver:
 
 - ``describe``: what it says of itself; ``settings``: whether it takes some, and what they are; ``declines``: why it
-  can't take a problem.
+  can't take a problem; ``sample``: a stored solution on a grid.
 
 And of a kind of problem:
 
@@ -19,6 +19,7 @@ import socket
 import sys
 import sysconfig
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
@@ -104,6 +105,12 @@ class AskedSolver:
             raise TypeError(f"it returned {type(reason).__name__}, which is neither a text nor None")
         return {"reason": reason}
 
+    def sample(self, kind: str, file: str, resolution: int, at: float | None, title: str) -> dict[str, Any]:
+        """Return a sample of a stored solution, field by field; InputError if it has no state there."""
+        take = kinds.find_kind(kind).sample
+        assert take is not None
+        return vars(take(self.solver.load(Path(file)), resolution, at, title))
+
 
 class AskedKind:
     """What is asked of a kind of problem."""
@@ -119,6 +126,7 @@ class AskedKind:
             "variants": {name: variant.words for name, variant in kind.variants.items()},
             "headline": kind.headline,
             "headlines": dict(kind.headlines),
+            "samples": kind.sample is not None,
             "exam": list(kind.exam),
             "quick": list(kind.quick),
         }

@@ -32,11 +32,12 @@ from shellbench.bench.subject import NoAnswer, Refused, Subject
 from shellbench.errors import InputError, PluginError
 from shellbench.model import one_sentence
 from shellbench.problem import Capabilities, Device, Problem, SeededSettings, Settings, Solver
+from shellbench.sample import Sample
 
 SECONDS = 60.0  # in which it has to be imported, and to answer each question
 MEMORY = 8e9  # bytes that it may take for that
 MOST_FILES = 20000  # of a package, of which it is looked at whether they have changed
-REFUSE = ("settings", "build", "again", "variant")  # questions that may be refused, for what they ask about
+REFUSE = ("settings", "build", "again", "variant", "sample")  # questions that may be refused, for what they ask about
 MOST_WORDS = 300  # letters of a reason
 
 T = TypeVar("T", bound=BaseModel)
@@ -114,18 +115,19 @@ class Outsider:
         key = hashlib.sha256(json.dumps([operation, arguments], sort_keys=True).encode()).hexdigest()
         told = self.answers.get(key)
         if told is None:
-            told = self._asked(operation, arguments)
+            told = self.call(operation, *arguments)
         try:
             found = answer.model_validate(told)
         except ValidationError as error:
             self.answers.pop(key, None)
-            raise self._failed(f"{operation} answers what is no answer: {one_sentence(error)}") from None
+            raise self.failed(f"{operation} answers what is no answer: {one_sentence(error)}") from None
         if key not in self.answers:
             self.answers[key] = told
             self._keep()
         return found
 
-    def _asked(self, operation: str, arguments: tuple[Any, ...]) -> Any:
+    def call(self, operation: str, *arguments: Any) -> Any:
+        """Return whatever it answers; see `ask`."""
         if self.trouble:  # it is not waited for again
             raise PluginError(self.trouble)
         try:
@@ -135,7 +137,7 @@ class Outsider:
         except NoAnswer as trouble:
             if isinstance(trouble, Refused) and operation in REFUSE:
                 raise InputError(str(trouble).removeprefix(f"{operation} refused: ")) from None
-            raise self._failed(str(trouble)) from None
+            raise self.failed(str(trouble)) from None
 
     def _started(self) -> Subject:
         entry, memory = self.entry, min(MEMORY, psutil.virtual_memory().total / 2)
@@ -145,12 +147,13 @@ class Outsider:
             )
         except Refused as refusal:  # it says itself what can't be used
             words = str(refusal).removeprefix("the import refused: ").removeprefix(f"{self.name}: ")
-            raise self._failed(words) from None
+            raise self.failed(words) from None
         imported = subject.greeting if isinstance(subject.greeting, list) else []
         self.places |= looks(map(str, imported[:MOST_FILES]))
         return subject
 
-    def _failed(self, words: str) -> PluginError:
+    def failed(self, words: str) -> PluginError:
+        """Return the error that says what it did, here and whenever it is asked again."""
         self.trouble = f"{self.name}: {one_line(words)}"
         return PluginError(self.trouble)
 
@@ -249,6 +252,16 @@ class AskedSolver:
         data = {**case.data(), "name": case.name}
         reason = outsider("solver", self.entry).ask(Refusal, "declines", data).reason
         return None if reason is None else one_line(reason)
+
+    def sample(self, kind: str, file: Path, resolution: int, at: float | None, title: str) -> Sample:
+        """Return a stored solution of a kind of problem on a grid of so many points a side."""
+        plugin = outsider("solver", self.entry)
+        told = plugin.call("sample", kind, str(file.resolve()), resolution, at, title)
+        try:
+            names = {name: tuple(parts) for name, parts in told.pop("components").items()}
+            return Sample(**told | {"periodic": tuple(told["periodic"]), "components": names})
+        except (AttributeError, KeyError, TypeError) as error:
+            raise plugin.failed(f"sample answers what is no sample: {error}") from None
 
 
 def asked(entry: SolverEntry) -> Solver | AskedSolver:
