@@ -31,7 +31,7 @@ from shellbench.bench.line import Line
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
-from shellbench.problem import Kind, Problem, Solver
+from shellbench.problem import Kind, Problem, Solver, why_declined
 
 LARGEST_OUTPUT = 1 << 30  # bytes that it may write into a file
 
@@ -100,7 +100,7 @@ class AskedSolver:
 
     def declines(self, data: Mapping[str, Any]) -> dict[str, str | None]:
         """Return, as ``reason``, why it can't take a problem, or None."""
-        reason = self.solver.declines(kinds.problem_of(data))
+        reason = why_declined(self.solver, kinds.problem_of(data))
         if not isinstance(reason, str | None):
             raise TypeError(f"it returned {type(reason).__name__}, which is neither a text nor None")
         return {"reason": reason}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import selectors
+import shutil
 import signal
 import stat
 import time
@@ -253,6 +254,7 @@ class _Runs:
             return Ended(run.task, run.folder, refused=" ".join(refused.decode(errors="replace").split()))
         record = None if broken else _left_record(run)
         if record is None:
+            _remove(run.folder / RECORD)  # it may be a pipe, a link or a folder, where the store is to write
             seconds = time.monotonic() - run.began
             kind = "timeout" if run.timed_out else "failed"
             reason = (
@@ -269,11 +271,18 @@ def _what_it_broke(run: _Running) -> str | None:
         with contextlib.suppress(OSError):
             folder.chmod(0o700)
         return "the run wrote to the stream by which its server speaks to shellbench" if run.garbled else None
-    with contextlib.suppress(OSError):
-        folder.unlink()
+    _remove(folder)
     with said_plainly(folder.parent):
         folder.mkdir(parents=True)
     return "the run removed the folder in which it worked"
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            path.unlink()
 
 
 def _written(path: Path) -> bytes | None:

@@ -229,7 +229,7 @@ def declines(solver: Solver | AskedSolver, case: Problem) -> str | None:
     """Return why a solver can't take a case, or None if it can."""
     if case.theory not in solver.capabilities.theories:
         return f"it does not solve {case.theory}"
-    return why_declined(solver, case)
+    return solver.declines(case) if isinstance(solver, AskedSolver) else why_declined(solver, case)
 
 
 def _check_start(start: Earlier | None, solvers: Mapping[str, Solver | AskedSolver]) -> None:

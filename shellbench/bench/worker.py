@@ -255,6 +255,8 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
         pass_on_full_disk(error)
         reason = f"the solver stopped unexpectedly: {said(error)}"
         traceback.print_exc()
+    if solution is None and reason is None:
+        reason = "the solver returned None, which is no solution"
     seconds = time.perf_counter() - start
     if solution is not None and solution.history:  # of a solve that went on from a checkpoint, all of it
         seconds = max(seconds, finite(solution.history[-1].seconds) or 0.0)

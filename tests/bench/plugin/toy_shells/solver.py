@@ -26,6 +26,7 @@ from toy_shells import strip
 Behaviour = Literal[
     "exact", "fail", "fail_with_partial", "refuse", "raise", "exit", "crash", "hang", "nan", "print", "leave_child",
     "disk_full", "allocate", "resumed", "edit_source", "kill_worker", "unsettled", "garble", "remove_folder",
+    "none", "pipe",
 ]  # fmt: skip
 
 
@@ -125,6 +126,10 @@ def misbehave(behaviour: Behaviour, case: Case) -> None:
         case "remove_folder":
             places = [frame.frame.f_locals.get("folder") for frame in inspect.stack()]
             shutil.rmtree(next(place for place in places if place is not None))
+        case "pipe":  # where its record should be
+            places = [frame.frame.f_locals.get("folder") for frame in inspect.stack()]
+            os.mkfifo(next(place for place in places if place is not None) / "record.json")
+            os._exit(0)
         case "edit_source":
             file = Path(strip.__file__)
             file.write_text(file.read_text(encoding="utf-8") + "\nEDITED = True\n", encoding="utf-8")
@@ -152,6 +157,8 @@ class ExactSolver:
                 time.sleep(0.02)
             time.sleep(settings.seconds / 3)
         misbehave(settings.behaviour, case)
+        if settings.behaviour == "none":
+            return None
         solution = StripSolution(case, float("nan") if settings.behaviour == "nan" else settings.factor)
         if settings.behaviour == "unsettled":
             solution.unsettled = "centre still moves\nby 2e-3"
