@@ -31,7 +31,7 @@ from shellbench.bench.line import Line
 from shellbench.bench.registry import SolverEntry, load_solver
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
-from shellbench.problem import Kind, Problem, Solver, why_declined
+from shellbench.problem import Kind, Problem, Solver, declined_quantities
 
 LARGEST_OUTPUT = 1 << 30  # bytes that it may write into a file
 
@@ -100,7 +100,10 @@ class AskedSolver:
 
     def declines(self, data: Mapping[str, Any]) -> dict[str, str | None]:
         """Return, as ``reason``, why it can't take a problem, or None."""
-        reason = why_declined(self.solver, kinds.problem_of(data))
+        case = kinds.problem_of(data)
+        reason: Any = self.solver.declines(case)
+        if reason is None:
+            reason = declined_quantities(self.solver, case).get(case.primary.name)
         if not isinstance(reason, str | None):
             raise TypeError(f"it returned {type(reason).__name__}, which is neither a text nor None")
         return {"reason": reason}

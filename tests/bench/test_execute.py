@@ -45,6 +45,8 @@ def behaved(tmp_path_factory: pytest.TempPathFactory) -> Behaved:
         "exact",
         "garble",
         "remove_folder",
+        "none",
+        "pipe",
         "allocate",
         "fail",
         "raise",
@@ -65,7 +67,7 @@ def behaved(tmp_path_factory: pytest.TempPathFactory) -> Behaved:
 def test_all_that_behaved_are_kept(behaved: Behaved) -> None:
     kept = {record.run_id: record for record in behaved.store.read().records}
     assert kept == {record.run_id: record for record in behaved.records.values()}
-    assert len(kept) == 11
+    assert len(kept) == 13
 
 
 def test_a_good_run_leaves_a_whole_record(behaved: Behaved) -> None:
@@ -121,6 +123,8 @@ def test_peak_memory_is_that_of_the_solve(behaved: Behaved) -> None:
         ("raise", "ZeroDivisionError: a bug in the solver"),
         ("exit", "exit status 1"),
         ("crash", "SIGSEGV"),
+        ("none", "the solver returned None"),
+        ("pipe", "exit status 0 and left no record"),
         ("garble", "wrote to the stream by which its server speaks"),
         ("remove_folder", "removed the folder in which it worked"),
     ],
