@@ -20,7 +20,7 @@ try:
 except ImportError:  # pragma: no cover - no such locks outside POSIX; then each command makes its own runs
     fcntl = None  # type: ignore[assignment]
 
-FOLDER = ".claims"
+NAME = ".claim-"  # begins the name of a claim's file
 
 
 @dataclass
@@ -36,11 +36,9 @@ class Claims:
     def __exit__(self, *_: object) -> None:
         for key in list(self.held):
             self.drop(key)
-        with contextlib.suppress(OSError):
-            (self.folder / FOLDER).rmdir()
 
     def _path(self, key: str) -> Path:
-        return self.folder / FOLDER / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.lock"
+        return self.folder / f"{NAME}{hashlib.sha256(key.encode()).hexdigest()[:32]}"
 
     def take(self, key: str) -> bool:
         """Claim a run; return False if another command has.
@@ -55,11 +53,7 @@ class Claims:
         path = self._path(key)
         while True:
             with said_plainly(self.folder):
-                path.parent.mkdir(exist_ok=True)
-                try:
-                    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-                except FileNotFoundError:  # the last of the others has just left
-                    continue
+                handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -68,9 +62,10 @@ class Claims:
             except OSError:  # a file system without locks
                 pass
             # Whoever gives a claim up removes the file: a lock on one that is gone is none.
-            if path.exists() and path.stat().st_ino == os.fstat(handle).st_ino:
-                self.held[key] = handle
-                return True
+            with contextlib.suppress(FileNotFoundError):
+                if path.stat().st_ino == os.fstat(handle).st_ino:
+                    self.held[key] = handle
+                    return True
             os.close(handle)
 
     def drop(self, key: str) -> None:

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from shellbench.bench.claims import FOLDER, Claims
+from shellbench.bench.claims import NAME, Claims
 from shellbench.bench.current import run_key
 from shellbench.bench.display import Silent
 from shellbench.bench.execute import Outcome, execute
@@ -45,7 +45,7 @@ def test_a_run_that_another_command_makes_is_waited_for_and_taken(store: Store, 
     assert outcome.record.status == "ok"
     assert len(store.read().records) == 1
     assert said == ["1 run is being made by another command: waiting for the answer"]
-    assert not (store.folder / FOLDER).exists()
+    assert not list(store.folder.glob(f"{NAME}*"))
 
 
 def test_a_claim_dies_with_its_owner(store: Store) -> None:
