@@ -72,7 +72,7 @@ def _versions(*more: str) -> dict[str, str]:
     found: dict[str, str] = {}
     for package in dict.fromkeys((*PACKAGES, *more)):
         try:
-            found[package] = version(package)
+            found[package] = str(version(package))  # None of a package without one
         except (PackageNotFoundError, ValueError):
             continue
     return found
