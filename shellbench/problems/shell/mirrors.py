@@ -17,7 +17,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import (
     COMPONENTS,
     EdgeLoad,
@@ -138,7 +137,7 @@ class Mirror:
 Ends = tuple[Mirror | None, Mirror | None]  # of a part along a coordinate
 
 
-def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
+def mirror_of(case: Shell, axis: int, at: float, sight: Sight) -> Mirror | None:
     """Return the mirror that leaves a coordinate line where it is, if the case has one."""
     if case.edge_parts:  # which are not looked at
         return None
@@ -167,13 +166,13 @@ def mirror_of(case: Case, axis: int, at: float, sight: Sight) -> Mirror | None:
 Derivatives = dict[tuple[int, int], Array]
 
 
-def _wrapped(case: Case, axis: int, at: float, points: Array) -> tuple[Array, Array]:
+def _wrapped(case: Shell, axis: int, at: float, points: Array) -> tuple[Array, Array]:
     """Return points (n, 2) and their images, within the domain."""
     domain = case.surface.domain
     return domain.wrap(points), domain.wrap(Mirror(axis, at, 0).image(points))
 
 
-def _seen(case: Case, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
+def _seen(case: Shell, axis: int, at: float, points: Array, order: int) -> tuple[Derivatives, Derivatives]:
     """Return the surface's derivatives at points, and at their images."""
     here, there = _wrapped(case, axis, at, points)
     return case.surface.derivatives(here, order), case.surface.derivatives(there, order)
@@ -189,7 +188,7 @@ def _reflected_in(x: Derivatives, image: Derivatives, rounding: float) -> tuple[
     return normal, float(twice.mean() / 2)
 
 
-def _stiffness_agrees(case: Case, here: Array, there: Array, sight: Sight) -> bool:
+def _stiffness_agrees(case: Shell, here: Array, there: Array, sight: Sight) -> bool:
     if case.springs:  # which are not looked at
         return False
     if case.material.uniform:
@@ -199,7 +198,7 @@ def _stiffness_agrees(case: Case, here: Array, there: Array, sight: Sight) -> bo
     return all(sight.alike(one, other) for one, other in zip(*factors, strict=True))
 
 
-def _times(case: Case) -> tuple[float, ...]:
+def _times(case: Shell) -> tuple[float, ...]:
     return case.states if case.linear else (*case.states, ON_THE_WAY * case.path.until)
 
 
@@ -210,7 +209,7 @@ def _on_edge(domain: Domain, edge: Edge, mirror: Mirror, sight: Sight) -> tuple[
     return points, image, image.project(domain, domain.wrap(mirror.image(points)))
 
 
-def _edge_loads_agree(case: Case, mirror: Mirror, sight: Sight, t: float) -> bool:
+def _edge_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> bool:
     if not any(isinstance(load, EdgeLoad | MomentLoad) for load in case.loads):
         return True
     for edge in (place for place in case.places.values() if isinstance(place, Edge)):
@@ -222,7 +221,7 @@ def _edge_loads_agree(case: Case, mirror: Mirror, sight: Sight, t: float) -> boo
     return True
 
 
-def _edge_densities(case: Case, edge: Edge, points: Array, t: float) -> tuple[Array, Array]:
+def _edge_densities(case: Shell, edge: Edge, points: Array, t: float) -> tuple[Array, Array]:
     """Return forces and moments (n, 3) per length at points (n, 2) of an edge."""
     force, moment = np.zeros((len(points), 3)), np.zeros((len(points), 3))
     for load in case.loads:
@@ -238,7 +237,7 @@ def _edge_densities(case: Case, edge: Edge, points: Array, t: float) -> tuple[Ar
     return force, moment
 
 
-def point_forces(case: Case, t: float) -> list[tuple[tuple[float, float], Array]]:
+def point_forces(case: Shell, t: float) -> list[tuple[tuple[float, float], Array]]:
     """Return the point and the force (3,) of each point load, N."""
     found = []
     for load in case.loads:
@@ -250,7 +249,7 @@ def point_forces(case: Case, t: float) -> list[tuple[tuple[float, float], Array]
     return found
 
 
-def _point_loads_agree(case: Case, mirror: Mirror, sight: Sight, t: float) -> bool:
+def _point_loads_agree(case: Shell, mirror: Mirror, sight: Sight, t: float) -> bool:
     forces = point_forces(case, t)
     scale = max((float(np.abs(force).max()) for _, force in forces), default=0.0)
 
@@ -274,7 +273,7 @@ def _coincide(domain: Domain, one: Place, other: Place, slack: float) -> bool:
     return isinstance(one, Edge) and one == other
 
 
-def _supports_agree(case: Case, mirror: Mirror, sight: Sight) -> bool:
+def _supports_agree(case: Shell, mirror: Mirror, sight: Sight) -> bool:
     """Whether what is held on a place is held on its image, and moves as the image of its motion."""
     domain = case.surface.domain
     held: dict[Place, tuple[frozenset[str], bool]] = {}
@@ -291,7 +290,7 @@ def _supports_agree(case: Case, mirror: Mirror, sight: Sight) -> bool:
     return True
 
 
-def _motions_agree(case: Case, mirror: Mirror, sight: Sight, place: Place, image: Place, t: float) -> bool:
+def _motions_agree(case: Shell, mirror: Mirror, sight: Sight, place: Place, image: Place, t: float) -> bool:
     if isinstance(place, Edge):
         points, _, images = _on_edge(case.surface.domain, place, mirror, sight)
     else:
@@ -302,7 +301,7 @@ def _motions_agree(case: Case, mirror: Mirror, sight: Sight, place: Place, image
     return all(sight.alike((-1) ** key[mirror.axis] * there[key], mirror.signs * here[key]) for key in here)
 
 
-def _moved(case: Case, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
+def _moved(case: Shell, place: Place, points: Array, t: float, order: int) -> dict[tuple[int, int], Array]:
     """Return how supports move a place, with derivatives: what they hold, and all of it where they hold the slope."""
     keys = [(i, j) for i, j in product(range(order + 1), repeat=2) if i + j <= order]
     total = {key: np.zeros((len(points), 3)) for key in keys}
@@ -314,7 +313,7 @@ def _moved(case: Case, place: Place, points: Array, t: float, order: int) -> dic
     return total
 
 
-def mirrored_supports(case: Case, mirror: Mirror) -> tuple[int, ...] | None:
+def mirrored_supports(case: Shell, mirror: Mirror) -> tuple[int, ...] | None:
     """Return for each support the number of the one that is its mirror image; None if a support has none."""
 
     def carried(support: Support, other: Support) -> bool:

@@ -85,7 +85,7 @@ class ResultantQuantity(ShellQuantity):
         places = [shell.places[name] for name in self.on]
         if isinstance(places[0], Point):
             return np.array([place.xi for place in places]), np.full(len(places), 1 / len(places))
-        rules = [_along(shell, edge) for edge in places]
+        rules = [along_edge(shell, edge) for edge in places]
         weights = np.concatenate([w for _, w in rules])
         return np.concatenate([points for points, _ in rules]), weights / weights.sum()
 
@@ -164,7 +164,7 @@ def _forced_points(shell: Any) -> Iterator[tuple[str, str]]:
             yield f"support '{support.name}'", place.name
 
 
-def _along(shell: Any, edge: Edge) -> tuple[Array, Array]:
+def along_edge(shell: Any, edge: Edge) -> tuple[Array, Array]:
     """Return points (n, 2) and weights (n,), m, that integrate along an edge: Gauss's rule on panels."""
     domain, running = shell.surface.domain, 1 - edge.axis
     start, stop = edge.bounds(domain)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shellbench.problems.shell.conditions import RIGID_MOTIONS
 from shellbench.problems.shell.directions import held_directions
-from shellbench.problems.shell.places import Edge, Point
+from shellbench.problems.shell.places import Edge, Place, Point
 from shellbench.problems.shell.shell import Shell
 from shellbench.problems.shell.surface import Surface
 
@@ -70,7 +72,14 @@ def motions_of(arms: Array, translated: bool) -> Array:
 
 def free_motions(case: Shell) -> Array:
     """Return an orthonormal basis (6, n) of the rigid motions that no support resists, and at rest no spring."""
-    rows = [np.zeros((6, 6))]
+    return free_of(rows for _, rows in held_rows(case))
+
+
+def held_rows(case: Shell) -> Iterator[tuple[Place | None, Array]]:
+    """Yield the places that supports hold, and by how much rigid motions (6) move them as they may not (n, 6).
+
+    Springs of a shell at rest come last, with no place.
+    """
     for support, place in case.supported_places():
         if isinstance(place, Edge):
             points = place.samples(case.surface.domain, EDGE_SAMPLES)
@@ -79,7 +88,7 @@ def free_motions(case: Shell) -> Array:
         else:
             points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
         modes = rigid_modes(case.surface, points)
-        rows.append((held_directions(case.surface, support, place, points) @ modes[0, 0]).reshape(-1, 6))
+        yield place, (held_directions(case.surface, support, place, points) @ modes[0, 0]).reshape(-1, 6)
         if support.holds_slope and isinstance(place, Edge):
             x = case.surface.derivatives(points, order=1)
             tangent = (x[0, 1], x[1, 0])[place.axis]
@@ -88,13 +97,17 @@ def free_motions(case: Shell) -> Array:
             # the rotation about the edge's tangent, which a held slope prevents
             tilt = np.cross(tangent, normal) / np.linalg.norm(tangent, axis=-1, keepdims=True)
             spin = np.stack([np.cross(axis, tilt) for axis in np.eye(3)], axis=-1)
-            rows.append(np.concatenate([np.zeros((len(points), 3)), np.einsum("pi,pik->pk", normal, spin)], axis=1))
+            yield place, np.concatenate([np.zeros((len(points), 3)), np.einsum("pi,pik->pk", normal, spin)], axis=1)
     if case.springs and case.dynamics is None:
         points = case.surface.domain.grid(SAMPLES_A_SIDE, SAMPLES_A_SIDE).reshape(-1, 2)
         stiffness = case.spring_stiffness(points)
         share = np.sqrt(stiffness / max(float(stiffness.max()), np.finfo(float).tiny))
-        rows.append((share[..., None] * rigid_modes(case.surface, points)[0, 0]).reshape(-1, 6))
-    matrix = np.concatenate(rows)
+        yield None, (share[..., None] * rigid_modes(case.surface, points)[0, 0]).reshape(-1, 6)
+
+
+def free_of(rows: Iterable[Array]) -> Array:
+    """Return an orthonormal basis (6, n) of the rigid motions to which rows (n, 6) are orthogonal."""
+    matrix = np.concatenate([np.zeros((6, 6)), *rows])
     _, values, basis = np.linalg.svd(matrix, full_matrices=False)  # of six rows at least, so that its basis is whole
     held = np.count_nonzero(values > RANK_TOLERANCE * max(1.0, values.max()))
     return basis[held:].T
