@@ -7,6 +7,7 @@ that names the file and the field.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
@@ -21,6 +22,7 @@ from shellbench.problems.shell.contact import check_contact
 from shellbench.problems.shell.course import SAMPLES, check_motion, check_path
 from shellbench.problems.shell.mesh.surface import with_fit
 from shellbench.problems.shell.places import Edge, Place, Point, Whole
+from shellbench.problems.shell.point_actions import check_point_actions, drifts, remark
 from shellbench.problems.shell.rigid import check_held
 from shellbench.problems.shell.shell import Picture, Shell, Theory, rotation_matrix
 from shellbench.problems.shell.surface import COORDINATES
@@ -224,7 +226,17 @@ class Case(Shell):
     def _is_held(self) -> Self:
         if self.dynamics is None:
             check_held(self)
+        check_point_actions(self)
         return self
+
+    def drifts(self, solution: Any) -> dict[str, float]:
+        """Return how far values without a limit move with a solver's cells; see `shellbench.problem.Problem.drifts`."""
+        return drifts(self, solution)
+
+    @cached_property
+    def remark(self) -> str:
+        """A clause on values that have no limit and are given all the same; empty if there are none."""
+        return remark(self)
 
 
 def read_case(path: Path) -> Case:
