@@ -237,6 +237,19 @@ class Problem(Model):
         """
         return None
 
+    @property
+    def remark(self) -> str:
+        """A clause on what is to be known of every answer to it; empty if nothing is."""
+        return ""
+
+    def drifts(self, solution: Any) -> Mapping[str, float]:
+        """Return how far values that have no limit move with a solver's resolution, by quantity, before its factor.
+
+        They are added to the uncertainties that a solver states. One of more than a hundredth of its value makes the
+        answer not settled.
+        """
+        return {}
+
     def check_state(self, at: float) -> None:
         """Raise InputError if no solution can be asked at this mark."""
 
@@ -356,7 +369,8 @@ class Solution(Protocol):
     """An answer to a problem, and how it came about.
 
     One part is optional: `unsettled`, one clause that says why the answer has not settled, such as "centre_z still
-    moves by 2e-3 when features of other kinds join". None, or no such attribute, says that it has.
+    moves by 2e-3 when features of other kinds join". None, or no such attribute, says that it has. An answer has not
+    settled either if the stated uncertainty of its headline is more than a hundredth of it.
     """
 
     @property

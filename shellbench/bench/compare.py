@@ -271,7 +271,7 @@ def row_of(run: CurrentRun, quantity: Quantity) -> Row:
         energy_gap=float(gap) if isinstance(gap, int | float) else None,
         status="declined" if declined else record.status,
         reason=f"the solver declines the quantity: {declined}" if declined else record.reason,
-        remark="; ".join(one.words for one in record.self_intersection if one.words),
+        remark="; ".join(filter(None, (*(one.words for one in record.self_intersection), run.case.remark))),
         seconds=record.seconds,
         peak_memory_bytes=record.peak_memory_bytes,
         idle_memory_bytes=record.idle_memory_bytes,

@@ -126,6 +126,8 @@ def _line(outcome: Outcome) -> str:
     primary = case.primary
     measured = record.values.get(primary.name)
     answer = f"  {primary.name} = {measured.value:.6g} {primary.unit}" if measured else ""
-    reason = f": {escape(record.reason)}" if record.reason else ""
-    declined = "".join(f"; declines {name}: {escape(why)}" for name, why in record.declined.items())
-    return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{reason}{declined}"
+    moving = ", ".join(q.name for q in case.quantities if q.name in record.values and record.converged(q.name) is False)
+    words = [record.reason, f"not converged: {moving}" if moving else "", case.remark if record.status == "ok" else ""]
+    words += [f"declines {name}: {why}" for name, why in record.declined.items()]
+    said = escape("; ".join(filter(None, words)))
+    return f"[{colour}]{record.status:>7}[/] {name}  {record.seconds:.2f} s{answer}{': ' if said else ''}{said}"

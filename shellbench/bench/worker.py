@@ -29,6 +29,7 @@ from shellbench.bench.identity import current_source
 from shellbench.bench.kinds import find_kind, kind_name, problem_of
 from shellbench.bench.record import NOT_SETTLED, Measured, Record, Status, document, readable, shortened
 from shellbench.bench.registry import SolverEntry, find_solver, load_solver
+from shellbench.bench.settled import why_uncertain, with_drifts
 from shellbench.bench.task import Task
 from shellbench.errors import InputError, SolveFailure
 from shellbench.model import one_sentence
@@ -275,11 +276,21 @@ def run(task: Task, folder: Path, tell: Tell) -> Record:
             result["values"] = with_data_errors(solver, settings, case, result["values"], tell)
         except (InputError, SolveFailure) as error:
             reason = f"how far the answer moves with its data is not known: {said(error)}"
+    drifting: str | None = None
+    if reason is None and solution is not None and result.get("values"):
+        try:
+            result["values"], drifting = with_drifts(case, solution, result["values"])
+        except (InputError, ValueError, NotImplementedError) as error:
+            drifting = f"how far values without a limit drift is not known: {said(error)}"
     if reason is None and not same_source(task):
         reason = "the source of the solver, or of what measures it, was changed while it ran"
     status: Status = "ok" if reason is None else "failed"
-    if reason is None and solution is not None and (reason := why_unsettled(solution)) is not None:
-        status = NOT_SETTLED
+    if reason is None and solution is not None:
+        values = result.get("values", {})
+        uncertain = why_uncertain(problem_of(task.case), task.identity.solver, task.own_case, values)
+        said_of_it = why_unsettled(solution), drifting, uncertain
+        reason = "; ".join(filter(None, said_of_it)) or None
+        status = NOT_SETTLED if reason else "ok"
     try:
         return task.record(status=status, reason=reason, **result)
     except ValidationError as error:
