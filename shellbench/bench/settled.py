@@ -6,12 +6,11 @@ One that states no uncertainty is taken as it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from shellbench.bench import catalog
 from shellbench.bench.compare import allowed_by_file
 from shellbench.bench.record import Measured
-from shellbench.bench.reference import Tolerance
 from shellbench.problem import Problem, Solution
 
 SETTLED = 0.01  # largest stated uncertainty of a value that has settled, relative to it
@@ -53,8 +52,8 @@ def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[st
     largest = max(abs(values[q.name].value) for q in case.quantities if q.unit == headline.unit and q.name in values)
     near_zero = headline.absolute or value <= SETTLED * largest
     allowed = SETTLED * (largest if near_zero else value)
-    for tolerance in _tolerances(case, solver, own_case):
-        allowed = max(allowed, tolerance.largest * (1.0 if tolerance.is_absolute else value))
+    for largest_error, absolute in _tolerances(case, solver, own_case):
+        allowed = max(allowed, largest_error * (1.0 if absolute else value))
     if found.uncertainty <= allowed:
         return None
     share = f" ({found.uncertainty / value:.2g} of it)" if value else ""
@@ -64,12 +63,11 @@ def why_uncertain(case: Problem, solver: str, own_case: bool, values: Mapping[st
     )
 
 
-def _tolerances(case: Problem, solver: str, own_case: bool) -> list[Tolerance]:
-    """Return what is allowed of the headline: by the user's own case, or frozen for one of the suites'."""
+def _tolerances(case: Problem, solver: str, own_case: bool) -> Iterator[tuple[float, bool]]:
+    """Yield the errors that a user's own case or a frozen tolerance allows the headline, and whether in its unit."""
     headline = case.primary
-    if not own_case:
-        frozen = catalog.tolerance(case.name, headline.name, solver)
-        return [frozen] if frozen else []
-    stated = headline.tolerance.get(solver)
-    own = Tolerance.model_validate({"absolute" if headline.absolute else "relative": stated}) if stated else None
-    return [one for one in (own, allowed_by_file(case, headline)) if one]
+    frozen = allowed_by_file(case, headline) if own_case else catalog.tolerance(case.name, headline.name, solver)
+    if frozen:
+        yield frozen.largest, frozen.is_absolute
+    if own_case and solver in headline.tolerance:
+        yield headline.tolerance[solver], headline.absolute

@@ -86,7 +86,7 @@ SYMMETRIC_CASES = {
             points={"a": [0.5, 0.25], "b": [1.5, 0.25], "c": [0.5, 0.75], "d": [1.5, 0.75], "m": [1, 0.5], "n": [1, 0.2],
                     "o": [1, 0.8]},
             supports=[{"name": "first", "on": ["a", "b"]}, {"name": "second", "on": ["c", "d"]}],
-            loads=[point("m", 0, 0, 3), point("n", 0, 0.2, -1), point("o", 0, -0.2, "-t")],
+            loads=[point("m", 0, 0, 3), point("n", 0, 0, -1), point("o", 0, 0, "-t")],
         ), (4, 4), (2, 2)
     ),
     "pinched_tube": (

@@ -7,6 +7,7 @@ pytest.importorskip("mujoco", reason="needs the extra mujoco")
 
 import mujoco
 
+from shellbench.problems.shell.conditions import PointLoad
 from shellbench.solvers.mujoco.elasticity import Elasticity
 from shellbench.solvers.mujoco.grid import Grid, Loading
 from shellbench.solvers.mujoco.solving import Cloth
@@ -110,8 +111,8 @@ def test_masses_springs_and_loads_add_up_to_their_integrals():
 
 
 def test_a_point_load_between_vertices_keeps_its_moment():
-    load = {"kind": "point", "on": ["here"], "force": [0, 0, 2]}
-    grid = Grid(cloth(points={"here": [0.37, 0.61]}, loads=[load]), (4, 4))
+    load = PointLoad(kind="point", on=("here",), force=(0, 0, 2))  # of which no case may ask at finite strain
+    grid = Grid(cloth(points={"here": [0.37, 0.61]}).model_copy(update={"loads": (load,)}), (4, 4))
     forces = Loading(grid).forces(0.0)
     assert forces[:, 2].sum() == pytest.approx(2)
     assert forces[:, 2] @ grid.rest[:, :2] == pytest.approx([0.74, 1.22])

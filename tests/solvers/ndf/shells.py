@@ -3,6 +3,7 @@
 import numpy as np
 
 from shellbench.problems.shell.case import build_case
+from shellbench.problems.shell.conditions import PointLoad
 
 SURFACES = {
     "plane": {"kind": "plane", "xi1": [0, 2], "xi2": [-1, 1]},
@@ -30,6 +31,12 @@ def shell(surface="plane", material=None, **data):
     if "supports" not in data:
         base["remove_rigid_motions"] = FREE
     return build_case({**base, **data}, "test", "test")
+
+
+def with_force(case, place, force):
+    """A case with a force at a point that it could not be asked for: for mechanics alone."""
+    load = PointLoad(kind="point", on=(place,), force=force)
+    return case.model_copy(update={"loads": (*case.loads, load)})
 
 
 def support(name, *on, **data):

@@ -45,8 +45,8 @@ def random_field(case, spec, width=12):
 
 TUBES = {
     "plain": shell("tube"),
-    "loaded": shell("tube", points={"p": [70, 1.5]}, loads=[{"kind": "point", "on": ["p"], "force": [0, 1, 0]}]),
-    "torus": shell("torus", points={"p": [30, 200]}, loads=[{"kind": "point", "on": ["p"], "force": [0, 1, 0]}]),
+    "loaded": shell("tube", points={"p": [90, 1.5]}, loads=[{"kind": "point", "on": ["p"], "force": [0, 0, 1]}]),
+    "torus": shell("torus", points={"p": [60, 200]}, loads=[{"kind": "point", "on": ["p"], "force": [0, 1, 0]}]),
 }
 
 

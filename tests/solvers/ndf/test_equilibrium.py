@@ -13,7 +13,7 @@ from shellbench.solvers.ndf.field import Field, random_features
 from shellbench.solvers.ndf.jets import Placement
 from shellbench.solvers.ndf.newton import Constraint, PathState, Tangent, drift, equilibrium, on_path
 from shellbench.solvers.ndf.quadrature import RuleSpec
-from tests.solvers.ndf.shells import FREE, inner_points, shell, support
+from tests.solvers.ndf.shells import FREE, inner_points, shell, support, with_force
 
 PLACEMENT = Placement()
 RULE = RuleSpec((3, 3), 5)
@@ -23,11 +23,13 @@ WALL = support("wall", "xi1_min", clamped=True)
 AREA = {"kind": "area", "vector": ["3*t*sin(xi1)", "20*t", "-50*t*xi2"]}
 GRAVITY = {"kind": "gravity", "acceleration": [0, "-40*t", 0]}
 EDGE = {"kind": "edge", "on": ["xi1_max"], "vector": ["30*t", "10*t*xi2", "-90*t"]}
-POINT = {"kind": "point", "on": ["p"], "force": ["5*t", "-20*t", "100*t"]}
 MOMENT = {"kind": "moment", "on": ["xi1_max"], "axis": [0.1, -1, 0.3], "value": "200*t*(1 + xi2)"}
 SHIFT = {"kind": "translation", "vector": ["0.2*t", "-0.1*t", "0.3*t"]}
 CASES = {
-    "hypar": shell("hypar", theory=NONLINEAR, points={"p": [0.2, 0.3]}, supports=[WALL], loads=[AREA, EDGE, POINT]),
+    "hypar": with_force(
+        shell("hypar", theory=NONLINEAR, points={"p": [0.2, 0.3]}, supports=[WALL], loads=[AREA, EDGE]),
+        "p", ("5*t", "-20*t", "100*t"),
+    ),
     "moved roof": shell(
         "roof", theory=NONLINEAR, loads=[GRAVITY],
         supports=[support("end", "xi2_min"), support("jaw", "xi2_max", clamped=True, motion=SHIFT)],

@@ -9,10 +9,9 @@ from shellbench.solvers.ndf.field import FixedFeatures
 from shellbench.solvers.ndf.inputs import Inputs, edge_layers, foci
 from shellbench.solvers.ndf.jets import D1, Placement
 from shellbench.solvers.ndf.supports import edge_samples, edge_supports
-from tests.solvers.ndf.shells import FREE, differences, inner_points, shell, support
+from tests.solvers.ndf.shells import FREE, differences, inner_points, shell, support, with_force
 
 PLACEMENT = Placement()
-POINT = {"points": {"p": [70, 1.5]}, "loads": [{"kind": "point", "on": ["p"], "force": [0, 1, 0]}]}
 QUARTER = [
     support("crown", "xi1_max", symmetry="x"),
     support("middle", "xi2_max", symmetry="z"),
@@ -22,7 +21,7 @@ QUARTER_ROOF = {"kind": "cylinder", "axis": "z", "radius": 3, "xi1": [50, 90], "
 
 
 def loaded(surface, at=(70, 1.5), **data):
-    return shell(surface, points={"p": list(at)}, loads=POINT["loads"], **data)
+    return with_force(shell(surface, points={"p": list(at)}, **data), "p", (0, 1, 0))
 
 
 CASES = {

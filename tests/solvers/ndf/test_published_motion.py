@@ -12,7 +12,7 @@ from shellbench.solvers.ndf.published_solver import PublishedSolver
 from shellbench.solvers.ndf.published_training import RECORD
 from tests.alike import SINGLE, alike
 from tests.solvers.ndf.motions import NAPKIN, SLEEVE, G, gravity, moving
-from tests.solvers.ndf.shells import inner_points, shell, support
+from tests.solvers.ndf.shells import inner_points, shell, support, with_force
 from tests.solvers.ndf.trainings import small, trained
 
 FALL = named_case("free_fall")
@@ -168,8 +168,7 @@ def test_what_the_published_functions_cannot_do_is_declined():
         "reaches support": moving(NAPKIN, supports=[edge, support("other", "xi2_min")]),
         "only where they hold all else": moving(NAPKIN, supports=[support("a", "xi1_min", components=["z"],
                                                                           clamped=True)]),
-        "no load of kind 'point'": moving(NAPKIN, loads=[{"kind": "point", "on": ["xi1_min,xi2_min"],
-                                                         "force": [0, 0, 1]}]),
+        "no load of kind 'point'": with_force(moving(NAPKIN), "xi1_min,xi2_min", (0, 0, 1)),
         "linear theory only": shell(theory="kirchhoff-love-nonlinear", supports=[support("a", "xi1_min", "xi1_max")]),
     }  # fmt: skip
     for said, case in cases.items():
