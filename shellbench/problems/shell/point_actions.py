@@ -125,9 +125,12 @@ def remark(case: Shell) -> str:
                 f"the force at '{pull.spot.name}' leans from the normal, so that {', '.join(names)} drift without"
                 " bound as meshes are refined"
             )
+    feet: dict[str, list[str]] = {}
+    for support, spot, _ in leaning(case):
+        feet.setdefault(support.name, []).append(f"'{spot.name}'")
     words += [
-        f"support '{support.name}' leans from the normal at '{spot.name}', and yields as meshes are refined"
-        for support, spot, _ in leaning(case)
+        f"support '{name}' leans from the normal at {', '.join(places)}, and yields as meshes are refined"
+        for name, places in feet.items()
     ]
     end = "the drift down to cells as small as the thickness is part of the stated uncertainty"
     return "; ".join([*words, end]) if words else ""
