@@ -127,7 +127,7 @@ EXAMPLES = {
         '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 0, "sin(pi*xi2)"]\n\n'
         '[[loads]]\nkind = "edge"\non = ["xi1_max"]\nvector = [0, 5, 0]  # pulls at the edge\nframe = "local"'
     ),
-    "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, "-2*t"]', "path"),
+    "PointLoad": Example('[[loads]]\nkind = "point"\non = ["tip", "xi1_max,xi2_min"]\nforce = [0, 0, -2]'),
     "MomentLoad": Example('[[loads]]\nkind = "moment"\non = ["xi1_max"]\naxis = [0, -1, 0]\nvalue = "0.5*t"', "path"),
     "HalfSpace": Example('[[obstacles]]\nkind = "plane"\ncentre = [0, 0, -0.01]\nnormal = [0, 0, 1]'),
     "Plate": Example('[[obstacles]]\nkind = "plate"\ncentre = [0, 0, -0.2]\nnormal = [0, 0, 1]\nhalf_thickness = 0.1'),

@@ -113,6 +113,9 @@ class Support(Model):
     the slope too, on edges only: u,n . a3 = 0 (n the conormal), a rotation carrying a3 along. `symmetry = "x"` says
     that an edge lies in a plane of symmetry whose normal is x: u_x = 0, and the slope is held.
 
+    In linear theory a point along the midsurface can be held against rigid motions only, and the loads have to be in
+    balance without it: it yields without bound as meshes are refined.
+
     Attributes
     ----------
     name
@@ -290,6 +293,12 @@ class EdgeLoad(Model):
 
 class PointLoad(Model):
     """A dead force at points, N (at each of them).
+
+    A force along the midsurface moves its point without bound as meshes are refined: displacements along the midsurface
+    there, the largest displacement and energies have no limit. They can't be asked for, unless the force leans from the
+    normal by less than 45 degrees: then the drift down to cells as small as the thickness is part of the stated
+    uncertainty, and above a hundredth of the value the answer has not settled. At finite strain, two planes of symmetry
+    have to keep the force along the normal.
 
     Attributes
     ----------
