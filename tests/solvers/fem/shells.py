@@ -23,6 +23,7 @@ TORUS = {
 SURFACES = {"plane": PLANE, "cylinder": CYLINDER, "helicoid": HELICOID, "hypar": HYPAR, "torus": TORUS}
 MATERIAL = {"youngs_modulus": 1e4, "poissons_ratio": 0.3, "thickness": 0.05, "areal_density": 2.0}
 LARGEST = {"name": "largest", "kind": "largest_displacement", "primary": True}
+MEAN = {"name": "mean", "kind": "centre_of_mass", "primary": True, "direction": [1, 0, 0]}  # it has a limit always
 EVERY_EDGE = ["xi1_min", "xi1_max", "xi2_min", "xi2_max"]
 EVERY_MOTION = [
     "translation_x", "translation_y", "translation_z", "rotation_x", "rotation_y", "rotation_z",

@@ -15,14 +15,7 @@ from shellbench.solvers.fem.equilibrium import nodal_rigid_motions
 from shellbench.solvers.fem.loads import Loading, edge_moments
 from shellbench.solvers.fem.mesh import KINDS, TensorMesh, graded_mesh
 from shellbench.solvers.fem.solver import FemSettings, FemSolver
-from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, shell
-
-MEAN = {
-    "name": "mean",
-    "kind": "centre_of_mass",
-    "primary": True,
-    "direction": [1, 0, 0],
-}  # has a limit under any force
+from tests.solvers.fem.shells import EVERY_EDGE, MATERIAL, MEAN, shell
 
 
 def loading(surface, loads, cells=(6, 6), **fields):

@@ -5,7 +5,7 @@ import pytest
 
 from shellbench.bench import catalog
 from shellbench.solvers.fem.mesh import TensorMesh, axis_lines, graded_mesh, segment, singular_points
-from tests.solvers.fem.shells import CYLINDER, EVERY_EDGE, shell
+from tests.solvers.fem.shells import CYLINDER, EVERY_EDGE, MEAN, shell
 
 POINTS = {"a": [1.2, 0.5], "b": [0.3, 0.25]}
 
@@ -59,7 +59,7 @@ def test_an_edge_is_graded_without_a_point_on_it():
 @pytest.mark.parametrize("angles", [(90, 270), (0, 180), (360, 180), (10, 350)])
 def test_a_closed_cylinder_is_graded_across_its_seam(angles):
     case = shell(CYLINDER, points={"p": [angles[0], 1], "q": [angles[1], 1]}, loads=[point_load("p", "q")],
-                 supports=[{"name": "ends", "on": ["xi2_min", "xi2_max"]}])  # fmt: skip
+                 quantities=[MEAN], supports=[{"name": "ends", "on": ["xi2_min", "xi2_max"]}])  # fmt: skip
     mesh = graded_mesh(case, (6, 4), 2.0)
     lines = mesh.lines[0]
     assert np.all(np.diff(lines) > 0)
