@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import identity
+from scipy.sparse import block_diag, diags, identity
 from scipy.sparse.linalg import splu
 
 from shellbench.errors import SolveFailure
@@ -37,6 +37,8 @@ ROUNDING = 1e-12  # of splines that are zero at a place
 MOST_FOLDING, SMALL_FOLDING = 200, 1e-10  # of a sheet that meets a body
 DAMPING = 1e-7  # of it, N/m for each square metre: a pinned point alone lets the sheet turn
 FARTHEST, NEAR = 0.1, 3e-4  # m that a coefficient goes in a step; relative slope from which on Hessians are exact
+INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
+ANCHOR = 1e-12  # relative stiffness by which what no pin holds is held while pins are extended
 HALVINGS = 30  # of a step that does not lower the energy
 PLAYS = 12  # of the two players: density, then minimiser
 STEADY = 1e-10  # by which the density still moves when they end
@@ -132,33 +134,37 @@ def free_axes(case: FieldCase) -> list[int]:
 def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float, Array]]:
     """Yield energy and coefficients after each step of Newton's method, until the energy is least.
 
-    `span` is what `freed` returns. With a body the sheet folds on its way: its Hessian is the convex one, damped, and
-    steps are short, until steps are whole and small; then it is the exact one, as long as its steps go down.
+    `span` is what `freed` returns. The Hessian is the exact one where that is positive definite, and the convex one,
+    damped, elsewhere. With a body the sheet folds on its way: there steps are short, with the convex Hessian, until
+    they are whole and small.
 
     Raises
     ------
     SolveFailure
-        If steps do not lower it, or it has not settled.
+        If steps do not lower it, it has not settled, or it is no minimum where it rests.
     """
     axes, meets = sampled.axes, sampled.body is not None
     convex, coefficients = meets, start
     most, small = (MOST_FOLDING, SMALL_FOLDING) if meets else (MOST_STEPS, SMALL)
     damping = DAMPING / len(start) * identity(span.shape[1], format="csr")
+    idle = sampled.rounding(start)
     for _ in range(most):
         energy, gradient, hessian = sampled.taken(coefficients, convex=convex)
         reduced = span.T @ hessian @ span + (damping if convex else 0 * damping)
-        found = solved(reduced, -(span.T @ gradient[:, axes].T.ravel()))
+        found, negative = solved(reduced, -(span.T @ gradient[:, axes].T.ravel()))
+        if negative and not convex:
+            convex = True
+            continue
         step = np.zeros_like(coefficients)
         step[:, axes] = (span @ found).reshape(len(axes), -1).T
         if not np.all(np.isfinite(step)):
             raise SolveFailure("the losses leave some of the field undetermined: pins are missing, or samples")
         slope = float(np.sum(step * gradient))
-        if abs(slope) <= small * (abs(energy) + abs(slope)):
+        if abs(slope) <= small * (abs(energy) + abs(slope)) + idle:
+            if convex and not meets and solved(span.T @ sampled.taken(coefficients)[2] @ span, found)[1]:
+                raise SolveFailure("the field rests at a saddle of the energy: the sheet would buckle from there")
             yield sampled.energy(coefficients + step), coefficients + step
             return
-        if meets and slope > 0:  # a saddle is near
-            convex = True
-            continue
         share = min(1.0, FARTHEST / float(np.abs(step).max())) if meets else 1.0
         for _ in range(HALVINGS):
             if sampled.energy(coefficients + share * step) <= energy:
@@ -166,21 +172,46 @@ def least(sampled: Sampled, start: Array, span: Sparse) -> Iterator[tuple[float,
             share /= 2
         else:
             raise SolveFailure("Newton's method finds no step that lowers the energy")
-        convex = meets and not (share == 1.0 and -slope <= NEAR * abs(energy))
+        convex = (meets or convex) and not (share == 1.0 and -slope <= NEAR * abs(energy))
         coefficients = coefficients + share * step
         yield sampled.energy(coefficients), coefficients
     raise SolveFailure(f"the energy has not settled after {most} steps of Newton's method")
 
 
-def solved(matrix: Sparse, right: Array) -> Array:
-    """Return the solution (n,) of a symmetric system; not finite if it has none."""
+def solved(matrix: Sparse, right: Array) -> tuple[Array, bool]:
+    """Return the solution (n,) of a symmetric system, not finite if it has none; and whether it is indefinite.
+
+    Elimination without exchange of rows keeps the inertia: pivots have the signs of eigenvalues (Sylvester).
+    """
     try:
         factors = splu(
             matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         )
     except RuntimeError:  # singular
-        return np.full(len(right), np.nan)
-    return np.asarray(factors.solve(right))
+        return np.full(len(right), np.nan), False
+    pivots = factors.U.diagonal()
+    return np.asarray(factors.solve(right)), bool(pivots.min() < -INDEFINITE * pivots.max())
+
+
+def extended(sampled: Sampled, start: Array, span: Sparse, cells: int, degree: int) -> Array:
+    """Return coefficients (m, 3) whose displacement is the harmonic extension of that of moved pins.
+
+    It is affine where that of the pins is, so that Newton's method never begins with cells that pins have torn.
+    """
+    axes = sampled.axes
+    if not np.any(start[:, axes]):
+        return start
+    points, areas = gauss(cells, degree + 1)
+    slopes = [matrix(points, cells, degree, orders) for orders in ((1, 0), (0, 1))]
+    one = sum(part.T @ diags(areas) @ part for part in slopes)
+    whole = block_diag([one] * len(axes), format="csr")
+    # what no pin moves stays where it is
+    anchor = ANCHOR * one.diagonal().mean() * identity(span.shape[1], format="csr")
+    right = -(span.T @ (whole @ start[:, axes].T.ravel()))
+    found, _ = solved(span.T @ whole @ span + anchor, right)
+    moved = start.copy()
+    moved[:, axes] += (span @ found).reshape(len(axes), -1).T
+    return moved
 
 
 @dataclass(frozen=True)
@@ -227,6 +258,8 @@ def minimised(
         density = play.share * Cells(shares).density(points) + 1 - play.share
         ones = np.ones(len(points)) if play.weighted else density
         sampled = Sampled.of(case, cells, degree, *folded(points, areas * ones, same))
+        if coarse is None and plays == 1:
+            start = extended(sampled, start, span, cells, degree)
         for energy, coefficients in least(sampled, start, span):
             history.append(Step(len(history), time.perf_counter() - began, energy, span.shape[1]))
             progress(Progress(len(history), None, f"energy {energy:.6g}"))

@@ -27,6 +27,7 @@ from shellbench.solvers.field.basis import Sparse, matrix, not_zero
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
+EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
 GOLDEN_TURN = TURN * 0.6180339887498949  # orientations of neighbours: no two alike
 
 
@@ -163,6 +164,13 @@ class Sampled:
     def axes(self) -> list[int]:
         """Numbers of the components that are free."""
         return [number for number, axis in enumerate(AXES) if axis not in self.cloth.confined]
+
+    def rounding(self, coefficients: Array) -> float:
+        """Return the energy that rounding of places leaves in a sheet that is only moved."""
+        if self.triangles is None:
+            return 0.0
+        far = float(np.abs(self.triangles.places(coefficients)).max())
+        return self.cloth.strain * len(EDGES) * (EPSILON * far / self.cloth.side) ** 2
 
     def energy(self, coefficients: Array) -> float:
         """Return the weighted mean of all losses for coefficients (m, 3)."""

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, diags, identity
+from scipy.sparse import coo_matrix, diags, identity, kron
 from scipy.sparse.linalg import splu
 
 from shellbench.errors import InputError, SolveFailure
@@ -33,6 +33,9 @@ Sparse = Any
 DIRECTIONS = 6  # of edges in a triangle: two structures, a sixth of a turn apart
 CORNERS = 6  # of a structure that collide
 DAMPING, FARTHEST, NEAR, SMALL, MOST = 1e-7, 0.1, 3e-4, 1e-10, 200
+EPSILON = 64 * float(np.finfo(float).eps)  # relative error of a place, with a margin
+ANCHOR = 1e-12  # stiffness by which what no pin holds is held while pins are extended
+INDEFINITE = 1e-9  # relative size of a negative pivot that is not rounding
 
 
 @dataclass(frozen=True)
@@ -93,14 +96,14 @@ def cross(one: Array, other: Array) -> Array:
 class Mesh:
     """A cloth on a lattice: its losses, their slopes and second derivatives for places (n, 3) of vertices."""
 
-    def __init__(self, case: FieldCase, columns: int) -> None:
+    def __init__(self, case: FieldCase, columns: int, directions: int = DIRECTIONS) -> None:
         assert case.cloth is not None
         self.case, self.cloth, self.lattice = case, case.cloth, Lattice.of(columns)
         points, triangles = self.lattice.points, self.lattice.triangles
         self.rest = case.rest(points)
         sides = np.stack([points[triangles[:, k]] - points[triangles[:, 0]] for k in (1, 2)], axis=2)
         self.areas = np.linalg.det(sides) / 2
-        angles = math.pi * np.arange(DIRECTIONS) / DIRECTIONS
+        angles = math.pi * np.arange(directions) / directions
         along = np.linalg.inv(sides) @ np.stack([np.cos(angles), np.sin(angles)])
         self.rows = np.concatenate([-along.sum(axis=1, keepdims=True), along], axis=1)  # (t, 3, directions)
         self.lengths = np.linalg.norm(self.edges(self.rest), axis=-1)
@@ -162,7 +165,7 @@ class Mesh:
         edges = self.edges(places)
         long = np.linalg.norm(edges, axis=-1)
         unit, stretch = edges / long[..., None], long / self.lengths - 1
-        weight = 3 * self.cloth.strain * self.areas[:, None] / DIRECTIONS
+        weight = 3 * self.cloth.strain * self.areas[:, None] / self.rows.shape[2]
         slope = np.einsum("tik,tka->tia", self.rows, (2 * weight * stretch / self.lengths)[..., None] * unit)
         outer = unit[..., :, None] * unit[..., None, :]
         tension = 1 - self.lengths / long
@@ -213,23 +216,47 @@ class Mesh:
             values[held] = evaluated(pin.displacement, points[held])
         return identity(given.size, format="csc")[:, ~given.ravel()], values
 
+    def extended(self, span: Sparse, values: Array) -> Array:
+        """Return places (n, 3) whose displacement extends that of moved pins, each edge a spring of its cotangents.
+
+        The extension is harmonic (Pinkall and Polthier 1993), and affine where the pins' displacement is.
+        """
+        if not np.any(values):
+            return self.rest
+        points, triangles = self.lattice.points, self.lattice.triangles
+        stiffness: Any = 0
+        for corner in range(3):
+            i, j, k = (triangles[:, (corner + n) % 3] for n in range(3))
+            one, other = points[i] - points[k], points[j] - points[k]
+            weight = np.sum(one * other, axis=1) / cross(one, other) / 2
+            entries = np.concatenate([weight, weight, -weight, -weight])
+            rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
+            stiffness = stiffness + coo_matrix((entries, (rows, columns)), shape=(len(points),) * 2)
+        whole = kron(stiffness.tocsr(), identity(3))
+        anchor = ANCHOR * identity(span.shape[1])  # of what no pin moves
+        found = factorised(span.T @ whole @ span + anchor).solve(-(span.T @ (whole @ values.ravel())))
+        return np.asarray(self.rest + values + (span @ found).reshape(-1, 3))
+
     def least(self) -> Iterator[tuple[float, Array]]:
         """Yield energy and places (n, 3) after each step, until the energy is least; SolveFailure if it is not."""
         span, values = self.span()
-        places = self.rest + values
+        places = self.extended(span, values)
         damping = span.T @ diags(DAMPING * np.repeat(self.share, 3)) @ span
         convex = True
+        far = EPSILON * float(np.abs(places).max()) * self.lattice.columns  # strain that rounding of places leaves
+        idle = 3 * self.cloth.strain * far**2
         for _ in range(MOST):
             energy = self.energy(places)
             gradient, hessian = self.slopes(places, convex)
-            reduced = (span.T @ hessian @ span + (damping if convex else 0 * damping)).tocsc()
-            ordered = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-            step = (span @ splu(reduced, **ordered).solve(-(span.T @ gradient.ravel()))).reshape(-1, 3)
+            factors = factorised(span.T @ hessian @ span + (damping if convex else 0 * damping))
+            step = (span @ factors.solve(-(span.T @ gradient.ravel()))).reshape(-1, 3)
             slope = float(np.sum(step * gradient))
-            if slope > 0:
+            if slope > idle:
                 convex = True
                 continue
-            if -slope <= SMALL * (abs(energy) - slope):
+            if -slope <= SMALL * (abs(energy) - slope) + idle:
+                if self.case.body is None and indefinite(span.T @ self.slopes(places, False)[1] @ span + damping):
+                    raise SolveFailure("the mesh rests at a saddle of the energy: the sheet would buckle from there")
                 yield self.energy(places + step), places + step
                 return
             share = min(1.0, FARTHEST / float(np.abs(step).max()))
@@ -241,6 +268,18 @@ class Mesh:
             places = places + share * step
             yield self.energy(places), places
         raise SolveFailure(f"the energy of the mesh has not settled after {MOST} steps of Newton's method")
+
+
+def factorised(matrix: Sparse) -> Any:
+    """Return the factors of a symmetric matrix, eliminated without exchange of rows."""
+    ordered = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    return splu(matrix.tocsc(), **ordered)
+
+
+def indefinite(matrix: Sparse) -> bool:
+    """Tell whether a symmetric matrix has negative eigenvalues beyond rounding: as many as there are such pivots."""
+    pivots = factorised(matrix).U.diagonal()
+    return bool(pivots.min() < -INDEFINITE * pivots.max())
 
 
 def normals(places: Array, faces: Whole) -> tuple[Array, Array]:
