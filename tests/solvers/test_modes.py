@@ -7,6 +7,8 @@ import pytest
 
 from derivations import strip_on_edge
 from shellbench.bench import catalog
+from shellbench.errors import SolveFailure
+from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
 from shellbench.solvers.fem.solver import FemSolver
 from shellbench.solvers.ndf.ritz_solver import RitzSolver
@@ -55,3 +57,16 @@ def test_challengers_that_exploit_their_rule_are_no_part_of_the_answer():
         known = catalog.known_values(case.name).judge(quantity.name, case.theory).value
         assert abs(values[quantity.name] - known) < 2 * found.uncertainty[quantity.name]
         assert found.uncertainty[quantity.name] < 1e-4 * known
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("solver", "settings"), [(FemSolver(), {"cells": (4, 4)}), (RitzSolver(), {"neurons": 60})])
+def test_a_load_that_only_stretches_can_not_buckle(solver, settings):
+    """Turned round, the plate's load has its factors turned round."""
+    data = catalog.named_case("plate_compression").model_dump(mode="json", exclude_unset=True, exclude={"name"})
+    for load in data["loads"]:
+        load["vector"] = [-float(part) for part in load["vector"]]
+    known = catalog.known_values("plate_compression").judge("load_factor_1", data["theory"]).value
+    with pytest.raises(SolveFailure, match=r"^the load cannot buckle the shell: all factors are negative") as found:
+        solver.solve(build_case(data, "stretched", "test"), settings)
+    assert float(str(found.value).split()[-1]) == pytest.approx(-known, rel=1e-2)

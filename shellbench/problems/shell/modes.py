@@ -101,3 +101,19 @@ class BucklingLoad(ModeQuantity):
                 f"quantity '{self.name}' is a buckling load, but nothing holds the shell against {turns}:"
                 " dead loads on a shell that may turn freely have none"
             )
+
+
+def why_too_few(asked: int, positive: int, nearest: float | None) -> str:
+    """Return why a shell has fewer buckling loads than were asked for, in one sentence.
+
+    Parameters
+    ----------
+    asked, positive
+        The number of load factors, and how many of them are above zero.
+    nearest
+        The negative factor that is nearest to zero; None if it is not known.
+    """
+    if positive:
+        return f"the load buckles the shell in {positive} modes on this mesh, and {asked} are asked for"
+    turned = "" if nearest is None else f", the nearest is {nearest:.6g}"
+    return f"the load cannot buckle the shell: all factors are negative{turned}"

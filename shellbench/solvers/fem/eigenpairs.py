@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
+from scipy.linalg import eigh, eigvalsh
 
 Array = NDArray[np.float64]
 Apply = Callable[[Array], Array]
@@ -22,7 +22,17 @@ LOST = 1e-12  # squared length of what orthogonalisation leaves, relative, that 
 
 
 class NotFoundError(ArithmeticError):
-    """There are not so many eigenvalues above zero, or they did not converge."""
+    """There are not so many eigenvalues above zero, or they did not converge.
+
+    Attributes
+    ----------
+    positive
+        Number of eigenvalues that are above zero for certain: the projected matrix has no more of them than A.
+    """
+
+    def __init__(self, positive: int) -> None:
+        super().__init__(f"{positive} eigenvalues above zero were found")
+        self.positive = positive
 
 
 def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array, Array]:
@@ -73,7 +83,8 @@ def largest(apply: Apply, solve: Apply, start: Array, count: int) -> tuple[Array
         columns, dual = _orthonormal(vectors, rest)
         if not columns.shape[1]:
             break
-    raise NotFoundError
+    values = eigvalsh(projected[:used, :used])
+    raise NotFoundError(int(np.sum(values > LOST * np.abs(values).max())))
 
 
 def _first_block(vectors: Array, images: Array) -> tuple[Array, Array]:

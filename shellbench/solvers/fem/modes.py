@@ -9,6 +9,7 @@ what the tangent stiffness of the non-linear theory has besides K when stresses 
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from scipy.linalg import eigh
 
 from shellbench.errors import SolveFailure
 from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.modes import why_too_few
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.fem.assembly import (
     COMPONENTS,
@@ -165,15 +167,23 @@ class _Modes:
         on_free, shape = self.reduced(ahead), (*self.ties.free.shape, -1)
         start = np.random.default_rng(0).normal(size=(self.ties.free.size, BLOCK)) * self.ties.free.reshape(-1, 1)
         wanted = first + count
+
+        def forward(x: Array) -> Array:
+            return (on_free @ x.reshape(shape)).reshape(x.shape)
+
+        def back(x: Array) -> Array:
+            return backward(x.reshape(shape)).reshape(x.shape)
+
         try:
-            inverse, vectors = largest(
-                lambda x: (on_free @ x.reshape(shape)).reshape(x.shape),
-                lambda x: backward(x.reshape(shape)).reshape(x.shape),
-                start,
-                wanted,
-            )
-        except NotFoundError:
-            raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
+            inverse, vectors = largest(forward, back, start, wanted)
+        except NotFoundError as error:
+            if self.vibrates or error.positive >= wanted:
+                raise SolveFailure(f"the shell has no {count} modes on this mesh, or they do not converge") from None
+            nearest = None
+            if not error.positive:  # the factors of the load turned round
+                with contextlib.suppress(NotFoundError):
+                    nearest = -1 / float(largest(lambda x: -forward(x), back, start, 1)[0][0])
+            raise SolveFailure(why_too_few(count, error.positive, nearest)) from None
         modes = self.ties.to_nodal(vectors.reshape(shape))
         roots = root_operators(self.mesh, self.case.surface, self.case.material, self.quadrature)
         energy = _between(modes, InternalForces(self.mesh, self.quadrature, roots)(modes))

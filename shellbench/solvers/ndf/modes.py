@@ -28,6 +28,7 @@ from shellbench.errors import SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import MomentLoad
+from shellbench.problems.shell.modes import why_too_few
 from shellbench.solvers.ndf.build import (
     FieldSpec,
     build_ansatz,
@@ -53,6 +54,7 @@ Integers = NDArray[np.int64]
 SETTLED = 1e-4  # relative uncertainty of a mode's value from which on an answer has not settled
 WANTED = 1e-5  # the same below which one level is enough: corners may give more than their challengers show
 SHAPES = 25  # points a side at which a shape's largest displacement is looked for
+FAR = 1e-6  # reciprocal of a load factor, relative to the largest, below which errors of the stresses make it
 FINER = "finer"  # kind of features of the next level: what a mode lacks are waves that are shorter
 
 
@@ -243,14 +245,16 @@ class _OneLevel:
         size = len(ahead)
         if size < number:
             raise SolveFailure(f"the field has {size} independent combinations, too few for mode {number}")
+        pair = [_symmetric(m) for m in (ahead, elastic)]
         try:
-            inverse, shares = eigh(
-                *(_symmetric(m) for m in (ahead, elastic)), subset_by_index=(size - number, size - 1)
-            )
+            inverse, shares = eigh(*pair, subset_by_index=(size - number, size - 1))
         except LinAlgError:
             raise SolveFailure("the shell is not stable at the state about which it is to vibrate") from None
-        if not inverse[0] > 0:
-            raise SolveFailure(f"the shell has no {number} modes: these loads buckle it in fewer ways")
+        if not self.vibrates:
+            least = float(eigh(*pair, eigvals_only=True, subset_by_index=(0, 0))[0])
+            positive = inverse > FAR * max(inverse[-1], -least)
+            if not positive.all():
+                raise SolveFailure(why_too_few(number, int(positive.sum()), 1 / least if least < 0 else None))
         weights = combine @ torch.as_tensor(shares[:, ::-1].copy(), dtype=combine.dtype, device=combine.device)
         trained, values = 1 / inverse[::-1], self._certified(weights, loaded)
         gap = float(np.abs(trained / values - 1).max())
