@@ -54,7 +54,10 @@ def measured(solution: Solution, case: Problem, folder: Path) -> tuple[dict[str,
     kind = find_kind(case.kind)
     values, lost = values_of(solution, case)
     result: dict[str, Any] = {"values": values}
-    why = without_values(lost) if lost else None
+    headline = next(quantity.name for quantity in case.quantities if quantity.primary)
+    # A solver that names what it did not reach has an answer as long as it reached the headline.
+    told = headline in values and all(name in (why_unsettled(solution) or "") for name in lost)
+    why = without_values(lost) if lost and not told else None
     numbers = {name: found.value for name, found in values.items()}
     accounts = {name: partial(account, solution, case, numbers) for name, account in kind.accounts.items()}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -26,6 +27,15 @@ def measure(solution: DisplacementField, quantity: Quantity) -> float:
 def measure_all(solution: DisplacementField, case: Any = None) -> Mapping[str, float]:
     """Return all quantities of the case by name."""
     return {q.name: measure(solution, q) for q in (case or solution.case).quantities}
+
+
+def measure_reached(solution: DisplacementField) -> Mapping[str, float]:
+    """Return the quantities of the case by name that a path has reached, which may have ended early."""
+    found = {}
+    for quantity in solution.case.quantities:
+        with contextlib.suppress(ValueError):
+            found[quantity.name] = measure(solution, quantity)
+    return found
 
 
 def area_rule(case: Any) -> tuple[Array, Array]:

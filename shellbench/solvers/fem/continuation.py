@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.measure import unit
+from shellbench.problems.shell.path_end import branch_passed
 from shellbench.problems.shell.places import Point
 from shellbench.problems.shell.quantities import DisplacementQuantity
 from shellbench.solvers.fem.assembly import COMPONENTS
@@ -168,7 +170,7 @@ def displacement_steps(
             if rises != rising and target - value > CLOSE * longest:
                 step = CLOSER * (target - value)
                 continue
-            _check_branch(found, rises)
+            _check_branch(problem.case, found, rises)
             state, value, rising = found, target, rises
             yield state
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
@@ -194,12 +196,12 @@ def _first_rate(row: Array, drift: Array) -> float:
     return rate
 
 
-def _check_branch(found: FiniteState, rises: bool) -> None:
+def _check_branch(case: Case, found: FiniteState, rises: bool) -> None:
     """Check that only limit points were passed: each changes the tangent's inertia by one, and the load's direction."""
     # At a limit point one eigenvalue changes its sign, and so does dt along the path. At a branch dt does not. An even
     # number of negative ones therefore goes with a load that rises. Two branches in one step go unseen.
     if found.factor is not None and (found.factor.negative % 2 == 0) != rises:
-        raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
+        raise PathEndsError(branch_passed(case, found.t))
 
 
 def arc_length_steps(
@@ -298,7 +300,7 @@ def arc_length_steps(
                 _crowded(there, short * CROWDED) if landing else [min(max(there - short, short), CUT * arc), short]
             )
             continue
-        _check_branch(found, sign_found * first > 0)
+        _check_branch(problem.case, found, sign_found * first > 0)
         reached = waiting[0] if on_mark else float(np.sum(row * found.q))
         # A mark counts at the displacement's first passage only. After a snap-back the same value belongs to another
         # state.

@@ -46,6 +46,15 @@ SHORTEST = 1e-2  # of the way from one state of a trail to the next: the shortes
 RIGID = 1e-6  # component of a rotation among the loose rigid motions that is rounding
 
 
+class PathEndedError(SolveFailure):
+    """A path that ended early; `equilibrium` is what it came to."""
+
+    def __init__(self, reason: str, equilibrium: Equilibrium) -> None:
+        last = equilibrium.solution.history[-1].at
+        super().__init__(f"{reason}; the last converged load factor is {last:.6g}", equilibrium.solution)
+        self.equilibrium = equilibrium
+
+
 def declined(case: Case) -> str | None:
     """Return what in a case of the non-linear theory fem can't do, as a clause, or None."""
     for support in case.supports:
@@ -104,8 +113,10 @@ def solve(
     ------
     InputError
         If supports contradict each other.
+    PathEndedError
+        If the path ends early.
     SolveFailure
-        If the path ends early; the states up to there come with it.
+        If no state beyond rest converged.
     """
     # 1. Check that loads do no work on rigid motions that nothing holds.
     # 2. Follow the path, keeping what each state needs later and dropping its factorisation.
@@ -153,7 +164,7 @@ def solve(
     kept = sorted({*kept, *(k for k, state in enumerate(states) if state.critical)})
     solution = _solution(problem, quadrature_order, [states[k] for k in kept], [marks[k] for k in kept], history)
     if reason is not None:
-        raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", partial=solution)
+        raise PathEndedError(reason, Equilibrium(solution, problem.potential(states[-1]), states[-1].residuals[-1]))
     last = states[-1]
     if problem.points is not None:
         states, marks = [states[k] for k in kept], [marks[k] for k in kept]

@@ -252,7 +252,7 @@ def levels(
 
     As many of the first ones as are `forgiven` may fail. The energy converges no faster than at the rate `slowest`.
     """
-    values: dict[str, list[float]] = {q.name: [] for q in case.quantities}
+    values: dict[str, list[float]] = {}
     resolutions: list[float] = []
     energies: list[float] = []
     before: FemSolution | None = None
@@ -274,6 +274,9 @@ def levels(
         resolution = float(np.sqrt(np.prod(solution.mesh.cells)))
         if resolutions and resolution <= resolutions[-1]:
             continue
+        if values.keys() != quantities.keys():  # a path that comes farther, or less far, than those before
+            values, resolutions, energies, before = {name: [] for name in quantities}, [], [], None
+        asked = [q for q in case.quantities if q.name in quantities]
         resolutions.append(resolution)
         for name, value in quantities.items():
             values[name].append(value)
@@ -284,7 +287,7 @@ def levels(
         # One change may be small by accident, as that of a place at which the field's change passes through zero.
         least = ACCIDENT * difference if case.linear and difference is not None and len(resolutions) == 2 else 0.0
         estimates = {}
-        for q in case.quantities:
+        for q in asked:
             found = estimate(values[q.name], resolutions, fastest)
             sure = max(found.uncertainty, least if isinstance(q, LargestDisplacement | DisplacementQuantity) else 0.0)
             if isinstance(q, ContactPoint):
@@ -292,8 +295,8 @@ def levels(
                 sure = max(sure, within * cell_along(solution, q))
             estimates[q.name] = replace(found, uncertainty=sure + rounding(equilibrium, q, quantities))
         # Each is compared with a scale, as a value near zero has no relative error.
-        errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in case.quantities}
-        for q in case.quantities:
+        errors = {q.name: estimates[q.name].uncertainty / scale(solution, q, quantities) for q in asked}
+        for q in asked:
             if isinstance(q, ContactPoint) and (left := q.length(case) - quantities[q.name]) < cell_along(solution, q):
                 # Contact at the very end of a line is taken by points within the last cell, and is never sure to less
                 # than they are away from the end. That falls with the cell alone: it is no reason to refine.

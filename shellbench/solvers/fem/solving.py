@@ -15,7 +15,8 @@ from shellbench.errors import InputError, SolveFailure
 from shellbench.problem import Progress, ProgressCallback, Solution, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.edit import why_no_edit
-from shellbench.problems.shell.measure import measure_all
+from shellbench.problems.shell.measure import measure_all, measure_reached
+from shellbench.problems.shell.path_end import cut_short
 from shellbench.problems.shell.quantities import EnergyQuantity
 from shellbench.solvers.fem import equilibrium, large_displacement, motion
 from shellbench.solvers.fem.continuation import STEP_SHARE
@@ -250,6 +251,7 @@ def _solves(
         shortest_step: float = SHORTEST_STEP,
         share: float = STEP_SHARE,
         earlier: FemSolution | None = None,
+        trial: bool = False,
     ) -> OnMesh:
         trail: FemSolution | None = None
 
@@ -266,7 +268,12 @@ def _solves(
 
             steps = first_step, shortest_step
             order, begin = settings.quadrature_order, trail or earlier
-            found, trail = large_displacement.solve(of, mesh, order, steps, begin, tell, share)
+            try:
+                found, trail = large_displacement.solve(of, mesh, order, steps, begin, tell, share)
+            except large_displacement.PathEndedError as end:
+                if trial:
+                    raise
+                return replace(end.equilibrium, solution=cut_short(end.equilibrium.solution, str(end)))
             return found
 
         return follow
@@ -283,11 +290,13 @@ def _solves(
     if start is not None and case.path.quantity is not None:
         what = "it does on paths under load only"
         raise InputError(f"fem can't go on from an earlier solution in {case.name}: {what}")
-    trial = nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP, TRIAL_SHARE)
+    trial = nonlinear(last, TRIAL_STEP, SHORTEST_TRIAL_STEP, TRIAL_SHARE, trial=True)
     return nonlinear(case, FIRST_STEP, earlier=start), (trial, unbent)
 
 
 def _measured(solution: FemSolution) -> Mapping[str, float]:
+    if solution.unsettled is not None:
+        return measure_reached(solution)
     try:
         return measure_all(solution)
     except ValueError as error:  # the path lacks a point that a quantity is asked at
@@ -372,6 +381,7 @@ def _finished(
         uncertainty={name: e.uncertainty for name, e in known.items()},
         extrapolated={name: e.extrapolated for name, e in known.items()},
         diagnostics={
+            **found.solution.diagnostics,
             "converged": converged,
             "tolerance": tolerance,
             "relative_uncertainty": level.error if known else None,

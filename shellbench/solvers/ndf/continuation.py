@@ -14,6 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from shellbench.problems.shell.case import Case
+from shellbench.problems.shell.path_end import branch_passed
 from shellbench.solvers.ndf.equilibrium import NotConvergedError, PathProblem
 from shellbench.solvers.ndf.newton import Constraint, PathState, drift, equilibrium, on_path
 
@@ -101,7 +103,7 @@ def displacement_steps(problem: PathProblem, row: Tensor, marks: Sequence[float]
             if rises != rising and target - value > CLOSE * longest:
                 step = CLOSER * (target - value)
                 continue
-            _check_branch(found, rises)
+            _check_branch(problem.ansatz.case, found, rises)
             state, value, rising = found, target, rises
             yield state
             step = min(longest, step * GROWTH) if state.iterations <= EASY else step
@@ -156,7 +158,7 @@ def arc_length_steps(problem: PathProblem, row: Tensor, marks: Sequence[float], 
         if (sign_found, heads) != (sign, heading) and arc > CLOSE * longest:
             arc *= CLOSER
             continue
-        _check_branch(found, sign_found * first > 0)
+        _check_branch(problem.ansatz.case, found, sign_found * first > 0)
         reached = float(row @ found.weights)
         near, at = state, value
         while waiting and reached >= waiting[0] > highest:
@@ -186,10 +188,10 @@ def _first_rate(row: Tensor, tangent: Tensor) -> float:
     return rate
 
 
-def _check_branch(found: PathState, rises: bool) -> None:
+def _check_branch(case: Case, found: PathState, rises: bool) -> None:
     """Check that only limit points were passed: there the tangent's determinant changes sign with the load's rate."""
     if found.tangent is not None and found.tangent.positive != rises:
-        raise PathEndsError(f"a branch of other equilibria was passed before load factor {found.t:.6g}")
+        raise PathEndsError(branch_passed(case, found.t))
 
 
 def landing(value: float, mark: float, step: float) -> float:

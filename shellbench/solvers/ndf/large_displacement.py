@@ -18,6 +18,7 @@ from shellbench.problem import Progress, ProgressCallback, Step
 from shellbench.problems.shell.case import Case
 from shellbench.problems.shell.conditions import RIGID_MOTIONS, MomentLoad, Value
 from shellbench.problems.shell.edit import between
+from shellbench.problems.shell.path_end import cut_short
 from shellbench.problems.shell.quantities import CriticalPoint, DisplacementQuantity
 from shellbench.problems.shell.rigid import free_motions
 from shellbench.solvers.ndf.buckling import follow_steps
@@ -204,7 +205,7 @@ class _Run:
         self.states = states
         solution = self._kept(states, seconds, complete=reason is None)
         if reason is not None:
-            raise SolveFailure(f"{reason}; the last converged load factor is {states[-1].t:.6g}", solution)
+            solution = cut_short(solution, f"{reason}; the last converged load factor is {states[-1].t:.6g}")
         if (reason := exploits(solution.diagnostics["energy_gap"], self.largest_gap)) is not None:
             raise SolveFailure(reason, solution)
         return solution

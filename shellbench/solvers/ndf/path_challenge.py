@@ -268,7 +268,7 @@ def challenged(
     return replace(
         solution,
         uncertainty=uncertainty,
-        unsettled=unsettled(uncertainty, scales, SETTLED),
+        unsettled=solution.unsettled or unsettled(uncertainty, scales, SETTLED),
         diagnostics={
             **solution.diagnostics,
             "challenge_gain": max(gains),

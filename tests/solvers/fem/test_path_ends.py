@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from shellbench.bench import catalog
+from shellbench.bench.worker import measured
 from shellbench.errors import InputError, SolveFailure
 from shellbench.problems.shell.case import build_case
 from shellbench.problems.shell.measure import measure_all
@@ -260,7 +261,7 @@ def test_the_path_of_the_pulled_cylinder_has_a_loop():
 
 
 @pytest.mark.parametrize("control", ["displacement", "arc_length"])
-def test_a_path_that_passes_a_branch_ends_there(control):
+def test_a_path_that_passes_a_branch_ends_there(control, tmp_path):
     """A pressed strip whose tip is followed along its axis stays straight beyond Euler's load, and says so."""
     data = data_of("cantilever_shear")
     push = {"kind": "edge", "on": ["xi1_max"], "vector": ["-t", 0, 0]}
@@ -277,6 +278,16 @@ def test_a_path_that_passes_a_branch_ends_there(control):
     with pytest.raises(SolveFailure, match=r"^a branch of other equilibria was passed before load factor") as caught:
         on_mesh(case, (4, 1))
     assert caught.value.partial.history[-1].at == pytest.approx(euler, rel=0.15)
+    # What was asked before the branch has its value, in a record too, and what was not reached is named.
+    early = case.quantities[0].model_copy(update={"at": until / 8})
+    later = case.quantities[0].model_copy(update={"name": "later", "primary": False})
+    asked = case.model_copy(update={"quantities": (early, later)})
+    found = FemSolver().solve(asked, FemSolver.settings_type(cells=(4, 1)))
+    result, why_not_whole = measured(found, asked, tmp_path)
+    assert why_not_whole is None
+    assert result["values"].keys() == {"u"}
+    assert result["values"]["u"].value == pytest.approx(until / 8)
+    assert re.search(r"a support of symmetry at y = 0\.5, answers the rest .*; not reached: later$", found.unsettled)
 
 
 @pytest.mark.parametrize("control", ["displacement", "arc_length"])
