@@ -25,6 +25,7 @@ import numpy as np
 from shellbench.problems.shell.case import Case, read_case
 from shellbench.problems.shell.places import Edge
 
+from . import pulled_ring
 from .clamped_plate import solve_clamped
 from .estimate import Estimate
 from .exponential_shells import roof_by_exponentials
@@ -333,6 +334,7 @@ JUDGES: Mapping[str, Values] = {
     "resultants_clamped_plate": partial(_clamped, "goursat"),
     "resultants_roof": partial(_roof, "polynomials"),
     PARABOLOID: partial(_paraboloid, "series"),
+    "pulled_ring": pulled_ring.by_lame,
 }
 SECOND_FORMS: Mapping[str, Values] = {
     "resultants_plate": partial(_plate, "resultants_plate", "navier"),
@@ -340,6 +342,7 @@ SECOND_FORMS: Mapping[str, Values] = {
     "resultants_clamped_plate": partial(_clamped, "ritz"),
     "resultants_roof": partial(_roof, "exponentials"),
     PARABOLOID: partial(_paraboloid, "varied metric"),
+    "pulled_ring": pulled_ring.by_collocation,
 }
 LONG = frozenset({"resultants_roof", "resultants_clamped_plate", "resultants_paraboloid"})
 """Those whose values take seconds."""

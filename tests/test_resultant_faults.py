@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from shellbench.problems.shell import resultant_quantities
 from shellbench.problems.shell.resultant_quantities import TensorResultant
 from shellbench.solvers.fem import resultants as fem
 from shellbench.solvers.fem.kinematics import elasticity
 from shellbench.solvers.ndf import resultants as ndf
+from shellbench.solvers.ndf import supports
 from tests.test_faults import Fault, must_be_green, must_be_red, wrapped
 
 
@@ -43,6 +45,28 @@ def one_slope_alone(patch):
     )
 
 
+def turned_inward(patch):
+    """Take the coordinate's own direction for outward at the edges where it begins."""
+    original = supports._from_local
+
+    def local(case, vectors, points, running, outward=None):
+        begins = outward is not None and outward.side == "min"
+        return original(case, vectors * [1, -1, 1] if begins else vectors, points, running, outward)
+
+    patch.setattr(supports, "_from_local", local)
+
+
+def weighed_by_parameter(patch):
+    original = resultant_quantities._along
+
+    def along(shell, edge):
+        points, weights = original(shell, edge)
+        lengths = np.linalg.norm(shell.surface.derivatives(points, order=1)[(1, 0) if edge.axis else (0, 1)], axis=-1)
+        return points, weights / lengths
+
+    patch.setattr(resultant_quantities, "_along", along)
+
+
 FAULTS = (
     Fault("a moment's sign", "fem", "resultants_plate", wrapped(fem, "contravariant", np.negative)),
     Fault("nu's coupling dropped", "fem", "resultants_plate", uncoupled),
@@ -52,6 +76,9 @@ FAULTS = (
     Fault("in the frame of the coordinates", "fem", "resultants_roof", lambda patch: patch.setattr(fem, "_along_frame", lambda surface: np.tile(np.eye(2), (len(surface.area), 1, 1)))),
     Fault("shear without Christoffel's symbols", "fem", "resultants_paraboloid", lambda patch: patch.setattr(fem, "_divergence", lambda surface, found: without_christoffel(surface, found))),
     Fault("a moment's sign", "ndf-ritz", "resultants_plate", wrapped(ndf, "_full", lambda tensors: -tensors)),
+    Fault("a local edge load turned inward", "ndf-ritz", "pulled_ring", turned_inward),
+    Fault("a mean weighed by the parameter", "ndf-ritz", "pulled_ring", weighed_by_parameter),
+    Fault("a mean weighed by the parameter", "fem", "pulled_ring", weighed_by_parameter),
     Fault("shear by one slope", "ndf-ritz", "resultants_plate", one_slope_alone),
 )  # fmt: skip
 CLEAN = sorted({(fault.solver, fault.case) for fault in FAULTS})
